@@ -1,0 +1,13 @@
+// The extension module dashpot._core: a table of contents.
+
+#include <pybind11/pybind11.h>
+
+namespace dashpot::bindings {
+void bind_law(pybind11::module_& module);
+}  // namespace dashpot::bindings
+
+PYBIND11_MODULE(_core, module) {
+  using namespace dashpot::bindings;
+  module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
+  bind_law(module);
+}
