@@ -16,14 +16,15 @@ enum class DampingForm {
 
 // What a material or a pair fixes of a contact. NaN in `friction` means: as the MJCF says.
 struct Material {
-  bool rigid = true;               // as stiff as the micro-step resolves; `stiffness` unused
-  double stiffness = 0.0;          // k, N/m, > 0
+  bool rigid = true;       // as stiff as the micro-step resolves; `stiffness` unused
+  double stiffness = 0.0;  // k, N/m, > 0
   DampingForm form = DampingForm::kRatio;
-  double damping = 1.0;            // in the unit of `form`
-  bool has_friction = false;       // overrides the MJCF friction
+  double damping = 1.0;        // in the unit of `form`
+  double added_damping = 0.0;  // N s/m on top, >= 0: set by combine() for a mixed pair only
+  bool has_friction = false;   // overrides the MJCF friction
   std::array<double, 3> friction{1.0, 0.005, 0.0001};  // sliding (1), torsional (m), rolling (m)
-  double tangential_ratio = 1.0;   // tangential over normal stiffness, > 0
-  double tangential_damping_ratio = 1.0;  // zeta of the friction springs, >= 0
+  double tangential_ratio = 1.0;                       // tangential over normal stiffness, > 0
+  double tangential_damping_ratio = 1.0;               // zeta of the friction springs, >= 0
 };
 
 // Rules by which two materials make one contact.
@@ -36,7 +37,11 @@ struct CombinationRules {
   FrictionRule friction = FrictionRule::kMax;  // MuJoCo's
 };
 
-// Combines two materials. Symmetric: combine(a, b) == combine(b, a).
+// Combines two materials. Symmetric: combine(a, b) == combine(b, a). The pair's damping comes as
+// kRatio or kDamping, never as kRestitution, so that damping_of() of a pair is cheap; equations in
+// material.cpp. Where only one side overrides friction, the other side's `friction` must hold its
+// geom's MJCF values; a NaN yields to the other side's number. Throws std::invalid_argument if
+// rules.damping is kMin or kMax and one side gives N s/m, the other a ratio or restitution.
 Material combine(const Material& a, const Material& b, const CombinationRules& rules);
 
 // Exact restitution of a Kelvin-Voigt contact that releases at zero force (no pulling), without

@@ -1,0 +1,394 @@
+// The closed-form flow of one Kelvin-Voigt contact: equations in kelvin_voigt.hpp.
+//
+// In contact, with a prime for d/dt,
+//
+//     f'' + w d f' + w k f = -k b,        f(t) = f0 E0 - (k u0 + d b) E1 - k b E2,
+//     f'(t) = f1 E0 - k (b + w f0) E1,    f1 = f'(0) = -(k u0 + d b) - w d f0,
+//
+// so f' obeys the homogeneous equation and its zeros, the extrema of f, have a closed form. Extrema
+// approach the resting force -b/w, the first minimum is the lowest, and between the first maximum
+// and the first minimum f falls monotonically: the only release to look for is in there.
+//
+// Released but still overlapping (g < 0, -k g - d g' <= 0) the gap is a parabola, and so is the
+// force that the spring-damper would have; contact returns where that parabola rises through 0.
+
+#include "dashpot/kelvin_voigt.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dashpot {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kRounding = std::numeric_limits<double>::epsilon();
+
+// 1/n!, n = 0..31.
+struct InverseFactorials {
+  double value[32];
+  constexpr InverseFactorials() : value() {
+    double factorial = 1.0;
+    for (int n = 0; n < 32; ++n) {
+      value[n] = 1.0 / factorial;
+      factorial *= n + 1;
+    }
+  }
+};
+constexpr InverseFactorials kInverseFactorial;
+
+// Power series E_n = t^n sum_j h_j / (n + j)!, where h_j are the complete homogeneous symmetric
+// polynomials of the two roots: h_j = -(w d t) h_(j-1) - (w k t^2) h_(j-2). E2, E1, E0 follow from
+// the differential equation E_(n-2) + w d E_(n-1) + w k E_n = t^(n-2)/(n-2)!.
+Propagator propagate_by_series(double damping_rate, double square_frequency, double t) {
+  const double a = -damping_rate * t;
+  const double b = -square_frequency * t * t;
+  // Roots within the unit circle need 18 terms, within radius 2 they need 26, for 1e-17.
+  const int terms = (1.0 + a + b >= 0.0) ? 18 : 26;
+  double before = 0.0, h = 1.0, sum3 = 0.0, sum4 = 0.0;
+  for (int j = 0; j < terms; ++j) {
+    sum3 += h * kInverseFactorial.value[j + 3];
+    sum4 += h * kInverseFactorial.value[j + 4];
+    const double next = a * h + b * before;
+    before = h;
+    h = next;
+  }
+  Propagator e;
+  const double t2 = t * t;
+  e.e4 = t2 * t2 * sum4;
+  e.e3 = t2 * t * sum3;
+  e.e2 = 0.5 * t2 - damping_rate * e.e3 - square_frequency * e.e4;
+  e.e1 = t - damping_rate * e.e2 - square_frequency * e.e3;
+  e.e0 = 1.0 - damping_rate * e.e1 - square_frequency * e.e2;
+  return e;
+}
+
+// phi_0 = exp, phi_(n+1)(z) = (phi_n(z) - 1/n!) / z for real z <= 0.
+struct Phi {
+  double phi0, phi1, phi2, phi3;
+};
+
+Phi evaluate_phi(double z) {
+  if (z > -1.0) {
+    double phi3 = kInverseFactorial.value[20];
+    for (int n = 19; n >= 3; --n) phi3 = phi3 * z + kInverseFactorial.value[n];
+    const double phi2 = 0.5 + z * phi3;
+    const double phi1 = 1.0 + z * phi2;
+    return {1.0 + z * phi1, phi1, phi2, phi3};
+  }
+  const double phi1 = std::expm1(z) / z;
+  const double phi2 = (phi1 - 1.0) / z;
+  return {std::exp(z), phi1, phi2, (phi2 - 0.5) / z};
+}
+
+// Characteristic roots: -alpha +- sqrt(delta), or -alpha +- i omega.
+struct Roots {
+  double alpha;  // w d / 2
+  double delta;  // alpha^2 - w k
+};
+
+Roots characteristic_roots(double damping_rate, double square_frequency) {
+  const double alpha = 0.5 * damping_rate;
+  const double frequency = std::sqrt(square_frequency);
+  return {alpha, (alpha - frequency) * (alpha + frequency)};
+}
+
+// Two well separated real roots: divided differences of phi.
+Propagator propagate_overdamped(const Roots& roots, double square_frequency, double t) {
+  const double beta = std::sqrt(roots.delta);
+  const double fast = -(roots.alpha + beta) * t;
+  const double slow = -square_frequency / (roots.alpha + beta) * t;
+  const Phi x = evaluate_phi(slow), y = evaluate_phi(fast);
+  const double scale = 1.0 / (slow - fast);
+  const double t2 = t * t;
+  Propagator e;
+  e.e0 = (slow * x.phi0 - fast * y.phi0) * scale;
+  e.e1 = t * (x.phi0 - y.phi0) * scale;
+  e.e2 = t2 * (x.phi1 - y.phi1) * scale;
+  e.e3 = t2 * t * (x.phi2 - y.phi2) * scale;
+  e.e4 = t2 * t2 * (x.phi3 - y.phi3) * scale;
+  return e;
+}
+
+// Complex, equal or close real roots of a time long enough for the recurrence in n.
+Propagator propagate_oscillating(const Roots& roots, double damping_rate, double square_frequency,
+                                 double t) {
+  double cosine, sine;  // e^(-alpha t) cos(omega t) and e^(-alpha t) sin(omega t) / (omega t)
+  const double x = std::sqrt(std::fabs(roots.delta)) * t;
+  if (roots.delta < 0.0) {
+    const double decay = std::exp(-roots.alpha * t);
+    cosine = decay * std::cos(x);
+    sine = x > 0.0 ? decay * std::sin(x) / x : decay;
+  } else {
+    const double decay = std::exp(-square_frequency * t / (roots.alpha + std::sqrt(roots.delta)));
+    const double loss = std::expm1(-2.0 * x);
+    cosine = decay * (1.0 + 0.5 * loss);
+    sine = x > 0.0 ? decay * loss / (-2.0 * x) : decay;
+  }
+  Propagator e;
+  e.e1 = t * sine;
+  e.e0 = cosine - roots.alpha * e.e1;
+  e.e2 = (1.0 - e.e0 - damping_rate * e.e1) / square_frequency;
+  e.e3 = (t - e.e1 - damping_rate * e.e2) / square_frequency;
+  e.e4 = (0.5 * t * t - e.e2 - damping_rate * e.e3) / square_frequency;
+  return e;
+}
+
+// State and parameters of one contact phase, with the derivatives of its force at the start.
+struct ContactPhase {
+  double k, d, w, b;
+  double f0;     // >= 0
+  double drive;  // k u0 + d b
+  double f1;     // f'(0)
+  double q;      // -k (b + w f0): f' = f1 E0 + q E1
+
+  ContactPhase(const KelvinVoigt& c, double rate, double load, double start_force)
+      : k(c.stiffness),
+        d(c.damping),
+        w(c.inverse_mass),
+        b(load),
+        f0(start_force),
+        drive(c.stiffness * rate + c.damping * load),
+        f1(-drive - c.inverse_mass * c.damping * start_force),
+        q(-c.stiffness * (load + c.inverse_mass * start_force)) {}
+
+  double force(const Propagator& e) const { return f0 * e.e0 - drive * e.e1 - k * b * e.e2; }
+  double force_rate(const Propagator& e) const { return f1 * e.e0 + q * e.e1; }
+  double impulse(const Propagator& e) const { return f0 * e.e1 - drive * e.e2 - k * b * e.e3; }
+  double moment(const Propagator& e) const { return f0 * e.e2 - drive * e.e3 - k * b * e.e4; }
+};
+
+// True if f certainly stays >= 0 up to time t, where the propagator is e. Cheap: no root is sought.
+bool holds(const ContactPhase& c, const Propagator& e, double t, double force_at_end) {
+  if (force_at_end < 0.0) return false;
+  const double square_frequency = c.w * c.k;
+  // f'^2 + f''^2 / (w k) never grows, so |f'| <= B and f >= (f0 + f(t) - B t) / 2.
+  const double f2 = c.q - c.w * c.d * c.f1;
+  const double sum = c.f0 + force_at_end;
+  if (sum * sum * square_frequency >= t * t * (c.f1 * c.f1 * square_frequency + f2 * f2)) {
+    return true;
+  }
+  // Within half a period f' has at most one zero: only a fall followed by a rise has a minimum
+  // between the ends.
+  if (square_frequency * t * t >= kPi * kPi) return false;
+  return c.f1 >= 0.0 || c.force_rate(e) <= 0.0;
+}
+
+// First t > 0 at which f' = 0, and the time from one zero of f' to the next (infinite unless the
+// contact is underdamped). kNever if there is none.
+struct Extremum {
+  double first, spacing;
+};
+
+Extremum first_extremum(const ContactPhase& c) {
+  if (c.f1 == 0.0 && c.q == 0.0) return {kNever, kNever};
+  const Roots roots = characteristic_roots(c.w * c.d, c.w * c.k);
+  if (roots.delta < 0.0) {
+    const double omega = std::sqrt(-roots.delta);
+    double angle = std::atan2(c.f1 * omega, roots.alpha * c.f1 - c.q);
+    if (angle <= 0.0) angle += kPi;
+    return {angle / omega, kPi / omega};
+  }
+  // f' is a sum of two exponentials, whose ratio at the zero is 1 + 2 beta f1 / rest.
+  const double beta = std::sqrt(roots.delta);
+  const double slow = roots.alpha > 0.0 ? c.w * c.k / (roots.alpha + beta) : 0.0;
+  const double rest = slow * c.f1 - c.q;
+  if (c.f1 == 0.0 || rest == 0.0 || (c.f1 > 0.0) != (rest > 0.0)) return {kNever, kNever};
+  const double time =
+      beta > 0.0 ? std::log1p(2.0 * beta * c.f1 / rest) / (2.0 * beta) : c.f1 / rest;
+  return {time, kNever};
+}
+
+// First instant in (0, end] at which f falls through 0, or kNever. `force_at_end` = f(end).
+double first_release(const ContactPhase& c, const KelvinVoigt& contact, double end,
+                     double force_at_end) {
+  const Extremum extremum = first_extremum(c);
+  const bool rises = c.f1 > 0.0 || (c.f1 == 0.0 && c.q > 0.0);
+  const double top = rises ? extremum.first : 0.0;
+  if (top >= end) return kNever;
+  const double bottom = std::min(end, rises ? top + extremum.spacing : extremum.first);
+  const double lowest = bottom < end ? c.force(propagate(contact, bottom)) : force_at_end;
+  if (lowest >= 0.0) return kNever;
+
+  // f falls from >= 0 at `low` to < 0 at `high`: Newton, bisecting when it leaves the bracket or
+  // does not halve its step. It starts from the parabola that osculates f at 0 if f falls there.
+  double low = top, high = bottom;
+  double t = 0.5 * (low + high);
+  if (!rises) {
+    const double f2 = c.q - c.w * c.d * c.f1;
+    const double root = std::sqrt(std::max(0.0, c.f1 * c.f1 - 2.0 * c.f0 * f2));
+    const double guess = 2.0 * c.f0 / (root - c.f1);
+    if (guess > low && guess < high) t = guess;
+  }
+  double last_step = high - low;
+  // Every two iterations halve the bracket or the step: 128 reach rounding from any bracket.
+  for (int iteration = 0; iteration < 128; ++iteration) {
+    const Propagator e = propagate(contact, t);
+    const double f = c.force(e);
+    (f >= 0.0 ? low : high) = t;
+    double next = t - f / c.force_rate(e);
+    if (!(next >= low && next <= high && std::fabs(next - t) <= 0.5 * last_step)) {
+      next = 0.5 * (low + high);
+    }
+    last_step = std::fabs(next - t);
+    t = next;
+    if (last_step <= kRounding * t) break;
+  }
+  return t;
+}
+
+// u^2 - 2 b g without cancellation (Kahan).
+double discriminant(double u, double b, double g) {
+  const double product = 2.0 * b * g;
+  const double error = std::fma(2.0 * b, g, -product);
+  return std::fma(u, u, -product) - error;
+}
+
+// When contact begins next, and how.
+struct NextContact {
+  double time = kNever;
+  bool onset = false;  // from g > 0 at the rate -speed; otherwise the force rises from 0 at g < 0
+  double speed = 0.0;
+};
+
+// From free flight, or from released overlap where the spring-damper would have a force <= 0.
+NextContact next_contact(const KelvinVoigt& c, double g, double u, double b, double would_be) {
+  NextContact next;
+  const double disc = discriminant(u, b, g);
+  if (g >= 0.0 || (u > 0.0 && disc >= 0.0)) {
+    if (u >= 0.0 ? b >= 0.0 : disc <= 0.0) return next;
+    next.onset = true;
+    next.speed = std::sqrt(disc);
+    next.time = u >= 0.0 ? (u + next.speed) / -b : 2.0 * g / (next.speed - u);
+    return next;
+  }
+  // would_be + f1 t + f2 t^2/2 rises through 0.
+  const double f1 = -(c.stiffness * u + c.damping * b);
+  const double f2 = -c.stiffness * b;
+  if (f2 < 0.0 || (f2 == 0.0 && f1 <= 0.0)) return next;
+  const double root = std::sqrt(f1 * f1 - 2.0 * would_be * f2);
+  next.time = f1 > 0.0 ? -2.0 * would_be / (f1 + root) : (root - f1) / f2;
+  return next;
+}
+
+}  // namespace
+
+Propagator propagate(const KelvinVoigt& contact, double time) {
+  const double damping_rate = contact.inverse_mass * contact.damping;
+  const double square_frequency = contact.inverse_mass * contact.stiffness;
+  const double a = damping_rate * time;
+  const double b = square_frequency * time * time;
+  // Both roots, times t, within radius 2 of the origin.
+  if (a <= 4.0 && b <= 4.0 && (a * a < 4.0 * b || 4.0 - 2.0 * a + b >= 0.0)) {
+    return propagate_by_series(damping_rate, square_frequency, time);
+  }
+  const Roots roots = characteristic_roots(damping_rate, square_frequency);
+  // Real roots whose ratio exceeds 2.4 (zeta^2 > 1.2) lose less than a digit in a difference.
+  if (roots.alpha * roots.alpha > 1.2 * square_frequency) {
+    return propagate_overdamped(roots, square_frequency, time);
+  }
+  return propagate_oscillating(roots, damping_rate, square_frequency, time);
+}
+
+Flow flow_spring(const KelvinVoigt& spring, double displacement, double rate, double load,
+                 double time, const Propagator* propagator) {
+  const Propagator e = propagator ? *propagator : propagate(spring, time);
+  const double force = -spring.stiffness * displacement - spring.damping * rate;
+  const ContactPhase phase(spring, rate, load, force);
+  Flow flow;
+  flow.impulse = phase.impulse(e);
+  flow.moment = phase.moment(e);
+  flow.rate = rate + load * time + spring.inverse_mass * flow.impulse;
+  flow.gap = displacement + time * (rate + 0.5 * load * time) + spring.inverse_mass * flow.moment;
+  flow.force = phase.force(e);
+  flow.touched = true;
+  return flow;
+}
+
+Flow flow_contact(const KelvinVoigt& contact, double gap, double rate, double load, double time,
+                  const Propagator* propagator) {
+  const double k = contact.stiffness, d = contact.damping, w = contact.inverse_mass;
+  const double b = load;
+  double g = gap, u = rate, remaining = time;
+
+  double force = 0.0;  // at the start of a phase; if released, what the spring-damper would have
+  bool in_contact = false;
+  if (g < 0.0) {
+    force = -k * g - d * u;
+    const double f1 = -(k * u + d * b);
+    in_contact = force > 0.0 || (force == 0.0 && (f1 > 0.0 || (f1 == 0.0 && k * b < 0.0)));
+  } else if (g == 0.0 && (u < 0.0 || (u == 0.0 && b < 0.0))) {
+    force = -d * u;
+    in_contact = true;
+  }
+
+  Flow flow;
+  // Under a pressing load a contact of damping ratio <= 1 lasts at least 2/sqrt(w k) from onset and
+  // pi/sqrt(w k) from a re-contact; one of larger damping ratio rebounds slower than exp(-2) times
+  // its approach and rests after at most 710 rebounds even if its speed spans the whole range of
+  // double. Under a pulling load or none contact never returns. A rebound makes three events.
+  const auto max_events = [&] {
+    return static_cast<int>(std::min(1e9, 3.0 * (712.0 + 0.5 * std::sqrt(w * k) * time)));
+  };
+  const Propagator* given = propagator;
+  while (true) {
+    if (in_contact) {
+      flow.touched = true;
+      const ContactPhase phase(contact, u, b, force);
+      Propagator e = given ? *given : propagate(contact, remaining);
+      const double force_at_end = phase.force(e);
+      double duration = remaining;
+      bool released = false;
+      if (!holds(phase, e, remaining, force_at_end) && flow.events < max_events()) {
+        const double release = first_release(phase, contact, remaining, force_at_end);
+        if (release <= remaining) {
+          released = true;
+          duration = release;
+          e = propagate(contact, duration);
+        }
+      }
+      const double p = std::max(0.0, phase.impulse(e));
+      const double r = std::max(0.0, phase.moment(e));
+      flow.moment += flow.impulse * duration + r;
+      flow.impulse += p;
+      g += duration * (u + 0.5 * b * duration) + w * r;
+      u += b * duration + w * p;
+      remaining -= duration;
+      if (!released) {
+        flow.force = std::max(0.0, force_at_end);
+        break;
+      }
+      ++flow.events;
+      in_contact = false;
+      force = 0.0;
+    } else {
+      const NextContact next = next_contact(contact, g, u, b, force);
+      if (!(next.time < remaining) || flow.events >= max_events()) {
+        flow.moment += flow.impulse * remaining;
+        g += remaining * (u + 0.5 * b * remaining);
+        u += b * remaining;
+        break;
+      }
+      flow.moment += flow.impulse * next.time;
+      if (next.onset) {
+        g = 0.0;
+        u = -next.speed;
+        force = d * next.speed;
+      } else {
+        g += next.time * (u + 0.5 * b * next.time);
+        u += b * next.time;
+        force = 0.0;
+      }
+      remaining -= next.time;
+      ++flow.events;
+      in_contact = true;
+    }
+    given = nullptr;
+  }
+  flow.gap = g;
+  flow.rate = u;
+  return flow;
+}
+
+}  // namespace dashpot
