@@ -4,10 +4,12 @@
 
 namespace dashpot::bindings {
 void bind_law(pybind11::module_& module);
+void bind_engine(pybind11::module_& module);
 }  // namespace dashpot::bindings
 
 PYBIND11_MODULE(_core, module) {
   using namespace dashpot::bindings;
   module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
   bind_law(module);
+  bind_engine(module);
 }

@@ -162,9 +162,7 @@ double restitution_exponent(double zeta) {
 }
 
 // sinh(eta) where cosh(eta) = zeta >= 1, without overflow.
-double hyperbolic_sine(double zeta) {
-  return std::sqrt(zeta - 1.0) * std::sqrt(zeta + 1.0);
-}
+double hyperbolic_sine(double zeta) { return std::sqrt(zeta - 1.0) * std::sqrt(zeta + 1.0); }
 
 // -d log(restitution) / d zeta.
 double restitution_slope(double zeta) {

@@ -32,20 +32,23 @@ struct Options {
 // Everything that calibration may vary, besides the model itself.
 struct Parameters {
   Options options;
-  std::vector<Material> geom_material;                      // one per geom
-  std::map<std::pair<int, int>, Material> pair_material;    // geom ids, smaller first
+  std::vector<Material> geom_material;                    // one per geom
+  std::map<std::pair<int, int>, Material> pair_material;  // geom ids, smaller first
 };
 
 // Statistics of the last of the steps taken (maxima over all of them where said).
 struct StepStats {
-  int contacts = 0;        // contacts that could touch during the step
-  int touching = 0;        // contacts that carried an impulse
-  int islands = 0;         // islands of trees joined by contacts
-  int microsteps = 0;      // largest number of micro-steps of an island (maximum over steps)
-  int clipped = 0;         // rows whose stiffness or damping was lowered (maximum over steps)
+  int contacts = 0;              // contacts that could touch during the step
+  int touching = 0;              // contacts that carried an impulse
+  int islands = 0;               // islands of trees joined by contacts
+  int microsteps = 0;            // largest number of micro-steps of an island (maximum over steps)
+  int clipped = 0;               // rows whose stiffness or damping was lowered (maximum over steps)
   double max_penetration = 0.0;  // m, deepest geometric overlap at a step's start (maximum)
   double max_compression = 0.0;  // m, deepest spring compression at a step's end (maximum)
 };
+
+// Number of contacts that data remember, for a model with so many geoms.
+int contact_capacity(int geoms);
 
 class Stepper {
  public:

@@ -16,9 +16,9 @@ namespace dashpot {
 
 inline constexpr int kMaxFrictionDirections = 5;
 
-// Returns the factor in [0, 1] that brings impulse[0..n) onto or inside the limit surface; 1 inside.
-// mu[i] >= 0 (dimensionless for sliding, m for torsion and rolling); mu[i] = 0 admits no impulse
-// in direction i, whose component must be zeroed by the caller.
+// Returns the factor in [0, 1] that brings impulse[0..n) onto or inside the limit surface; 1
+// inside. mu[i] >= 0 (dimensionless for sliding, m for torsion and rolling); mu[i] = 0 admits no
+// impulse in direction i, whose component must be zeroed by the caller.
 double radial_return(const double* impulse, const double* mu, int n, double normal_impulse);
 
 }  // namespace dashpot

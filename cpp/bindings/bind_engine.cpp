@@ -1,0 +1,153 @@
+// Engine: options, parameters, statistics, stepper, contact memory, model features.
+
+#include <pybind11/native_enum.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <cstring>
+#include <mutex>
+
+#include "dashpot/contacts.hpp"
+#include "dashpot/engine.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/mujoco_host.hpp"
+
+namespace py = pybind11;
+
+namespace dashpot::bindings {
+
+namespace {
+
+mjModel_* model_at(std::uintptr_t address) { return reinterpret_cast<mjModel_*>(address); }
+mjData_* data_at(std::uintptr_t address) { return reinterpret_cast<mjData_*>(address); }
+
+// A stepper that Python threads may share: steps take turns, since each has the model to itself.
+class SharedStepper {
+ public:
+  SharedStepper(std::uintptr_t model, const Parameters& parameters)
+      : stepper_(model_at(model), parameters) {}
+
+  StepStats step(std::uintptr_t data, int nstep) {
+    py::gil_scoped_release release;
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return stepper_.step(data_at(data), nstep);
+  }
+
+ private:
+  std::mutex mutex_;
+  Stepper stepper_;
+};
+
+template <typename T>
+py::array_t<double> array(const std::vector<T>& rows, std::vector<py::ssize_t> shape) {
+  py::array_t<double> result(shape);
+  if (!rows.empty()) std::memcpy(result.mutable_data(), rows.data(), rows.size() * sizeof(T));
+  return result;
+}
+
+py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
+  const ContactReport report = report_contacts(model_at(model), data_at(data));
+  const py::ssize_t n = static_cast<py::ssize_t>(report.gap.size());
+  py::array_t<int> geom({n, py::ssize_t(2)});
+  if (n > 0) std::memcpy(geom.mutable_data(), report.geom.data(), sizeof(int) * 2 * n);
+  py::array_t<bool> sticking(n);
+  for (py::ssize_t i = 0; i < n; ++i) sticking.mutable_at(i) = report.sticking[i] != 0;
+  py::dict result;
+  result["geom"] = geom;
+  result["position"] = array(report.position, {n, 3});
+  result["frame"] = array(report.frame, {n, 3, 3});
+  result["gap"] = array(report.gap, {n});
+  result["velocity"] = array(report.velocity, {n, 3});
+  result["force"] = array(report.force, {n, 3});
+  result["torque"] = array(report.torque, {n, 3});
+  result["compression"] = array(report.compression, {n});
+  result["displacement"] = array(report.displacement, {n, 3});
+  result["sticking"] = sticking;
+  return result;
+}
+
+py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t scratch) {
+  const EnergyLedger ledger = read_ledger(model_at(model), data_at(data));
+  const auto [kinetic, potential] =
+      host::mechanical_energy(model_at(model), data_at(data), data_at(scratch));
+  py::dict result;
+  result["kinetic"] = kinetic;
+  result["potential"] = potential;
+  result["elastic"] = ledger.elastic;
+  result["dissipated_normal"] = ledger.dissipated_normal;
+  result["dissipated_friction"] = ledger.dissipated_friction;
+  result["dissipated_recovery"] = ledger.dissipated_recovery;
+  return result;
+}
+
+}  // namespace
+
+void bind_engine(py::module_& module) {
+  py::native_enum<Law>(module, "Law", "enum.Enum")
+      .value("kelvin_voigt", Law::kKelvinVoigt)
+      .finalize();
+
+  py::class_<Options>(module, "Options", "Options of the engine; see dashpot.Engine.")
+      .def(py::init<>())
+      .def_readwrite("law", &Options::law)
+      .def_readwrite("microsteps", &Options::microsteps)
+      .def_readwrite("max_microsteps", &Options::max_microsteps)
+      .def_readwrite("recovery_speed", &Options::recovery_speed)
+      .def_readwrite("rules", &Options::rules);
+
+  py::class_<Parameters>(module, "Parameters", "Options and materials of a model.")
+      .def(py::init<>())
+      .def(py::init<const Parameters&>())
+      .def_readwrite("options", &Parameters::options)
+      .def_readwrite("geom_material", &Parameters::geom_material)
+      .def_readwrite("pair_material", &Parameters::pair_material);
+
+  py::class_<StepStats>(module, "StepStats", "What the last call of step() did.")
+      .def_readonly("contacts", &StepStats::contacts)
+      .def_readonly("touching", &StepStats::touching)
+      .def_readonly("islands", &StepStats::islands)
+      .def_readonly("microsteps", &StepStats::microsteps)
+      .def_readonly("clipped", &StepStats::clipped)
+      .def_readonly("max_penetration", &StepStats::max_penetration)
+      .def_readonly("max_compression", &StepStats::max_compression)
+      .def("__repr__", [](const StepStats& s) {
+        return py::str(
+                   "StepStats(contacts={}, touching={}, islands={}, microsteps={}, clipped={}, "
+                   "max_penetration={}, max_compression={})")
+            .format(s.contacts, s.touching, s.islands, s.microsteps, s.clipped, s.max_penetration,
+                    s.max_compression);
+      });
+
+  py::class_<SharedStepper>(module, "Stepper", "Steps one model; see dashpot.Engine.")
+      .def(py::init<std::uintptr_t, const Parameters&>(), py::arg("model_address"),
+           py::arg("parameters"))
+      .def("step", &SharedStepper::step, py::arg("data_address"), py::arg("nstep"));
+
+  module.def(
+      "reserve_memory",
+      [](std::uintptr_t model) {
+        mjModel_* m = model_at(model);
+        host::reserve_memory(m, memory_size(m));
+      },
+      py::arg("model_address"), "Enlarges nuserdata of a model by the size of contact memory.");
+  module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"));
+  module.def("energy", &energy_dict, py::arg("model_address"), py::arg("data_address"),
+             py::arg("scratch_address"));
+  module.def(
+      "features",
+      [](std::uintptr_t model) {
+        py::list result;
+        for (const host::Feature& f : host::features(model_at(model))) {
+          static const char* const kNames[] = {"honoured", "mapped", "refused"};
+          result.append(py::make_tuple(f.name, kNames[static_cast<int>(f.treatment)], f.note));
+        }
+        return result;
+      },
+      py::arg("model_address"));
+  module.def(
+      "check_supported", [](std::uintptr_t model) { host::check_supported(model_at(model)); },
+      py::arg("model_address"));
+}
+
+}  // namespace dashpot::bindings

@@ -1,0 +1,38 @@
+// Contacts and energies as users read them after a step.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/memory.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+// The contacts of the last step, one entry each. Geometry and velocity are those at the start of
+// the step, forces its mean, compression, displacement and sticking its end. Vectors are in the
+// contact frame (normal from geom 1 to geom 2, two tangents), relative motion and force those of
+// geom 2 relative to, and exerted by, geom 1.
+struct ContactReport {
+  std::vector<std::array<int, 2>> geom;
+  std::vector<std::array<double, 3>> position;      // m, world
+  std::vector<std::array<double, 9>> frame;         // rows: normal, tangent 1, tangent 2; world
+  std::vector<double> gap;                          // m, negative in overlap
+  std::vector<std::array<double, 3>> velocity;      // m/s
+  std::vector<std::array<double, 3>> force;         // N
+  std::vector<std::array<double, 3>> torque;        // N m
+  std::vector<double> compression;                  // m, of the normal spring
+  std::vector<std::array<double, 3>> displacement;  // m, elastic: normal (-compression), sliding
+  std::vector<char> sticking;
+};
+ContactReport report_contacts(const mjModel_* m, mjData_* d);
+
+EnergyLedger read_ledger(const mjModel_* m, mjData_* d);
+
+// Doubles that contact memory takes in the user data of this model.
+int memory_size(const mjModel_* m);
+
+}  // namespace dashpot

@@ -1,0 +1,64 @@
+// Accurate motion of one free rigid body over a step: parabola of the centre of mass under a
+// constant force, rotation under a constant world torque, impulses and displacements of contacts
+// on top.
+//
+// The rotation is split into rotations about the principal axes of inertia, each an exact flow,
+// composed symmetrically (Strang) and raised to sixth order by Yoshida's composition (Phys. Lett. A
+// 150, 1990, solution A). Angular momentum is conserved to rounding and energy has no drift.
+// Bodies with three equal moments turn with their mean angular velocity.
+
+#pragma once
+
+#include <Eigen/Geometry>
+
+namespace dashpot {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+
+// State of a free body and the smooth load on it. Generalized velocities are those of MuJoCo's free
+// joint: of the body frame's origin in the world, then angular in the body frame.
+struct FreeBody {
+  double mass = 0.0;                                              // kg
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();              // principal moments, kg m^2
+  Eigen::Quaterniond principal = Eigen::Quaterniond::Identity();  // principal to body frame
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();  // centre of mass in the body frame, m
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // world, m
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // body frame to world
+  Vector6 velocity = Vector6::Zero();                               // m/s, rad/s
+  Vector6 acceleration = Vector6::Zero();                           // smooth, m/s^2, rad/s^2
+};
+
+// Orientation and angular momentum about the centre of mass.
+struct Rotation {
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // principal frame to world
+  Eigen::Vector3d angular_momentum = Eigen::Vector3d::Zero();       // world, kg m^2/s
+};
+
+// Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
+Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
+
+// Advances a rotation by `time` (s) under a constant world `torque` (N m).
+Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
+                     const Eigen::Vector3d& torque, double time);
+
+// Motion over a step without contact.
+struct FreeMotion {
+  FreeBody start;
+  Eigen::Vector3d arm;                  // origin to centre of mass, world, at the start
+  Eigen::Vector3d centre_velocity;      // at the start, m/s
+  Eigen::Vector3d centre_acceleration;  // m/s^2
+  Eigen::Vector3d angular_velocity;     // world, at the start, rad/s
+  Rotation end;
+};
+FreeMotion predict_free_motion(const FreeBody& body, double step);
+
+// Constant generalized acceleration that leads to the same end velocity with the geometry, and so
+// the body frame, frozen at the start.
+Vector6 mean_acceleration(const FreeMotion& motion, double step);
+
+// The body at the end of the step; contacts changed its generalized velocity by `velocity_change`
+// and its position by `displacement` (frames frozen at the start). `acceleration` is left as it is.
+FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
+                            const Vector6& displacement);
+
+}  // namespace dashpot

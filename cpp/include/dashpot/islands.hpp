@@ -1,0 +1,40 @@
+// Islands and the control of their micro-steps.
+//
+// Contacts with a tree in common are coupled; an island is a connected set of them. Its micro-step
+// h must resolve the coupled stiffness and damping (DESIGN section 2.4):
+//
+//     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
+//     A = J inv(H) J' = Jw Jw',   theta = 1/2 .
+//
+// Upper bound on lambda_max. With K = diag(k), (a + b)^2 <= (1 + |b|/|a|) a^2 + (1 + |a|/|b|) b^2
+// splits a row between its two trees T, so
+//
+//     lambda_max <= max_T lambda_max(S_T),   S_T = sum_r k_r (1 + |Jw_r^other|/|Jw_r^T|)
+//                                                        Jw_r^T' Jw_r^T ,
+//
+// and lambda_max(S_T) <= |S_T^4|_F^(1/4) for small trees, <= min(|S_T|_F, |S_T|_inf) for large.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/engine.hpp"
+#include "dashpot/microstep.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+inline constexpr double kResolution = 0.5;         // theta
+inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
+inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
+
+// Connected sets of contacts in a fixed order: by their first contact.
+std::vector<Island> find_islands(const Rows& rows, const Trees& trees);
+
+// Chooses the number of micro-steps of an island over a step of length `step` (s) and fills the
+// stiffness and damping of its rows from `materials` (one per contact). A rigid material becomes
+// as stiff as h resolves; SI values that h does not resolve are lowered and counted as clipped.
+void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
+                     const std::vector<Material>& materials, double step, const Options& options);
+
+}  // namespace dashpot

@@ -1,0 +1,64 @@
+// Contact memory carried from step to step in mjData's user data: the compression and the elastic
+// displacement of every compressed contact, and the energy ledger.
+//
+// At the start of a step a contact takes the smaller of the overlap that collision reports and the
+// compression remembered at the nearest point of the same geom pair; what geometry reports beyond
+// that is an unstressed offset. Where the stiffness of a row has changed since (rigid rows follow
+// the micro-step), the remembered deformation is scaled so that its force is continuous.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/microstep.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+// Energies since the data was made or reset, J. `elastic` is the present store.
+struct EnergyLedger {
+  double elastic = 0.0;
+  double dissipated_normal = 0.0;
+  double dissipated_friction = 0.0;
+  double dissipated_recovery = 0.0;  // negative when recovery has put energy in
+};
+
+// What one compressed contact remembers. Vectors are in the frame of geom 1.
+struct RememberedContact {
+  double geom[2];
+  double source;                  // index among the detected contacts of the step that wrote it
+  double sticking;                // 1 if friction stuck in the last micro-step
+  double position[2][3];          // in the frames of geom 1 and geom 2, m
+  double compression, stiffness;  // m, N/m
+  double slide[3], slide_stiffness;
+  double spin, spin_stiffness;
+  double roll[3], roll_stiffness;
+};
+
+class ContactMemory {
+ public:
+  // Numbers of doubles needed to remember `capacity` contacts.
+  static int size(int capacity);
+
+  // A view of `storage`, size(capacity) doubles; zeroed storage is an empty memory.
+  ContactMemory(double* storage, int capacity) : storage_(storage), capacity_(capacity) {}
+
+  int count() const;
+  RememberedContact at(int index) const;
+  EnergyLedger ledger() const;
+  void set_ledger(const EnergyLedger& ledger);
+
+  // Fills the deformation and offset of every contact. With infinite `recovery_speed` the spring
+  // takes the whole overlap.
+  void recall(const std::vector<ContactInput>& inputs, const Rows& rows, double recovery_speed,
+              ContactData& data) const;
+
+  // Replaces the memory by the compressed contacts of `data`.
+  void remember(const std::vector<ContactInput>& inputs, const Rows& rows, const ContactData& data);
+
+ private:
+  double* storage_;
+  int capacity_;
+};
+
+}  // namespace dashpot

@@ -1,0 +1,65 @@
+// Micro-steps of one island over contact rows, with geometry frozen (DESIGN section 2.4).
+//
+// State is whitened (rows.hpp): velocity y, smooth acceleration y_a. A micro-step of length h:
+//
+//     u  = Jw y                                   gap rates
+//     F  = force every contact has now            from its deformation and rate
+//     b  = Jw (y_a + Jw' F) - w F                 load on each row, its own share left out
+//     p, r                                        closed-form flow of each row over h, friction
+//                                                 returned to its limit surface
+//     y += h y_a + Jw' p,   displacement = h y + h^2/2 y_a + Jw' r
+//
+// Statics are exact, since at rest F carries every load, and contacts know of each other through F.
+// The cost is linear in the number of contacts; nothing iterates.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/kelvin_voigt.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+// Trees and contacts coupled to each other, and the micro-steps they take.
+struct Island {
+  std::vector<int> tree;     // indices in Trees
+  std::vector<int> contact;  // indices in Rows::contact
+  int microsteps = 1;
+  double duration = 0.0;  // h, s
+  int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
+};
+
+// What the micro-steps change.
+struct ContactData {
+  // Per row. `deformation` is the spring gap x of a normal (m, negative when compressed) and the
+  // elastic displacement s of a friction row (m or rad).
+  std::vector<double> deformation, rate, force, impulse, moment;
+  std::vector<double> total_impulse;  // over the whole step, N s or N m s
+  std::vector<Propagator> propagator;
+
+  // Per contact: unstressed overlap (m, >= 0) still to recover, whether friction last stuck, and
+  // whether any impulse acted in this step.
+  std::vector<double> offset;
+  std::vector<char> sticking, touched;
+
+  // Whitened, per degree of freedom.
+  std::vector<double> velocity, smooth_acceleration, displacement, total_displacement, acceleration;
+
+  // Work done on the bodies by normal and friction impulses, and energy put in by recovery, J.
+  double work_normal = 0.0, work_friction = 0.0, recovery_input = 0.0;
+
+  // Sizes every array for `rows` and `dofs` degrees of freedom and zeroes it.
+  void reset(const Rows& rows, int dofs);
+};
+
+void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
+                    double recovery_speed, ContactData& data);
+
+// Elastic energy stored in the springs of compressed contacts, J.
+struct ElasticEnergy {
+  double normal = 0.0, friction = 0.0;
+};
+ElasticEnergy elastic_energy(const Rows& rows, const ContactData& data);
+
+}  // namespace dashpot

@@ -1,0 +1,110 @@
+// The only room that includes mujoco.h: MuJoCo's stages in the order of mj_step, and what the
+// contact solver reads from and writes to mjModel and mjData.
+//
+// mj_step is rebuilt from public calls; collision comes after the smooth acceleration, so that
+// detection knows how far every body can move in this step.
+
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "dashpot/free_body.hpp"
+#include "dashpot/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// How the engine treats one feature that a model uses.
+enum class Treatment { kHonoured, kMapped, kRefused };
+struct Feature {
+  std::string name;
+  Treatment treatment = Treatment::kHonoured;
+  std::string note;
+};
+std::vector<Feature> features(const mjModel_* m);
+
+// Throws std::invalid_argument naming every refused feature.
+void check_supported(const mjModel_* m);
+
+// Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`), or its
+// state, controls or applied forces are not finite; names the field and the index.
+void check_data(const mjModel_* m, const mjData_* d, long long data_size);
+
+int geom_count(const mjModel_* m);
+int tree_count(const mjModel_* m);
+int dof_count(const mjModel_* m);
+double timestep(const mjModel_* m);
+std::array<double, 3> geom_friction(const mjModel_* m, int geom);
+int geom_priority(const mjModel_* m, int geom);
+
+// Contact memory lives behind the model's own user data: `size` doubles.
+void reserve_memory(mjModel_* m, int size);
+double* memory(const mjModel_* m, mjData_* d, int size);
+// Size of the main buffer of data made for this model: tells foreign data apart.
+long long data_size(const mjModel_* m);
+
+// Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
+void smooth_stage(const mjModel_* m, mjData_* d);
+
+// Collision with a reach that covers the motion of every body in this step, and MuJoCo's own
+// constraint rows for the contacts found, so that its sensors and force queries see them. The
+// model's gaps are widened during the call and restored.
+void detect_contacts(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts);
+
+// The contacts of the last step as data still hold them.
+void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
+int detected_count(const mjData_* d);
+// Force and torque of a detected contact in its frame (N, N m); velocity of geom 2 relative to
+// geom 1 at the contact, in its frame (m/s), at the positions and velocities last computed.
+std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index);
+std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
+                                       const ContactInput& input);
+
+// Static layout of trees; factors are filled in by factor_tree.
+Trees make_trees(const mjModel_* m);
+
+// Computes the derivatives that implicitfast needs; nothing for Euler.
+void prepare_effective_inertia(const mjModel_* m, mjData_* d);
+// Factors a tree's effective inertia M + H D.
+void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree);
+
+// Fills the Jacobian rows of a contact (before whitening).
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                   const ContactRows& contact, const Trees& trees, double* rows);
+
+// Trees that are one free body without children.
+bool is_free_body(const mjModel_* m, int tree);
+// `acceleration` is the smooth generalized acceleration of the tree.
+FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration);
+void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
+
+const double* velocity(const mjData_* d);
+const double* smooth_force(const mjData_* d);
+const double* smooth_acceleration(const mjData_* d);
+
+// Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
+// row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
+                   const std::vector<ContactInput>& inputs, const Rows& rows,
+                   const std::vector<double>& row_force);
+
+// MuJoCo's own integrator: advances everything (time, activations, plugins, trees without contact).
+void integrate(const mjModel_* m, mjData_* d);
+
+// Replaces the state of one tree by `velocity`, and by positions moved from `start_position` (nq)
+// by `displacement`; both are generalized, one entry per degree of freedom of the tree.
+void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* start_position,
+                const double* displacement, const double* velocity);
+
+const double* position(const mjData_* d);
+int position_count(const mjModel_* m);
+
+// Kinetic and potential energy of the present state of `d`, J, evaluated in `scratch`, other data
+// of the same model, so that what the last step computed in `d` stays.
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch);
+
+}  // namespace dashpot::host

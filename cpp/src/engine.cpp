@@ -1,0 +1,306 @@
+#include "dashpot/engine.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/free_body.hpp"
+#include "dashpot/islands.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/microstep.hpp"
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+struct Stepper::Impl {
+  Impl(mjModel_* m, const Parameters& p);
+  StepStats step(mjData_* d);
+
+  // The stages of a step (DESIGN section 2).
+  void read_state(const mjData_* d);
+  void build_rows(mjData_* d);
+  void find_smooth_acceleration(const mjData_* d);
+  void recall_memory(mjData_* d);
+  void run_islands();
+  void report_forces(mjData_* d);
+  void advance_state(mjData_* d);
+  void remember(mjData_* d);
+
+  Material material_of(const ContactInput& input) const;
+  void check_finite() const;
+  void update_ledger(const ElasticEnergy& before, const ElasticEnergy& after);
+  void advance_tree(mjData_* d, int tree);
+  ContactMemory memory(mjData_* d) const;
+  StepStats statistics() const;
+
+  mjModel_* model;
+  Parameters parameters;
+  int memory_capacity;
+  long long data_size;
+
+  // Rebuilt in every step.
+  double length = 0.0;  // H, s
+  std::vector<double> start_position, start_velocity;
+  Trees trees;
+  std::vector<ContactInput> inputs;
+  std::vector<Material> materials;  // per contact
+  Rows rows;
+  ContactData data;
+  std::vector<Island> islands;
+  std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
+  std::vector<double> smooth_acceleration;  // generalized; meaningful for active trees
+  std::vector<double> contact_impulse;      // whitened, over the whole step
+  std::vector<char> touched;                // by tree
+  EnergyLedger ledger;
+};
+
+Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) {
+  host::check_supported(m);
+  const int geoms = host::geom_count(m);
+  if (static_cast<int>(p.geom_material.size()) != geoms)
+    throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
+                                " entries; the model has " + std::to_string(geoms) + " geoms");
+  memory_capacity = contact_capacity(geoms);
+  data_size = host::data_size(m);
+  trees = host::make_trees(m);
+}
+
+StepStats Stepper::Impl::step(mjData_* d) {
+  host::check_data(model, d, data_size);
+  length = host::timestep(model);
+  read_state(d);
+
+  host::smooth_stage(model, d);
+  host::detect_contacts(model, d, inputs);
+  build_rows(d);
+  find_smooth_acceleration(d);
+  recall_memory(d);
+  run_islands();
+  report_forces(d);
+  advance_state(d);
+  remember(d);
+  return statistics();
+}
+
+void Stepper::Impl::read_state(const mjData_* d) {
+  const double* q = host::position(d);
+  const double* v = host::velocity(d);
+  start_position.assign(q, q + host::position_count(model));
+  start_velocity.assign(v, v + host::dof_count(model));
+}
+
+Material Stepper::Impl::material_of(const ContactInput& input) const {
+  const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
+  const auto pair = parameters.pair_material.find({low, high});
+  if (pair != parameters.pair_material.end()) return pair->second;
+  Material side[2];
+  for (int i = 0; i < 2; ++i) side[i] = parameters.geom_material[input.geom[i]];
+  const bool overridden = side[0].has_friction || side[1].has_friction;
+  if (overridden)
+    for (int i = 0; i < 2; ++i)
+      if (!side[i].has_friction) {
+        side[i].friction = host::geom_friction(model, input.geom[i]);
+        side[i].has_friction = true;
+      }
+  Material combined = combine(side[0], side[1], parameters.options.rules);
+  const int priority[2] = {host::geom_priority(model, input.geom[0]),
+                           host::geom_priority(model, input.geom[1])};
+  if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;
+  return combined;
+}
+
+void Stepper::Impl::build_rows(mjData_* d) {
+  if (static_cast<int>(inputs.size()) > memory_capacity)
+    throw std::runtime_error(std::to_string(inputs.size()) + " contacts exceed the memory for " +
+                             std::to_string(memory_capacity) + " contacts that data reserve");
+  rows.clear();
+  materials.clear();
+  for (Tree& tree : trees.tree) tree.active = false;
+  for (const ContactInput& input : inputs)
+    for (int tree : input.tree)
+      if (tree >= 0) trees.tree[tree].active = true;
+  host::prepare_effective_inertia(model, d);
+  for (size_t tree = 0; tree < trees.tree.size(); ++tree)
+    if (trees.tree[tree].active || host::is_free_body(model, static_cast<int>(tree)))
+      host::factor_tree(model, d, trees, static_cast<int>(tree));
+  for (size_t i = 0; i < inputs.size(); ++i) {
+    const ContactInput& input = inputs[i];
+    materials.push_back(material_of(input));
+    const Material& material = materials.back();
+    const ContactRows& c = rows.append(static_cast<int>(i), input.dim, trees, input.tree);
+    const auto& f = material.friction;
+    const std::array<double, 5> friction = material.has_friction
+                                               ? std::array<double, 5>{f[0], f[0], f[1], f[2], f[2]}
+                                               : input.friction;
+    std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
+    host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
+    whiten(rows, c, trees);
+  }
+}
+
+// Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
+void Stepper::Impl::find_smooth_acceleration(const mjData_* d) {
+  data.reset(rows, host::dof_count(model));
+  free_motion.resize(trees.tree.size());
+  smooth_acceleration.assign(start_velocity.size(), 0.0);
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    const Tree& tree = trees.tree[index];
+    const bool is_free = host::is_free_body(model, index);
+    if (!tree.active && !is_free) continue;
+    double* acceleration = smooth_acceleration.data() + tree.dof_begin;
+    double* whitened = data.smooth_acceleration.data() + tree.dof_begin;
+    whiten_force(trees, index, host::smooth_force(d) + tree.dof_begin, whitened);
+    unwhiten_velocity(trees, index, whitened, acceleration);
+    if (is_free) {
+      FreeMotion& motion = free_motion[index];
+      motion = predict_free_motion(host::read_free_body(model, d, index, acceleration), length);
+      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+      whiten_velocity(trees, index, acceleration, whitened);
+    }
+    whiten_velocity(trees, index, start_velocity.data() + tree.dof_begin,
+                    data.velocity.data() + tree.dof_begin);
+  }
+}
+
+void Stepper::Impl::recall_memory(mjData_* d) {
+  islands = find_islands(rows, trees);
+  for (Island& island : islands)
+    plan_microsteps(island, rows, trees, materials, length, parameters.options);
+  const ContactMemory view = memory(d);
+  view.recall(inputs, rows, parameters.options.recovery_speed, data);
+  ledger = view.ledger();
+}
+
+void Stepper::Impl::run_islands() {
+  const ElasticEnergy before = elastic_energy(rows, data);
+  const std::vector<double> start = data.velocity;
+  for (const Island& island : islands)
+    run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
+  check_finite();
+  update_ledger(before, elastic_energy(rows, data));
+  contact_impulse.resize(start.size());
+  for (size_t i = 0; i < start.size(); ++i)
+    contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
+  touched.assign(trees.tree.size(), 0);
+  for (size_t i = 0; i < rows.contact.size(); ++i)
+    if (data.touched[i])
+      for (int tree : rows.contact[i].tree)
+        if (tree >= 0) touched[tree] = 1;
+}
+
+void Stepper::Impl::check_finite() const {
+  for (size_t i = 0; i < data.velocity.size(); ++i)
+    if (!std::isfinite(data.velocity[i]))
+      throw std::runtime_error("contact forces diverged at degree of freedom " + std::to_string(i) +
+                               "; data are as they were before the step");
+}
+
+// Elastic energy that memory did not bring back, and work of the recovering surface, count as
+// recovery; what the rows took from the bodies and did not store was dissipated.
+void Stepper::Impl::update_ledger(const ElasticEnergy& before, const ElasticEnergy& after) {
+  ledger.dissipated_recovery +=
+      ledger.elastic - (before.normal + before.friction) - data.recovery_input;
+  ledger.dissipated_normal +=
+      data.recovery_input - data.work_normal - (after.normal - before.normal);
+  ledger.dissipated_friction -= data.work_friction + (after.friction - before.friction);
+  ledger.elastic = after.normal + after.friction;
+}
+
+void Stepper::Impl::report_forces(mjData_* d) {
+  std::vector<double> constraint_force(start_velocity.size(), 0.0);
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    if (!touched[index]) continue;
+    const int begin = trees.tree[index].dof_begin;
+    generalized_impulse(trees, index, contact_impulse.data() + begin,
+                        constraint_force.data() + begin);
+  }
+  for (double& force : constraint_force) force /= length;
+  std::vector<double> row_force = data.total_impulse;
+  for (double& force : row_force) force /= length;
+  host::report_forces(model, d, constraint_force, inputs, rows, row_force);
+}
+
+void Stepper::Impl::advance_state(mjData_* d) {
+  host::integrate(model, d);
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index)
+    if (touched[index] || host::is_free_body(model, index)) advance_tree(d, index);
+}
+
+void Stepper::Impl::advance_tree(mjData_* d, int index) {
+  const Tree& tree = trees.tree[index];
+  const int begin = tree.dof_begin, count = tree.dof_count;
+  if (host::is_free_body(model, index)) {
+    Vector6 velocity_change = Vector6::Zero(), displacement = Vector6::Zero();
+    if (touched[index]) {
+      Vector6 whitened;
+      for (int i = 0; i < 6; ++i)
+        whitened[i] = data.total_displacement[begin + i] -
+                      length * (data.velocity[begin + i] - contact_impulse[begin + i]) +
+                      0.5 * length * length * data.smooth_acceleration[begin + i];
+      unwhiten_velocity(trees, index, whitened.data(), displacement.data());
+      unwhiten_velocity(trees, index, contact_impulse.data() + begin, velocity_change.data());
+    }
+    host::write_free_body(
+        model, d, index,
+        finish_free_motion(free_motion[index], length, velocity_change, displacement));
+    return;
+  }
+  std::vector<double> displacement(count), velocity(count);
+  unwhiten_velocity(trees, index, data.total_displacement.data() + begin, displacement.data());
+  unwhiten_velocity(trees, index, data.velocity.data() + begin, velocity.data());
+  host::write_tree(model, d, tree, start_position.data(), displacement.data(), velocity.data());
+}
+
+void Stepper::Impl::remember(mjData_* d) {
+  ContactMemory view = memory(d);
+  view.remember(inputs, rows, data);
+  view.set_ledger(ledger);
+}
+
+ContactMemory Stepper::Impl::memory(mjData_* d) const {
+  return ContactMemory(host::memory(model, d, ContactMemory::size(memory_capacity)),
+                       memory_capacity);
+}
+
+StepStats Stepper::Impl::statistics() const {
+  StepStats stats;
+  stats.contacts = static_cast<int>(inputs.size());
+  stats.islands = static_cast<int>(islands.size());
+  for (const Island& island : islands) {
+    stats.microsteps = std::max(stats.microsteps, island.microsteps);
+    stats.clipped += island.clipped;
+  }
+  for (size_t i = 0; i < rows.contact.size(); ++i) {
+    stats.touching += data.touched[i];
+    stats.max_penetration = std::max(stats.max_penetration, -inputs[i].gap);
+    stats.max_compression = std::max(stats.max_compression, -data.deformation[rows.contact[i].row]);
+  }
+  return stats;
+}
+
+int contact_capacity(int geoms) { return 128 + 32 * geoms; }
+
+Stepper::Stepper(mjModel_* model, const Parameters& parameters)
+    : impl_(std::make_unique<Impl>(model, parameters)) {}
+Stepper::~Stepper() = default;
+Stepper::Stepper(Stepper&&) noexcept = default;
+Stepper& Stepper::operator=(Stepper&&) noexcept = default;
+
+StepStats Stepper::step(mjData_* data, int nstep) {
+  StepStats total;
+  for (int i = 0; i < nstep; ++i) {
+    const StepStats stats = impl_->step(data);
+    total.contacts = stats.contacts;
+    total.touching = stats.touching;
+    total.islands = stats.islands;
+    total.microsteps = std::max(total.microsteps, stats.microsteps);
+    total.clipped = std::max(total.clipped, stats.clipped);
+    total.max_penetration = std::max(total.max_penetration, stats.max_penetration);
+    total.max_compression = std::max(total.max_compression, stats.max_compression);
+  }
+  return total;
+}
+
+}  // namespace dashpot

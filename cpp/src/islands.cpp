@@ -1,0 +1,257 @@
+#include "dashpot/islands.hpp"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace dashpot {
+
+namespace {
+
+constexpr int kLargeTree = 12;        // degrees of freedom above which S_T is not squared
+constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
+constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
+
+using Matrix = Eigen::MatrixXd;
+
+// S_T of one tree for one diagonal (stiffness, damping or unit).
+class CoupledBound {
+ public:
+  explicit CoupledBound(int dofs) : sum_(Matrix::Zero(dofs, dofs)) {}
+
+  void add(const double* block, double weight) {
+    Eigen::Map<const Eigen::VectorXd> row(block, sum_.rows());
+    sum_.noalias() += weight * row * row.transpose();
+    empty_ = false;
+  }
+
+  double largest_eigenvalue_bound() const {
+    if (empty_) return 0.0;
+    if (sum_.rows() > kLargeTree)
+      return std::min(sum_.norm(), sum_.cwiseAbs().rowwise().sum().maxCoeff());
+    const double scale = sum_.trace();
+    if (scale == 0.0) return 0.0;
+    const Matrix second = (sum_ / scale) * (sum_ / scale);
+    return scale * std::pow((second * second).norm(), 0.25);
+  }
+
+ private:
+  Matrix sum_;
+  bool empty_ = true;
+};
+
+// Bounds of one tree: SI stiffness, SI damping, and rigid rows weighted by 1/w.
+struct TreeBounds {
+  double stiffness = 0.0, damping = 0.0, rigid = 0.0;
+  bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
+  // Part of the resolution that SI rows may use, and that rigid rows may use.
+  double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
+  double rigid_share() const { return mixed() ? 0.5 : 1.0; }
+};
+
+// SI stiffness and damping of a contact's rows, before clipping. Rotational rows get the stiffness
+// that gives them the natural frequency of the sliding rows.
+void fill_si_rows(Rows& rows, const ContactRows& c, const Material& material) {
+  const int n = c.row;
+  const double w_normal = rows.inverse_mass[n];
+  rows.stiffness[n] = material.stiffness;
+  if (w_normal > 0.0) {
+    const double damping = damping_of(material, material.stiffness, w_normal);
+    rows.damping[n] = std::isfinite(damping)
+                          ? damping
+                          : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
+  }
+  if (c.dim == 1) return;
+  const double tangential = material.tangential_ratio * material.stiffness;
+  const double sliding_inverse_mass = 0.5 * (rows.inverse_mass[n + 1] + rows.inverse_mass[n + 2]);
+  for (int i = 1; i < c.dim; ++i) {
+    const double w = rows.inverse_mass[n + i];
+    const double k = i < 3 || w == 0.0 ? tangential : tangential * sliding_inverse_mass / w;
+    rows.stiffness[n + i] = k;
+    rows.damping[n + i] =
+        w == 0.0 ? 0.0 : 2.0 * material.tangential_damping_ratio * std::sqrt(k / w);
+  }
+}
+
+// Rigid rows: k = kappa / w, d = delta / w, such that kappa c h^2 <= theta^2 and delta c h <= theta
+// with c the bound of the unit-weighted rows. A damping ratio is that of the stiffest coupled mode,
+// delta = 2 zeta sqrt(kappa / c); a restitution is that of the contact alone,
+// delta = 2 zeta sqrt(kappa).
+void fill_rigid_rows(Rows& rows, const ContactRows& c, const Material& material, double coupling,
+                     double h) {
+  const auto fill = [&](int row, double zeta, bool alone) {
+    const double w = rows.inverse_mass[row];
+    if (w == 0.0) {
+      // Nothing moves along this row; any positive stiffness carries its zero load.
+      rows.stiffness[row] = 1.0;
+      return;
+    }
+    const double per_mode = alone ? 1.0 : coupling;
+    const double stiffest = kResolution * kResolution / (h * h * coupling);
+    const double damped = std::pow(kResolution / (2.0 * zeta * h * coupling), 2) * per_mode;
+    const double kappa = zeta > 0.0 ? std::min(stiffest, damped) : stiffest;
+    rows.stiffness[row] = kappa / w;
+    rows.damping[row] = 2.0 * zeta * std::sqrt(kappa / per_mode) / w;
+  };
+  const bool alone = material.form == DampingForm::kRestitution;
+  double zeta = alone ? restitution_to_damping_ratio(material.damping) : material.damping;
+  fill(c.row, std::min(zeta, kRigidMaxRatio), alone);
+  for (int i = 1; i < c.dim; ++i) fill(c.row + i, material.tangential_damping_ratio, false);
+}
+
+class Planner {
+ public:
+  Planner(const Island& island, Rows& rows, const Trees& trees,
+          const std::vector<Material>& materials)
+      : island_(island), rows_(rows), trees_(trees), materials_(materials) {
+    bounds_.resize(island.tree.size());
+    for (int index : island.contact)
+      if (!materials[index].rigid) fill_si_rows(rows, rows.contact[index], materials[index]);
+    measure();
+  }
+
+  // Longest micro-step that resolves every SI value.
+  double longest_si_microstep() const {
+    double h = std::numeric_limits<double>::infinity();
+    for (const TreeBounds& b : bounds_) {
+      if (b.stiffness > 0.0) h = std::min(h, kResolution * std::sqrt(b.si_share() / b.stiffness));
+      if (b.damping > 0.0) h = std::min(h, kResolution * b.si_share() / b.damping);
+    }
+    return h;
+  }
+
+  bool has_rigid() const {
+    return std::any_of(island_.contact.begin(), island_.contact.end(),
+                       [&](int index) { return materials_[index].rigid; });
+  }
+
+  // Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
+  int fill(double h) {
+    int clipped = 0;
+    for (int index : island_.contact) {
+      const ContactRows& c = rows_.contact[index];
+      double stiffness_scale = 1.0, damping_scale = 1.0, coupling = 0.0;
+      for (int side = 0; side < 2; ++side) {
+        if (c.tree[side] < 0) continue;
+        const TreeBounds& b = bounds_[slot(c.tree[side])];
+        const double share = b.si_share();
+        stiffness_scale =
+            std::min(stiffness_scale, limit(share * std::pow(kResolution / h, 2), b.stiffness));
+        damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
+        coupling = std::max(coupling, b.rigid / b.rigid_share());
+      }
+      if (materials_[index].rigid) {
+        fill_rigid_rows(rows_, c, materials_[index], coupling, h);
+        continue;
+      }
+      if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;
+      for (int row = c.row; row < c.row + c.dim; ++row) {
+        rows_.stiffness[row] *= stiffness_scale;
+        rows_.damping[row] *= damping_scale;
+      }
+      clipped += c.dim;
+    }
+    return clipped;
+  }
+
+ private:
+  static double limit(double allowed, double bound) {
+    return bound > allowed ? allowed / bound : 1.0;
+  }
+
+  size_t slot(int tree) const {
+    return std::lower_bound(island_.tree.begin(), island_.tree.end(), tree) - island_.tree.begin();
+  }
+
+  void measure() {
+    std::vector<CoupledBound> stiffness, damping, rigid;
+    for (int tree : island_.tree) {
+      const int dofs = trees_.tree[tree].dof_count;
+      stiffness.emplace_back(dofs);
+      damping.emplace_back(dofs);
+      rigid.emplace_back(dofs);
+    }
+    for (int index : island_.contact) {
+      const ContactRows& c = rows_.contact[index];
+      for (int i = 0; i < c.dim; ++i) {
+        const int row = c.row + i;
+        const double* blocks = rows_.jacobian.data() + c.jacobian + i * c.stride;
+        const double* block[2] = {blocks, blocks + c.dof_count[0]};
+        double norm[2];
+        for (int side = 0; side < 2; ++side)
+          norm[side] = Eigen::Map<const Eigen::VectorXd>(block[side], c.dof_count[side]).norm();
+        for (int side = 0; side < 2; ++side) {
+          if (norm[side] == 0.0) continue;
+          const double split = 1.0 + norm[1 - side] / norm[side];
+          const size_t s = slot(c.tree[side]);
+          if (materials_[index].rigid) {
+            rigid[s].add(block[side], split / rows_.inverse_mass[row]);
+          } else {
+            stiffness[s].add(block[side], split * rows_.stiffness[row]);
+            damping[s].add(block[side], split * rows_.damping[row]);
+          }
+        }
+      }
+    }
+    for (size_t s = 0; s < bounds_.size(); ++s)
+      bounds_[s] = {stiffness[s].largest_eigenvalue_bound(), damping[s].largest_eigenvalue_bound(),
+                    rigid[s].largest_eigenvalue_bound()};
+  }
+
+  const Island& island_;
+  Rows& rows_;
+  const Trees& trees_;
+  const std::vector<Material>& materials_;
+  std::vector<TreeBounds> bounds_;  // in the order of island.tree
+};
+
+}  // namespace
+
+std::vector<Island> find_islands(const Rows& rows, const Trees& trees) {
+  std::vector<int> root(trees.tree.size());
+  std::iota(root.begin(), root.end(), 0);
+  const auto find = [&](int tree) {
+    while (root[tree] != tree) tree = root[tree] = root[root[tree]];
+    return tree;
+  };
+  for (const ContactRows& c : rows.contact)
+    if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+      const int a = find(c.tree[0]), b = find(c.tree[1]);
+      root[std::max(a, b)] = std::min(a, b);
+    }
+  std::vector<int> island_of(trees.tree.size(), -1);
+  std::vector<Island> islands;
+  for (size_t i = 0; i < rows.contact.size(); ++i) {
+    const ContactRows& c = rows.contact[i];
+    const int tree = find(c.tree[0] >= 0 ? c.tree[0] : c.tree[1]);
+    if (island_of[tree] < 0) {
+      island_of[tree] = static_cast<int>(islands.size());
+      islands.emplace_back();
+    }
+    islands[island_of[tree]].contact.push_back(static_cast<int>(i));
+  }
+  for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
+    const int island = island_of[find(static_cast<int>(tree))];
+    if (island >= 0) islands[island].tree.push_back(static_cast<int>(tree));
+  }
+  return islands;
+}
+
+void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
+                     const std::vector<Material>& materials, double step, const Options& options) {
+  Planner planner(island, rows, trees, materials);
+  double count = options.microsteps;
+  if (options.microsteps == 0) {
+    count = std::max<double>(kMinimumMicrosteps, step / planner.longest_si_microstep());
+    if (planner.has_rigid()) count = std::max(count, step / kRigidMicrostep);
+  }
+  // Rounding up must not add a micro-step for the last bit of a quotient.
+  island.microsteps =
+      static_cast<int>(std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - 1e-12)));
+  island.duration = step / island.microsteps;
+  island.clipped = planner.fill(island.duration);
+}
+
+}  // namespace dashpot

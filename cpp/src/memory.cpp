@@ -1,0 +1,157 @@
+#include "dashpot/memory.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+namespace dashpot {
+
+namespace {
+
+// Storage: count, the four energies of the ledger, contacts.
+constexpr int kHeader = 5;
+constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
+
+double squared_distance(const double* a, const double* b) {
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
+
+// Component of `local` (frame of geom 1) along a world direction.
+double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
+  double sum = 0.0;
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) sum += local[i] * rotation[3 * j + i] * direction[j];
+  return sum;
+}
+
+// a t1 + b t2 in the frame of geom 1, t1 and t2 the tangents of the contact.
+void tangent_to_local(double a, double b, const ContactInput& input, double* local) {
+  for (int i = 0; i < 3; ++i) {
+    local[i] = 0.0;
+    for (int j = 0; j < 3; ++j)
+      local[i] += input.rotation[3 * j + i] * (a * input.frame[3 + j] + b * input.frame[6 + j]);
+  }
+}
+
+bool is_pair(const RememberedContact& slot, const ContactInput& input) {
+  return slot.geom[0] == input.geom[0] && slot.geom[1] == input.geom[1];
+}
+
+}  // namespace
+
+int ContactMemory::size(int capacity) { return kHeader + capacity * kSlot; }
+
+int ContactMemory::count() const { return static_cast<int>(storage_[0]); }
+
+RememberedContact ContactMemory::at(int index) const {
+  RememberedContact slot;
+  std::memcpy(&slot, storage_ + kHeader + index * kSlot, sizeof(slot));
+  return slot;
+}
+
+EnergyLedger ContactMemory::ledger() const {
+  return {storage_[1], storage_[2], storage_[3], storage_[4]};
+}
+
+void ContactMemory::set_ledger(const EnergyLedger& ledger) {
+  storage_[1] = ledger.elastic;
+  storage_[2] = ledger.dissipated_normal;
+  storage_[3] = ledger.dissipated_friction;
+  storage_[4] = ledger.dissipated_recovery;
+}
+
+void ContactMemory::recall(const std::vector<ContactInput>& inputs, const Rows& rows,
+                           double recovery_speed, ContactData& data) const {
+  std::vector<RememberedContact> slots(count());
+  for (int i = 0; i < count(); ++i) slots[i] = at(i);
+  std::stable_sort(slots.begin(), slots.end(), [](const auto& a, const auto& b) {
+    return a.geom[0] != b.geom[0] ? a.geom[0] < b.geom[0] : a.geom[1] < b.geom[1];
+  });
+  const auto before = [](const RememberedContact& slot, const ContactInput& input) {
+    return slot.geom[0] != input.geom[0] ? slot.geom[0] < input.geom[0]
+                                         : slot.geom[1] < input.geom[1];
+  };
+  for (size_t index = 0; index < rows.contact.size(); ++index) {
+    const ContactRows& c = rows.contact[index];
+    const ContactInput& input = inputs[c.input];
+    data.deformation[c.row] = input.gap;
+    if (input.gap >= 0.0) continue;
+    // Nearest old point of the pair; a point fixed to either geom is recognised by that geom.
+    const RememberedContact* nearest = nullptr;
+    double nearest_distance = std::numeric_limits<double>::infinity();
+    for (auto slot = std::lower_bound(slots.begin(), slots.end(), input, before);
+         slot != slots.end() && is_pair(*slot, input); ++slot) {
+      const double distance =
+          std::min(squared_distance(slot->position[0], input.local_position[0].data()),
+                   squared_distance(slot->position[1], input.local_position[1].data()));
+      if (distance < nearest_distance) {
+        nearest_distance = distance;
+        nearest = &*slot;
+      }
+    }
+    if (!std::isinf(recovery_speed)) {
+      const double compression =
+          nearest ? nearest->compression * (nearest->stiffness / rows.stiffness[c.row]) : 0.0;
+      data.deformation[c.row] = -std::min(-input.gap, compression);
+      data.offset[index] = data.deformation[c.row] - input.gap;
+    }
+    if (!nearest) continue;
+    if (c.dim > 1) {
+      const double scale = nearest->slide_stiffness / rows.stiffness[c.row + 1];
+      for (int i = 0; i < 2; ++i)
+        data.deformation[c.row + 1 + i] =
+            scale * along(nearest->slide, input.rotation, input.frame.data() + 3 * (1 + i));
+    }
+    if (c.dim > 3)
+      data.deformation[c.row + 3] =
+          nearest->spin * (nearest->spin_stiffness / rows.stiffness[c.row + 3]);
+    if (c.dim > 4) {
+      const double scale = nearest->roll_stiffness / rows.stiffness[c.row + 4];
+      for (int i = 0; i < 2; ++i)
+        data.deformation[c.row + 4 + i] =
+            scale * along(nearest->roll, input.rotation, input.frame.data() + 3 * (1 + i));
+    }
+  }
+}
+
+void ContactMemory::remember(const std::vector<ContactInput>& inputs, const Rows& rows,
+                             const ContactData& data) {
+  int count = 0;
+  for (size_t index = 0; index < rows.contact.size() && count < capacity_; ++index) {
+    const ContactRows& c = rows.contact[index];
+    if (data.deformation[c.row] >= 0.0) continue;
+    const ContactInput& input = inputs[c.input];
+    const double* s = data.deformation.data() + c.row;
+    const double* k = rows.stiffness.data() + c.row;
+    RememberedContact slot{};
+    for (int side = 0; side < 2; ++side) {
+      slot.geom[side] = input.geom[side];
+      std::copy_n(input.local_position[side].begin(), 3, slot.position[side]);
+    }
+    slot.source = input.source;
+    slot.sticking = data.sticking[index];
+    slot.compression = -s[0];
+    slot.stiffness = k[0];
+    if (c.dim > 1) {
+      tangent_to_local(s[1], s[2], input, slot.slide);
+      slot.slide_stiffness = k[1];
+    }
+    if (c.dim > 3) {
+      slot.spin = s[3];
+      slot.spin_stiffness = k[3];
+    }
+    if (c.dim > 4) {
+      tangent_to_local(s[4], s[5], input, slot.roll);
+      slot.roll_stiffness = k[4];
+    }
+    std::memcpy(storage_ + kHeader + count * kSlot, &slot, sizeof(slot));
+    ++count;
+  }
+  storage_[0] = count;
+  std::fill(storage_ + kHeader + count * kSlot, storage_ + size(capacity_), 0.0);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,116 @@
+// Which MJCF features the engine honours, maps or refuses. Part of the mujoco_host room.
+
+#include <mujoco/mujoco.h>
+
+#include <cmath>
+#include <stdexcept>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+std::string named(const mjModel* m, int type, int id) {
+  const char* name = mj_id2name(m, type, id);
+  return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
+}
+
+class Report {
+ public:
+  void add(const std::string& name, Treatment treatment, const std::string& note) {
+    features.push_back({name, treatment, note});
+  }
+  std::vector<Feature> features;
+};
+
+void report_options(const mjModel* m, Report& report) {
+  const mjOption& o = m->opt;
+  static const char* const kIntegrators[] = {"Euler", "RK4", "implicit", "implicitfast",
+                                             "discrete"};
+  const std::string integrator =
+      o.integrator >= 0 && o.integrator < 5 ? kIntegrators[o.integrator] : "unknown";
+  if (o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST)
+    report.add("option integrator=" + integrator, Treatment::kHonoured,
+               "trees without contact are stepped by MuJoCo's own integrator");
+  else
+    report.add("option integrator=" + integrator, Treatment::kRefused, "use Euler or implicitfast");
+  if (o.enableflags & mjENBL_SLEEP)
+    report.add("flag sleep", Treatment::kRefused, "sleeping islands carry no contact memory");
+  if (o.enableflags & mjENBL_OVERRIDE)
+    report.add("flag override", Treatment::kRefused,
+               "contact parameters come from materials, not from o_solref and o_solimp");
+  if (o.enableflags & mjENBL_IPC)
+    report.add("flag ipc", Treatment::kRefused, "flex contacts are not stepped");
+  if (o.disableflags & mjDSBL_CONTACT)
+    report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
+  report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
+             Treatment::kMapped, "contact is solved in closed form; nothing iterates");
+  report.add("option cone", Treatment::kMapped, "friction cones are elliptic");
+}
+
+void report_contacts(const mjModel* m, Report& report) {
+  if (m->nflex > 0)
+    report.add("flex " + named(m, mjOBJ_FLEX, 0), Treatment::kRefused,
+               "deformable contacts are not stepped");
+  mjtNum solref[mjNREF], solimp[mjNIMP];
+  mj_defaultSolRefImp(solref, solimp);
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    if (m->geom_contype[geom] == 0 && m->geom_conaffinity[geom] == 0) continue;
+    bool is_default = true;
+    for (int i = 0; i < mjNREF; ++i)
+      is_default = is_default && m->geom_solref[mjNREF * geom + i] == solref[i];
+    for (int i = 0; i < mjNIMP; ++i)
+      is_default = is_default && m->geom_solimp[mjNIMP * geom + i] == solimp[i];
+    if (!is_default)
+      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " solref/solimp", Treatment::kMapped,
+                 "acceleration-space parameters; stiffness and damping come from its material");
+  }
+}
+
+void report_constraints(const mjModel* m, Report& report) {
+  for (int i = 0; i < m->neq; ++i)
+    report.add("equality " + named(m, mjOBJ_EQUALITY, i), Treatment::kRefused,
+               "equality constraints are not stepped");
+  for (int i = 0; i < m->njnt; ++i) {
+    if (m->jnt_limited[i])
+      report.add("joint " + named(m, mjOBJ_JOINT, i) + " range", Treatment::kRefused,
+                 "joint limits are not stepped");
+  }
+  for (int i = 0; i < m->nv; ++i)
+    if (m->dof_frictionloss[i] > 0)
+      report.add("joint " + named(m, mjOBJ_JOINT, m->dof_jntid[i]) + " frictionloss",
+                 Treatment::kRefused, "joint friction loss is not stepped");
+  for (int i = 0; i < m->ntendon; ++i) {
+    if (m->tendon_limited[i])
+      report.add("tendon " + named(m, mjOBJ_TENDON, i) + " range", Treatment::kRefused,
+                 "tendon limits are not stepped");
+    if (m->tendon_frictionloss[i] > 0)
+      report.add("tendon " + named(m, mjOBJ_TENDON, i) + " frictionloss", Treatment::kRefused,
+                 "tendon friction loss is not stepped");
+  }
+  for (int i = 0; i < m->nu; ++i)
+    if (m->actuator_trntype[i] == mjTRN_BODY)
+      report.add("actuator " + named(m, mjOBJ_ACTUATOR, i) + " adhesion", Treatment::kRefused,
+                 "adhesion needs contacts before forces");
+}
+
+}  // namespace
+
+std::vector<Feature> features(const mjModel_* m) {
+  Report report;
+  report_options(m, report);
+  report_contacts(m, report);
+  report_constraints(m, report);
+  return report.features;
+}
+
+void check_supported(const mjModel_* m) {
+  std::string refused;
+  for (const Feature& feature : features(m))
+    if (feature.treatment == Treatment::kRefused)
+      refused += (refused.empty() ? "" : "; ") + feature.name + " (" + feature.note + ")";
+  if (!refused.empty()) throw std::invalid_argument("model uses what dashpot refuses: " + refused);
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,395 @@
+#include "dashpot/mujoco_host.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+// Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
+// the smooth forces with respect to velocity, which mj_implicit itself starts from.
+extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
+
+namespace dashpot::host {
+
+namespace {
+
+void check_finite(const char* field, const mjtNum* values, mjtSize count) {
+  for (mjtSize i = 0; i < count; ++i)
+    if (!std::isfinite(values[i]))
+      throw std::invalid_argument("data." + std::string(field) + "[" + std::to_string(i) + "] is " +
+                                  std::to_string(values[i]) + "; it must be finite");
+}
+
+double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// Spatial velocity (rotation, translation about the subtree's centre of mass) of every body for
+// generalized velocities `qvel`.
+void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
+                     std::vector<double>& velocity) {
+  velocity.assign(6 * m->nbody, 0.0);
+  for (int body = 1; body < m->nbody; ++body) {
+    double* v = velocity.data() + 6 * body;
+    const double* parent = velocity.data() + 6 * m->body_parentid[body];
+    std::copy(parent, parent + 6, v);
+    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
+      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
+  }
+}
+
+// Largest speed of any point of a geom's bounding sphere.
+double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
+  const int body = m->geom_bodyid[geom];
+  const double* v = body_velocity + 6 * body;
+  const mjtNum* com = d->subtree_com + 3 * m->body_rootid[body];
+  mjtNum arm[3], at_centre[3];
+  mju_sub3(arm, d->geom_xpos + 3 * geom, com);
+  mju_cross(at_centre, v, arm);
+  mju_addTo3(at_centre, v + 3);
+  return norm3(at_centre) + norm3(v) * m->geom_rbound[geom];
+}
+
+// Widens the detection distance of every geom by the distance it can move in this step.
+class WidenedReach {
+ public:
+  WidenedReach(mjModel* m, const mjData* d)
+      : m_(m),
+        geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
+        pair_gap_(m->pair_gap, m->pair_gap + m->npair) {
+    const double h = m->opt.timestep;
+    std::vector<double> now, later, end_velocity(m->nv);
+    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * d->qacc_smooth[i];
+    body_velocities(m, d, d->qvel, now);
+    body_velocities(m, d, end_velocity.data(), later);
+    std::vector<double> reach(m->ngeom, 0.0);
+    for (int geom = 0; geom < m->ngeom; ++geom) {
+      if (m->body_treeid[m->geom_bodyid[geom]] < 0) continue;
+      reach[geom] =
+          h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
+      m->geom_gap[geom] = std::max(geom_gap_[geom], reach[geom]);
+    }
+    for (int pair = 0; pair < m->npair; ++pair)
+      m->pair_gap[pair] =
+          std::max(pair_gap_[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+  }
+  ~WidenedReach() {
+    std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
+    std::copy(pair_gap_.begin(), pair_gap_.end(), m_->pair_gap);
+  }
+  WidenedReach(const WidenedReach&) = delete;
+  WidenedReach& operator=(const WidenedReach&) = delete;
+
+ private:
+  mjModel* m_;
+  std::vector<mjtNum> geom_gap_, pair_gap_;
+};
+
+std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,
+                               const mjtNum* point) {
+  mjtNum arm[3], local[3];
+  mju_sub3(arm, point, position);
+  mju_mulMatTVec3(local, rotation, arm);
+  return {local[0], local[1], local[2]};
+}
+
+ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
+  const mjContact& contact = d->contact[index];
+  ContactInput input;
+  input.source = index;
+  input.dim = contact.dim;
+  input.gap = contact.dist - contact.includemargin;
+  std::copy(contact.pos, contact.pos + 3, input.position.begin());
+  std::copy(contact.frame, contact.frame + 9, input.frame.begin());
+  std::copy(contact.friction, contact.friction + 5, input.friction.begin());
+  for (int side = 0; side < 2; ++side) {
+    const int geom = contact.geom[side];
+    input.geom[side] = geom;
+    input.tree[side] = m->body_treeid[m->geom_bodyid[geom]];
+    input.local_position[side] =
+        to_local(d->geom_xpos + 3 * geom, d->geom_xmat + 9 * geom, contact.pos);
+  }
+  const mjtNum* rotation = d->geom_xmat + 9 * contact.geom[0];
+  std::copy(rotation, rotation + 9, input.rotation.begin());
+  return input;
+}
+
+}  // namespace
+
+long long data_size(const mjModel_* m) {
+  mjData* d = mj_makeData(m);
+  if (!d) throw std::runtime_error("MuJoCo could not make data for the model");
+  const long long size = d->nbuffer;
+  mj_deleteData(d);
+  return size;
+}
+
+void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
+  if (d->signature != m->signature || d->nbuffer != data_size)
+    throw std::invalid_argument(
+        "data was made from another model; make it with Engine.make_data()");
+  check_finite("qpos", d->qpos, m->nq);
+  check_finite("qvel", d->qvel, m->nv);
+  check_finite("act", d->act, m->na);
+  check_finite("ctrl", d->ctrl, m->nu);
+  check_finite("qfrc_applied", d->qfrc_applied, m->nv);
+  check_finite("xfrc_applied", d->xfrc_applied, 6 * m->nbody);
+  check_finite("mocap_pos", d->mocap_pos, 3 * m->nmocap);
+  check_finite("mocap_quat", d->mocap_quat, 4 * m->nmocap);
+}
+
+int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
+int tree_count(const mjModel_* m) { return static_cast<int>(m->ntree); }
+int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
+double timestep(const mjModel_* m) { return m->opt.timestep; }
+
+std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
+  const mjtNum* f = m->geom_friction + 3 * geom;
+  return {f[0], f[1], f[2]};
+}
+
+int geom_priority(const mjModel_* m, int geom) { return m->geom_priority[geom]; }
+
+void reserve_memory(mjModel_* m, int size) { m->nuserdata += size; }
+
+double* memory(const mjModel_* m, mjData_* d, int size) {
+  return d->userdata + (m->nuserdata - size);
+}
+
+void smooth_stage(const mjModel_* m, mjData_* d) {
+  d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
+  d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_factorM(m, d);
+  mj_transmission(m, d);
+  mj_fwdVelocity(m, d);
+  if (mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
+  mj_fwdActuation(m, d);
+  mj_fwdAcceleration(m, d);
+}
+
+void detect_contacts(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts) {
+  contacts.clear();
+  {
+    WidenedReach reach(m, d);
+    mj_collision(m, d);
+  }
+  for (int i = 0; i < d->ncon; ++i) {
+    mjContact& contact = d->contact[i];
+    if (contact.exclude > 1 || contact.geom[0] < 0 || contact.geom[1] < 0) continue;
+    // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
+    contact.exclude = 0;
+  }
+  read_contacts(m, d, contacts);
+  mj_makeConstraint(m, d);
+  mj_island(m, d);
+  mj_referenceConstraint(m, d);
+  mj_sensorPos(m, d);
+  mj_sensorVel(m, d);
+  if (m->opt.enableflags & mjENBL_ENERGY) {
+    mj_energyPos(m, d);
+    mj_energyVel(m, d);
+  }
+}
+
+void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts) {
+  contacts.clear();
+  for (int i = 0; i < d->ncon; ++i) {
+    const mjContact& contact = d->contact[i];
+    if (contact.exclude == 0 && contact.geom[0] >= 0 && contact.geom[1] >= 0)
+      contacts.push_back(read_contact(m, d, i));
+  }
+}
+
+int detected_count(const mjData_* d) { return d->ncon; }
+
+std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index) {
+  std::array<double, 6> wrench{};
+  mj_contactForce(m, d, index, wrench.data());
+  return wrench;
+}
+
+std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
+                                       const ContactInput& input) {
+  mjtNum relative[3] = {0, 0, 0};
+  for (int side = 0; side < 2; ++side) {
+    const int body = m->geom_bodyid[input.geom[side]];
+    const mjtNum* v = d->cvel + 6 * body;
+    mjtNum arm[3], velocity[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    mju_cross(velocity, v, arm);
+    mju_addTo3(velocity, v + 3);
+    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
+  }
+  std::array<double, 3> result;
+  mju_mulMatVec3(result.data(), input.frame.data(), relative);
+  return result;
+}
+
+Trees make_trees(const mjModel_* m) {
+  Trees trees;
+  int size = 0;
+  for (int i = 0; i < m->ntree; ++i) {
+    Tree tree;
+    tree.dof_begin = m->tree_dofadr[i];
+    tree.dof_count = m->tree_dofnum[i];
+    tree.factor = size;
+    size += tree.dof_count * tree.dof_count;
+    trees.tree.push_back(tree);
+  }
+  trees.factor.assign(size, 0.0);
+  return trees;
+}
+
+void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
+  if (m->opt.integrator == mjINT_IMPLICITFAST) mjd_smooth_vel(m, d, 0);
+}
+
+void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree) {
+  const Tree& t = trees.tree[tree];
+  const double h = m->opt.timestep;
+  const bool fast = m->opt.integrator == mjINT_IMPLICITFAST;
+  const bool damped = !fast && !(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER));
+  std::vector<double> inertia(t.dof_count * t.dof_count, 0.0);
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
+      double& entry = inertia[i * t.dof_count + m->M_colind[k] - t.dof_begin];
+      entry = d->M[k];
+      if (fast) entry -= h * d->qDeriv[m->mapD2M[k]];
+    }
+    if (damped) inertia[i * t.dof_count + i] += h * m->dof_damping[dof];
+  }
+  factor_inertia(trees, tree, inertia);
+}
+
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                   const ContactRows& contact, const Trees& trees, double* rows) {
+  const double* frame = input.frame.data();
+  for (int side = 0; side < 2; ++side) {
+    if (input.tree[side] < 0) continue;
+    const int block = contact.tree[0] == input.tree[side] ? 0 : 1;
+    const int column = (block ? contact.dof_count[0] : 0) - trees.tree[input.tree[side]].dof_begin;
+    const double sign = side ? 1.0 : -1.0;
+    int body = m->geom_bodyid[input.geom[side]];
+    mjtNum arm[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    while (m->body_dofnum[body] == 0) body = m->body_parentid[body];
+    for (int dof = m->body_dofadr[body] + m->body_dofnum[body] - 1; dof >= 0;
+         dof = m->dof_parentid[dof]) {
+      const mjtNum* axis = d->cdof + 6 * dof;
+      mjtNum linear[3];
+      mju_cross(linear, axis, arm);
+      mju_addTo3(linear, axis + 3);
+      double* entry = rows + column + dof;
+      for (int i = 0; i < contact.dim; ++i)
+        entry[i * contact.stride] +=
+            sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
+    }
+  }
+}
+
+bool is_free_body(const mjModel_* m, int tree) {
+  const int joint = m->dof_jntid[m->tree_dofadr[tree]];
+  return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;
+}
+
+FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration) {
+  const int dof = m->tree_dofadr[tree];
+  const int body = m->dof_bodyid[dof];
+  const mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
+  const mjtNum* orientation = d->xquat + 4 * body;
+  const mjtNum* principal = m->body_iquat + 4 * body;
+  FreeBody free;
+  free.mass = m->body_mass[body];
+  free.inertia = Eigen::Map<const Eigen::Vector3d>(m->body_inertia + 3 * body);
+  free.principal = {principal[0], principal[1], principal[2], principal[3]};
+  free.offset = Eigen::Map<const Eigen::Vector3d>(m->body_ipos + 3 * body);
+  free.origin = Eigen::Map<const Eigen::Vector3d>(q);
+  free.orientation = {orientation[0], orientation[1], orientation[2], orientation[3]};
+  free.velocity = Eigen::Map<const Vector6>(d->qvel + dof);
+  free.acceleration = Eigen::Map<const Vector6>(acceleration);
+  return free;
+}
+
+void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body) {
+  const int dof = m->tree_dofadr[tree];
+  mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
+  std::copy_n(body.origin.data(), 3, q);
+  q[3] = body.orientation.w();
+  std::copy_n(body.orientation.vec().data(), 3, q + 4);
+  std::copy_n(body.velocity.data(), 6, d->qvel + dof);
+}
+
+const double* velocity(const mjData_* d) { return d->qvel; }
+const double* smooth_force(const mjData_* d) { return d->qfrc_smooth; }
+const double* smooth_acceleration(const mjData_* d) { return d->qacc_smooth; }
+const double* position(const mjData_* d) { return d->qpos; }
+int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
+
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
+                   const std::vector<ContactInput>& inputs, const Rows& rows,
+                   const std::vector<double>& row_force) {
+  std::copy(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
+  std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
+  const bool any = std::any_of(constraint_force.begin(), constraint_force.end(),
+                               [](double force) { return force != 0.0; });
+  if (any) {
+    std::vector<double> acceleration(m->nv);
+    mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
+    mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
+  }
+  if (d->nefc > 0) mju_zero(d->efc_force, d->nefc);
+  for (const ContactRows& c : rows.contact) {
+    const int address = d->contact[inputs[c.input].source].efc_address;
+    if (address >= 0) std::copy_n(row_force.begin() + c.row, c.dim, d->efc_force + address);
+  }
+  mj_sensorAcc(m, d);
+}
+
+void integrate(const mjModel_* m, mjData_* d) {
+  if (m->opt.integrator == mjINT_IMPLICITFAST)
+    mj_implicit(m, d);
+  else
+    mj_Euler(m, d);
+}
+
+void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,
+                const double* displacement, const double* velocity) {
+  std::copy_n(velocity, t.dof_count, d->qvel + t.dof_begin);
+  for (int joint = m->dof_jntid[t.dof_begin]; joint <= m->dof_jntid[t.dof_begin + t.dof_count - 1];
+       ++joint) {
+    const int q = m->jnt_qposadr[joint];
+    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
+    int rotation = -1, rotation_delta = 0;
+    switch (m->jnt_type[joint]) {
+      case mjJNT_FREE:
+        for (int i = 0; i < 3; ++i) d->qpos[q + i] = start_position[q + i] + delta[i];
+        rotation = q + 3;
+        rotation_delta = 3;
+        break;
+      case mjJNT_BALL:
+        rotation = q;
+        break;
+      default:
+        d->qpos[q] = start_position[q] + delta[0];
+    }
+    if (rotation >= 0) {
+      std::copy(start_position + rotation, start_position + rotation + 4, d->qpos + rotation);
+      mju_quatIntegrate(d->qpos + rotation, delta + rotation_delta, 1.0);
+    }
+  }
+}
+
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch) {
+  mj_copyState(m, d, scratch, mjSTATE_INTEGRATION);
+  scratch->flg_energypos = scratch->flg_energyvel = 0;
+  mj_fwdKinematics(m, scratch);
+  mj_makeM(m, scratch);
+  mj_comVel(m, scratch);
+  mj_energyPos(m, scratch);
+  mj_energyVel(m, scratch);
+  return {scratch->energy[1], scratch->energy[0]};
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,106 @@
+#include "dashpot/rows.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <stdexcept>
+
+namespace dashpot {
+
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Vector = Eigen::Map<Eigen::VectorXd>;
+using ConstVector = Eigen::Map<const Eigen::VectorXd>;
+
+using ConstFactor = Eigen::Map<const RowMajor>;
+
+ConstFactor factor_of(const Trees& trees, int tree) {
+  const Tree& t = trees.tree[tree];
+  return ConstFactor(trees.factor.data() + t.factor, t.dof_count, t.dof_count);
+}
+
+}  // namespace
+
+void Rows::clear() {
+  contact.clear();
+  jacobian.clear();
+  inverse_mass.clear();
+  stiffness.clear();
+  damping.clear();
+  friction.clear();
+}
+
+ContactRows& Rows::append(int input, int dim, const Trees& trees, std::array<int, 2> tree) {
+  // Two bodies of one tree share a single block.
+  if (tree[0] == tree[1]) tree[1] = -1;
+  ContactRows c;
+  c.input = input;
+  c.dim = dim;
+  c.row = static_cast<int>(inverse_mass.size());
+  c.jacobian = static_cast<int>(jacobian.size());
+  c.tree = tree;
+  for (int side = 0; side < 2; ++side) {
+    if (tree[side] < 0) continue;
+    c.dof_begin[side] = trees.tree[tree[side]].dof_begin;
+    c.dof_count[side] = trees.tree[tree[side]].dof_count;
+  }
+  c.stride = c.dof_count[0] + c.dof_count[1];
+  jacobian.resize(jacobian.size() + dim * c.stride, 0.0);
+  for (auto* array : {&inverse_mass, &stiffness, &damping, &friction})
+    array->resize(array->size() + dim, 0.0);
+  contact.push_back(c);
+  return contact.back();
+}
+
+void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia) {
+  const Tree& t = trees.tree[tree];
+  Eigen::Map<RowMajor> factor(trees.factor.data() + t.factor, t.dof_count, t.dof_count);
+  factor = Eigen::Map<const RowMajor>(inertia.data(), t.dof_count, t.dof_count);
+  Eigen::LLT<Eigen::Ref<RowMajor>> llt(factor);
+  if (llt.info() != Eigen::Success)
+    throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
+                             " is not positive definite");
+}
+
+void whiten(Rows& rows, const ContactRows& c, const Trees& trees) {
+  for (int i = 0; i < c.dim; ++i) {
+    double* row = rows.jacobian.data() + c.jacobian + i * c.stride;
+    if (c.tree[0] >= 0) {
+      Vector block(row, c.dof_count[0]);
+      factor_of(trees, c.tree[0]).triangularView<Eigen::Lower>().solveInPlace(block);
+    }
+    if (c.tree[1] >= 0) {
+      Vector block(row + c.dof_count[0], c.dof_count[1]);
+      factor_of(trees, c.tree[1]).triangularView<Eigen::Lower>().solveInPlace(block);
+    }
+    rows.inverse_mass[c.row + i] = ConstVector(row, c.stride).squaredNorm();
+  }
+}
+
+void whiten_velocity(const Trees& trees, int tree, const double* velocity, double* whitened) {
+  const int n = trees.tree[tree].dof_count;
+  Vector(whitened, n) =
+      factor_of(trees, tree).transpose().triangularView<Eigen::Upper>() * ConstVector(velocity, n);
+}
+
+void unwhiten_velocity(const Trees& trees, int tree, const double* whitened, double* velocity) {
+  const int n = trees.tree[tree].dof_count;
+  Vector(velocity, n) = factor_of(trees, tree)
+                            .transpose()
+                            .triangularView<Eigen::Upper>()
+                            .solve(ConstVector(whitened, n));
+}
+
+void generalized_impulse(const Trees& trees, int tree, const double* whitened, double* impulse) {
+  const int n = trees.tree[tree].dof_count;
+  Vector(impulse, n) =
+      factor_of(trees, tree).triangularView<Eigen::Lower>() * ConstVector(whitened, n);
+}
+
+void whiten_force(const Trees& trees, int tree, const double* force, double* whitened) {
+  const int n = trees.tree[tree].dof_count;
+  Vector(whitened, n) =
+      factor_of(trees, tree).triangularView<Eigen::Lower>().solve(ConstVector(force, n));
+}
+
+}  // namespace dashpot

@@ -1,0 +1,90 @@
+"""What a step leaves behind: contacts and energies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Contacts", "Energy"]
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Contacts of the last step, ``n`` of them, those that could touch in it included.
+
+    Geometry and velocity are those at the start of the step, force and torque its mean, and
+    compression, displacement and sticking those at its end. Vectors are in the contact frame, whose
+    rows are the normal (from geom 1 to geom 2) and two tangents; motion is that of geom 2 relative
+    to geom 1 and force acts on geom 2.
+
+    Attributes
+    ----------
+    geom : (n, 2) int array
+        Geom ids.
+    position : (n, 3) array
+        Contact points, world, m.
+    frame : (n, 3, 3) array
+        Contact frames; rows are normal, tangent 1, tangent 2 in the world.
+    gap : (n,) array
+        Distance between the surfaces, m, negative in overlap.
+    velocity : (n, 3) array
+        Relative velocity, m/s; the first component is the gap rate.
+    force : (n, 3) array
+        Contact force, N; the first component is never negative.
+    torque : (n, 3) array
+        Torsional and rolling friction torque, N m.
+    compression : (n,) array
+        Compression of the normal spring, m, >= 0.
+    displacement : (n, 3) array
+        Elastic displacement, m: the negative compression and the two sliding springs.
+    sticking : (n,) bool array
+        Whether friction held at the end of the step.
+    """
+
+    geom: NDArray[np.int32]
+    position: NDArray[np.float64]
+    frame: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    force: NDArray[np.float64]
+    torque: NDArray[np.float64]
+    compression: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    sticking: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+
+@dataclass(frozen=True)
+class Energy:
+    """Energies in J; dissipated ones are totals since the data were made or reset.
+
+    ``elastic`` is stored in compressed contact springs. ``dissipated_recovery`` is elastic energy
+    given up where geometry left a spring behind, less what the recovery of unstressed overlap put
+    in; it can be negative.
+    """
+
+    kinetic: float
+    potential: float
+    elastic: float
+    dissipated_normal: float
+    dissipated_friction: float
+    dissipated_recovery: float
+
+    @property
+    def mechanical(self) -> float:
+        """Kinetic, potential and elastic energy."""
+        return self.kinetic + self.potential + self.elastic
+
+    @property
+    def dissipated(self) -> float:
+        """Everything that contact took out."""
+        return self.dissipated_normal + self.dissipated_friction + self.dissipated_recovery
+
+    @property
+    def total(self) -> float:
+        """Mechanical and dissipated energy: constant in passive scenes."""
+        return self.mechanical + self.dissipated

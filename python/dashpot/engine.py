@@ -1,0 +1,247 @@
+"""Stepping MuJoCo models with dashpot's contact solver."""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+
+from dashpot import _core
+from dashpot.contacts import Contacts, Energy
+from dashpot.features import Feature, Report
+from dashpot.materials import CombinationRules, Material
+
+__all__ = ["Engine", "StepStats"]
+
+StepStats = _core.StepStats
+
+
+@dataclass(frozen=True)
+class _Options:
+    """Validated options of an engine."""
+
+    law: str
+    microsteps: int | Literal["auto"]
+    max_microsteps: int
+    recovery_speed: float
+    rules: CombinationRules
+
+    def __post_init__(self) -> None:
+        laws = list(_core.Law.__members__)
+        if self.law not in laws:
+            raise ValueError(f"law is {self.law!r}; it must be one of {laws}")
+        if not _is_count(self.max_microsteps):
+            raise ValueError(f"max_microsteps is {self.max_microsteps!r}; it must be an int >= 1")
+        if self.microsteps != "auto" and not _is_count(self.microsteps):
+            raise ValueError(f'microsteps is {self.microsteps!r}; it must be "auto" or an int >= 1')
+        if self.microsteps != "auto" and self.microsteps > self.max_microsteps:
+            raise ValueError(
+                f"microsteps is {self.microsteps}, more than max_microsteps, {self.max_microsteps}"
+            )
+        if not isinstance(self.recovery_speed, (int, float)) or not self.recovery_speed >= 0.0:
+            raise ValueError(
+                f"recovery_speed is {self.recovery_speed!r}; it must be >= 0 m/s (inf allowed)"
+            )
+        if not isinstance(self.rules, CombinationRules):
+            raise TypeError(f"rules is {type(self.rules).__name__}; it must be CombinationRules")
+
+    def to_core(self) -> _core.Options:
+        options = _core.Options()
+        options.law = _core.Law[self.law]
+        options.microsteps = 0 if self.microsteps == "auto" else self.microsteps
+        options.max_microsteps = self.max_microsteps
+        options.recovery_speed = float(self.recovery_speed)
+        options.rules = self.rules._to_core()
+        return options
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 1
+
+
+class Engine:
+    """Steps an unmodified MuJoCo model with closed-form Kelvin-Voigt contact.
+
+    The engine works on a private copy of the model, :attr:`model`, whose user data it enlarges by
+    the contact memory and whose friction cone it sets to elliptic. Data made by
+    :meth:`make_data` are ordinary ``mujoco.MjData`` and carry that memory, so that
+    ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
+    simulation state it is. The private model may be edited between steps (time step, masses,
+    gravity); sizes are fixed.
+
+    Parameters
+    ----------
+    model
+        Compiled model. Every geom starts as a rigid material with its MJCF friction.
+    law
+        Contact law: ``"kelvin_voigt"``.
+    microsteps
+        Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
+        stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.
+    max_microsteps
+        Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
+        are lowered, and counted in ``StepStats.clipped``.
+    recovery_speed
+        Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
+        is pushed out; ``inf`` makes every overlap a compressed spring at once.
+    rules
+        How the materials of two geoms combine.
+
+    Raises
+    ------
+    TypeError
+        If ``model`` is no ``mujoco.MjModel`` or ``rules`` no ``CombinationRules``.
+    ValueError
+        If an option is out of range, or the model uses a feature that the engine refuses; the
+        message names it.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        *,
+        law: str = "kelvin_voigt",
+        microsteps: int | Literal["auto"] = "auto",
+        max_microsteps: int = 64,
+        recovery_speed: float = 0.1,
+        rules: CombinationRules | None = None,
+    ) -> None:
+        if not isinstance(model, mujoco.MjModel):
+            raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
+        self._options = _Options(
+            law, microsteps, max_microsteps, recovery_speed, rules or CombinationRules()
+        )
+        _core.check_supported(model._address)
+        self.model: mujoco.MjModel = copy.deepcopy(model)
+        self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        _core.reserve_memory(self.model._address)
+        self._geom_material = [Material() for _ in range(model.ngeom)]
+        self._pair_material: dict[tuple[int, int], Material] = {}
+        self._stepper: _core.Stepper | None = None
+        self._scratch: mujoco.MjData | None = None
+
+    @property
+    def law(self) -> str:
+        """Name of the contact law."""
+        return self._options.law
+
+    def geom_id(self, geom: str | int) -> int:
+        """Id of a geom given by name or id; raises ValueError naming an unknown one."""
+        if isinstance(geom, str):
+            index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+            if index < 0:
+                names = [self.model.geom(i).name for i in range(self.model.ngeom)]
+                near = difflib.get_close_matches(geom, names, n=3)
+                hint = f"; did you mean {', '.join(map(repr, near))}?" if near else ""
+                raise ValueError(f"geom {geom!r} is not in the model{hint}")
+            return int(index)
+        if isinstance(geom, bool) or not hasattr(geom, "__index__"):
+            raise TypeError(f"geom is {type(geom).__name__}; it must be a name or an id")
+        index = geom.__index__()
+        if not 0 <= index < self.model.ngeom:
+            raise ValueError(f"geom id {index} is not in [0, {self.model.ngeom})")
+        return index
+
+    def set_material(self, geom: str | int, material: Material) -> None:
+        """Give a geom a material; contacts combine those of both geoms."""
+        if not isinstance(material, Material):
+            raise TypeError(f"material is {type(material).__name__}; it must be a Material")
+        self._geom_material[self.geom_id(geom)] = material
+        self._stepper = None
+
+    def set_pair_material(self, geom1: str | int, geom2: str | int, material: Material) -> None:
+        """Give contacts between two geoms a material of their own, in place of the combination."""
+        if not isinstance(material, Material):
+            raise TypeError(f"material is {type(material).__name__}; it must be a Material")
+        first, second = sorted((self.geom_id(geom1), self.geom_id(geom2)))
+        if first == second:
+            raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
+        self._pair_material[first, second] = material
+        self._stepper = None
+
+    def material(self, geom: str | int) -> Material:
+        """Material of a geom."""
+        return self._geom_material[self.geom_id(geom)]
+
+    def pair_material(self, geom1: str | int, geom2: str | int) -> Material | None:
+        """Material set for a pair of geoms, or None where the combination applies."""
+        first, second = sorted((self.geom_id(geom1), self.geom_id(geom2)))
+        return self._pair_material.get((first, second))
+
+    def make_data(self) -> mujoco.MjData:
+        """Make data for :attr:`model`, with empty contact memory."""
+        return mujoco.MjData(self.model)
+
+    def step(self, data: mujoco.MjData, nstep: int = 1) -> StepStats:
+        """Advance ``data`` by ``nstep`` time steps of the model.
+
+        Parameters
+        ----------
+        data
+            Made by :meth:`make_data`. Controls and applied forces are read from it as by
+            ``mj_step`` and held over all ``nstep`` steps.
+        nstep
+            Number of steps, >= 1.
+
+        Returns
+        -------
+        StepStats
+            Contacts, islands and sizes of the last step; maxima over all steps of micro-steps,
+            clipped rows, penetration and compression.
+
+        Raises
+        ------
+        ValueError
+            If state, controls or applied forces are not finite, or ``data`` was made from another
+            model. Data are untouched.
+        RuntimeError
+            If contact forces diverge or contacts exceed the memory; data keep the state from
+            before the failing step.
+        """
+        self._check_data(data)
+        if not _is_count(nstep):
+            raise ValueError(f"nstep is {nstep!r}; it must be an int >= 1")
+        _core.check_supported(self.model._address)
+        if self._stepper is None:
+            self._stepper = _core.Stepper(self.model._address, self._parameters())
+        return self._stepper.step(data._address, nstep)
+
+    def contacts(self, data: mujoco.MjData) -> Contacts:
+        """Contacts of the last step of ``data``."""
+        self._check_data(data)
+        return Contacts(**_core.contacts(self.model._address, data._address))
+
+    def energy(self, data: mujoco.MjData) -> Energy:
+        """Mechanical energy of the present state, and what contact has dissipated so far."""
+        self._check_data(data)
+        if self._scratch is None:
+            self._scratch = mujoco.MjData(self.model)
+        return Energy(
+            **_core.energy(self.model._address, data._address, self._scratch._address)
+        )
+
+    def report(self) -> Report:
+        """Which MJCF options and features of the model are honoured, mapped or refused."""
+        return Report(tuple(Feature(*row) for row in _core.features(self.model._address)))
+
+    def _parameters(self) -> _core.Parameters:
+        """Options and materials for the C++ core."""
+        parameters = _core.Parameters()
+        parameters.options = self._options.to_core()
+        parameters.geom_material = [m._to_core() for m in self._geom_material]
+        parameters.pair_material = {
+            pair: m._to_core() for pair, m in self._pair_material.items()
+        }
+        return parameters
+
+    def _check_data(self, data: mujoco.MjData) -> None:
+        if not isinstance(data, mujoco.MjData):
+            raise TypeError(f"data is {type(data).__name__}; it must be a mujoco.MjData")
+        if data.userdata.shape[0] != self.model.nuserdata or data.qpos.shape[0] != self.model.nq:
+            raise ValueError("data was made from another model; make it with Engine.make_data()")
+        if not math.isfinite(self.model.opt.timestep) or self.model.opt.timestep <= 0.0:
+            raise ValueError(f"model.opt.timestep is {self.model.opt.timestep}; it must be > 0 s")
