@@ -1,0 +1,296 @@
+"""The contact law of the C++ core, vectorised over numpy arrays.
+
+One contact with gap ``g`` (m, negative in penetration), gap rate ``u = g'`` (m/s), apparent inverse
+mass ``w`` (1/kg) and acceleration ``b`` (m/s^2) of the gap from everything but its own force obeys
+
+    g'' = b + w f,    f = max(0, -k g - d g')  while g < 0,  else 0.
+
+Between events this is linear and its flow is closed form; onset, release and re-contact inside the
+interval are solved. All arguments broadcast; results have the broadcast shape.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dashpot import _core
+
+__all__ = [
+    "Flow",
+    "Propagator",
+    "damping_ratio_to_restitution",
+    "flow_contact",
+    "flow_spring",
+    "propagate",
+    "radial_return",
+    "restitution_to_damping_ratio",
+    "solref_to_spring",
+]
+
+_MAX_FRICTION_DIRECTIONS = 5
+
+
+class Propagator(NamedTuple):
+    """``E0`` to ``E4`` at one time: s^n for ``En``."""
+
+    e0: NDArray[np.float64]
+    e1: NDArray[np.float64]
+    e2: NDArray[np.float64]
+    e3: NDArray[np.float64]
+    e4: NDArray[np.float64]
+
+
+class Flow(NamedTuple):
+    """What a contact does over an interval."""
+
+    impulse: NDArray[np.float64]
+    """``p``, the time integral of the force, N s; never negative for a contact."""
+    moment: NDArray[np.float64]
+    """``r``, the double time integral of the force, N s^2: the gap changes by ``w r``."""
+    gap: NDArray[np.float64]
+    """Gap at the end, m."""
+    rate: NDArray[np.float64]
+    """Gap rate at the end, m/s."""
+    force: NDArray[np.float64]
+    """Force at the end, N."""
+    touched: NDArray[np.bool_]
+    """Whether the contact acted at some instant."""
+    events: NDArray[np.int32]
+    """Onsets, releases and re-contacts inside the interval."""
+
+
+def _array(name: str, value: ArrayLike, *, lower: float | None = None, strict: bool = False) -> Any:
+    """Return `value` as a finite float array, at least `lower` (above it if `strict`), or raise."""
+    raw = np.asarray(value)
+    if raw.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be real numbers, got {value!r}")
+    array = raw.astype(np.float64)
+    good = np.isfinite(array)
+    if lower is not None:
+        good &= (array > lower) if strict else (array >= lower)
+    if not np.all(good):
+        bound = "" if lower is None else f" and {'>' if strict else '>='} {lower:g}"
+        raise ValueError(f"{name} must be finite{bound}, got {array[~good].flat[0]:g}")
+    return array
+
+
+def _parameters(stiffness: ArrayLike, damping: ArrayLike, inverse_mass: ArrayLike) -> list[Any]:
+    return [
+        _array("stiffness", stiffness, lower=0.0),
+        _array("damping", damping, lower=0.0),
+        _array("inverse_mass", inverse_mass, lower=0.0, strict=True),
+    ]
+
+
+def _over_arrays(function: Any, arguments: list[Any]) -> list[Any]:
+    """Call a core function of one-dimensional arrays on broadcast arguments."""
+    arrays = np.broadcast_arrays(*arguments)
+    shape = arrays[0].shape
+    results = function(*(np.ascontiguousarray(array).ravel() for array in arrays))
+    return [result.reshape(shape)[()] for result in results]
+
+
+def propagate(
+    time: ArrayLike, *, stiffness: ArrayLike, damping: ArrayLike, inverse_mass: ArrayLike
+) -> Propagator:
+    """Return the propagator ``E0 ... E4`` of a spring-damper.
+
+    ``En`` (n >= 2) solves ``y'' + w d y' + w k y = t^(n-2)/(n-2)!`` from rest, ``E1 = E2'`` and
+    ``E0 = E1'``.
+
+    Parameters
+    ----------
+    time : array_like
+        s, >= 0.
+    stiffness, damping, inverse_mass : array_like
+        N/m, >= 0; N s/m, >= 0; 1/kg, > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, not finite or out of range.
+    """
+    arguments = [
+        *_parameters(stiffness, damping, inverse_mass),
+        _array("time", time, lower=0.0),
+    ]
+    return Propagator(*_over_arrays(_core.propagate, arguments))
+
+
+def flow_contact(
+    gap: ArrayLike,
+    rate: ArrayLike,
+    load: ArrayLike,
+    time: ArrayLike,
+    *,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    inverse_mass: ArrayLike,
+) -> Flow:
+    """Return the exact flow of a unilateral Kelvin-Voigt contact over an interval.
+
+    A contact that starts in penetration with ``-k g - d g' < 0`` counts as released.
+
+    Parameters
+    ----------
+    gap, rate : array_like
+        Gap (m, negative in penetration) and gap rate (m/s) at the start.
+    load : array_like
+        Acceleration ``b`` of the gap without this contact, m/s^2; negative presses.
+    time : array_like
+        Length of the interval, s, >= 0.
+    stiffness, damping, inverse_mass : array_like
+        N/m, >= 0; N s/m, >= 0; 1/kg, > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, not finite or out of range.
+    """
+    arguments = [
+        *_parameters(stiffness, damping, inverse_mass),
+        _array("gap", gap),
+        _array("rate", rate),
+        _array("load", load),
+        _array("time", time, lower=0.0),
+    ]
+    return Flow(*_over_arrays(_core.flow_contact, arguments))
+
+
+def flow_spring(
+    displacement: ArrayLike,
+    rate: ArrayLike,
+    load: ArrayLike,
+    time: ArrayLike,
+    *,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    inverse_mass: ArrayLike,
+) -> Flow:
+    """Return the exact flow of a bilateral spring-damper: ``f = -k x - d x'`` of either sign.
+
+    Parameters are those of `flow_contact`, with a displacement (m) in place of the gap.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, not finite or out of range.
+    """
+    arguments = [
+        *_parameters(stiffness, damping, inverse_mass),
+        _array("displacement", displacement),
+        _array("rate", rate),
+        _array("load", load),
+        _array("time", time, lower=0.0),
+    ]
+    return Flow(*_over_arrays(_core.flow_spring, arguments))
+
+
+def radial_return(
+    impulse: ArrayLike, mu: ArrayLike, normal_impulse: ArrayLike
+) -> NDArray[np.float64]:
+    """Return friction impulses scaled back to the elliptic limit surface.
+
+    The surface is ``sum_i (p_i / mu_i)^2 <= p_n^2``; impulses inside are returned unchanged, and a
+    direction with ``mu_i = 0`` carries nothing.
+
+    Parameters
+    ----------
+    impulse : array_like, shape (..., m), m <= 5
+        Trial impulses, N s (N m s for torsion and rolling).
+    mu : array_like, broadcastable to ``impulse``
+        Friction coefficients, >= 0 (m for torsion and rolling).
+    normal_impulse : array_like, shape (...)
+        Normal impulse, N s, >= 0.
+
+    Returns
+    -------
+    ndarray, shape (..., m)
+        Impulses on or inside the limit surface.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, not finite, out of range or of a wrong shape.
+    """
+    trial = _array("impulse", impulse)
+    coefficients = _array("mu", mu, lower=0.0)
+    normal = _array("normal_impulse", normal_impulse, lower=0.0)
+    if trial.ndim == 0 or not 1 <= trial.shape[-1] <= _MAX_FRICTION_DIRECTIONS:
+        raise ValueError(
+            f"impulse must have shape (..., m) with m from 1 to {_MAX_FRICTION_DIRECTIONS}, "
+            f"got shape {trial.shape}"
+        )
+    trial, coefficients, normal = np.broadcast_arrays(trial, coefficients, normal[..., np.newaxis])
+    directions = trial.shape[-1]
+    factor = _core.radial_return(
+        trial.reshape(-1, directions),
+        coefficients.reshape(-1, directions),
+        normal[..., 0].ravel(),
+    )
+    scaled = trial * factor.reshape(trial.shape[:-1])[..., np.newaxis]
+    return np.where(coefficients > 0.0, scaled, 0.0)
+
+
+def damping_ratio_to_restitution(damping_ratio: ArrayLike) -> Any:
+    """Return the coefficient of restitution of an unloaded contact that never pulls.
+
+    With ``zeta = cos(psi)`` it is ``exp(-2 zeta psi / sin(psi))``, continued to ``zeta > 1`` by
+    ``zeta = cosh(eta)``: 1 at zeta = 0, exp(-2) at 1, about 1/(4 zeta^2) for large zeta (Schwager
+    and Poeschel, Granular Matter 9, 2007).
+
+    Raises
+    ------
+    TypeError, ValueError
+        `damping_ratio` is not real, not finite or negative.
+    """
+    return _core.damping_ratio_to_restitution(_array("damping_ratio", damping_ratio, lower=0.0))
+
+
+def restitution_to_damping_ratio(restitution: ArrayLike) -> Any:
+    """Return the damping ratio that gives a coefficient of restitution; inf for restitution 0.
+
+    The inverse of `damping_ratio_to_restitution` to rounding.
+
+    Raises
+    ------
+    TypeError, ValueError
+        `restitution` is not real or not in [0, 1].
+    """
+    values = _array("restitution", restitution)
+    good = (values >= 0.0) & (values <= 1.0)
+    if not np.all(good):
+        raise ValueError(f"restitution must be in [0, 1], got {values[~good].flat[0]:g}")
+    return _core.restitution_to_damping_ratio(values)
+
+
+def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tuple[float, float]:
+    """Return mass-normalised stiffness (1/s^2) and damping (1/s) of a MuJoCo solref pair.
+
+    Parameters
+    ----------
+    solref : array_like, shape (2,)
+        (timeconst, dampratio), both > 0, or (-stiffness, -damping), both <= 0.
+    impedance_width : float
+        ``d_width`` of solimp, in (0, 1].
+
+    Returns
+    -------
+    tuple
+        (1 / (d_width timeconst dampratio)^2, 2 / (d_width timeconst)) or (stiffness / d_width^2,
+        damping / d_width), as in MuJoCo's documentation, "Solver parameters".
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, of a wrong shape or out of range.
+    """
+    pair = _array("solref", solref)
+    if pair.shape != (2,):
+        raise ValueError(f"solref must have shape (2,), got {pair.shape}")
+    width = _array("impedance_width", impedance_width)
+    stiffness, damping = _core.solref_to_spring(pair[0], pair[1], float(width))
+    return stiffness, damping

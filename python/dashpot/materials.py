@@ -1,0 +1,202 @@
+"""Contact materials in SI units and the rules by which two of them make one contact."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+
+from dashpot import _core
+
+__all__ = ["CombinationRules", "Material"]
+
+
+def _number(
+    owner: str, field: str, value: object, *, positive: bool = False, upper: float = math.inf
+) -> float:
+    """Return `value` as a finite float in [0, upper] (above 0 if `positive`), or raise."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{owner}: {field} must be a number, got {value!r}")
+    number = float(value)
+    if upper < math.inf:
+        if not 0.0 <= number <= upper:
+            raise ValueError(f"{owner}: {field} must be in [0, {upper:g}], got {value!r}")
+    elif not math.isfinite(number) or number < 0.0 or (positive and number == 0.0):
+        sign = "positive" if positive else "non-negative"
+        raise ValueError(f"{owner}: {field} must be finite and {sign}, got {value!r}")
+    return number
+
+
+@dataclass(frozen=True)
+class Material:
+    """What a geom, or a pair of geoms, fixes of a Kelvin-Voigt contact with friction.
+
+    Give at most one of `damping`, `damping_ratio` and `restitution`; without any the contact is
+    critically damped (damping ratio 1).
+
+    Parameters
+    ----------
+    stiffness : float or None
+        Contact stiffness k, N/m, > 0. None means rigid: as stiff as the micro-step resolves.
+    damping : float, optional
+        Damping d, N s/m, >= 0.
+    damping_ratio : float, optional
+        ``d / (2 sqrt(k m))`` with the apparent mass m of the contact, >= 0.
+    restitution : float, optional
+        Ratio of rebound to approach speed in [0, 1], exact for an unloaded contact that releases
+        when its force reaches zero. 0 means as much damping as the micro-step resolves.
+    friction : float or (sliding, torsional, rolling), optional
+        Friction coefficients, >= 0: sliding (dimensionless), torsional (m), rolling (m). A single
+        number sets sliding only and leaves the other two as the MJCF says; None leaves all three.
+    tangential_ratio : float
+        Tangential over normal stiffness, > 0.
+    tangential_damping_ratio : float
+        Damping ratio of the friction springs, >= 0.
+
+    Raises
+    ------
+    TypeError
+        A field is not a number.
+    ValueError
+        A field is outside its range, or more than one form of damping is given.
+    """
+
+    stiffness: float | None = None
+    _: KW_ONLY
+    damping: float | None = None
+    damping_ratio: float | None = None
+    restitution: float | None = None
+    friction: float | tuple[float, float, float] | None = None
+    tangential_ratio: float = 1.0
+    tangential_damping_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        def normalise(field: str, value: object) -> None:
+            object.__setattr__(self, field, value)
+
+        if self.stiffness is not None:
+            normalise("stiffness", _number("Material", "stiffness", self.stiffness, positive=True))
+        given = {
+            field: getattr(self, field)
+            for field in ("damping", "damping_ratio", "restitution")
+            if getattr(self, field) is not None
+        }
+        if len(given) > 1:
+            listed = ", ".join(f"{field}={value!r}" for field, value in given.items())
+            raise ValueError(
+                f"Material: give at most one of damping, damping_ratio, restitution, got {listed}"
+            )
+        for field, value in given.items():
+            upper = 1.0 if field == "restitution" else math.inf
+            normalise(field, _number("Material", field, value, upper=upper))
+        if self.friction is not None:
+            normalise("friction", _friction(self.friction))
+        normalise(
+            "tangential_ratio",
+            _number("Material", "tangential_ratio", self.tangential_ratio, positive=True),
+        )
+        normalise(
+            "tangential_damping_ratio",
+            _number("Material", "tangential_damping_ratio", self.tangential_damping_ratio),
+        )
+
+    def _to_core(self) -> _core.Material:
+        """Return the C++ form; friction left to the MJCF is NaN there."""
+        core = _core.Material()
+        core.rigid = self.stiffness is None
+        core.stiffness = 0.0 if self.stiffness is None else self.stiffness
+        if self.damping is not None:
+            core.form, core.damping = _core.DampingForm.damping, self.damping
+        elif self.restitution is not None:
+            core.form, core.damping = _core.DampingForm.restitution, self.restitution
+        else:
+            core.form = _core.DampingForm.ratio
+            core.damping = 1.0 if self.damping_ratio is None else self.damping_ratio
+        core.has_friction = self.friction is not None
+        if isinstance(self.friction, tuple):
+            core.friction = self.friction
+        elif self.friction is not None:
+            core.friction = (self.friction, math.nan, math.nan)
+        else:
+            core.friction = (math.nan, math.nan, math.nan)
+        core.tangential_ratio = self.tangential_ratio
+        core.tangential_damping_ratio = self.tangential_damping_ratio
+        return core
+
+
+def _friction(value: object) -> float | tuple[float, float, float]:
+    if isinstance(value, numbers.Real):
+        return _number("Material", "friction", value)
+    if not isinstance(value, Sequence) and hasattr(value, "tolist"):
+        value = value.tolist()  # a numpy array
+    if not isinstance(value, Sequence) or isinstance(value, str):
+        raise TypeError(
+            f"Material: friction must be a number or (sliding, torsional, rolling), got {value!r}"
+        )
+    if len(value) != 3:
+        raise ValueError(
+            "Material: friction must be a number or the three numbers (sliding, torsional, "
+            f"rolling), got {len(value)}: {value!r}"
+        )
+    names = ("friction[0] (sliding)", "friction[1] (torsional)", "friction[2] (rolling)")
+    sliding, torsional, rolling = (
+        _number("Material", name, entry) for name, entry in zip(names, value, strict=True)
+    )
+    return sliding, torsional, rolling
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinationRules:
+    """How the materials of two geoms make one contact.
+
+    Parameters
+    ----------
+    stiffness : {"series", "min", "max", "mean"}
+        "series": two springs in series, ``1/k = 1/k1 + 1/k2``. A rigid side has no compliance.
+    damping : {"series", "min", "max", "mean"}
+        "series": two dampings in N s/m are two dashpots in series, ``d = d1 d2 / (d1 + d2)``; two
+        damping ratios (restitution is turned into one) are averaged with the share of elastic
+        energy as weight; of one each, the ratio part and the N s/m part scaled by their shares add.
+        Against a rigid side the soft side's damping is taken whole under every rule, unless both
+        are in N s/m. "min" and "max" need both in the same form.
+    friction : {"max", "min", "mean", "geometric_mean"}
+        Element by element; "max" is MuJoCo's.
+
+    Raises
+    ------
+    ValueError
+        Unknown rule; the message lists the known ones.
+    """
+
+    stiffness: str = "series"
+    damping: str = "series"
+    friction: str = "max"
+
+    def __post_init__(self) -> None:
+        for field, rules in _RULES.items():
+            value = getattr(self, field)
+            if not isinstance(value, str):
+                raise TypeError(f"CombinationRules: {field} must be a string, got {value!r}")
+            if value not in rules.__members__:
+                near = difflib.get_close_matches(value, rules.__members__, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
+                raise ValueError(
+                    f"CombinationRules: {field} must be one of {', '.join(rules.__members__)}, "
+                    f"got {value!r}{hint}"
+                )
+
+    def _to_core(self) -> _core.CombinationRules:
+        core = _core.CombinationRules()
+        core.stiffness = _core.StiffnessRule.__members__[self.stiffness]
+        core.damping = _core.DampingRule.__members__[self.damping]
+        core.friction = _core.FrictionRule.__members__[self.friction]
+        return core
+
+
+_RULES = {
+    "stiffness": _core.StiffnessRule,
+    "damping": _core.DampingRule,
+    "friction": _core.FrictionRule,
+}
