@@ -68,6 +68,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
 }
 
 StepStats Stepper::Impl::step(mjData_* d) {
+  host::check_options(model);
   host::check_data(model, d, data_size);
   length = host::timestep(model);
   read_state(d);

@@ -97,6 +97,19 @@ void report_constraints(const mjModel* m, Report& report) {
 
 }  // namespace
 
+void check_options(const mjModel_* m) {
+  const mjOption& o = m->opt;
+  if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
+    throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
+                                "; it must be finite and > 0 s");
+  if (o.cone != mjCONE_ELLIPTIC)
+    throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
+  const bool integrator_known =
+      o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST;
+  if (!integrator_known || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
+    check_supported(m);
+}
+
 std::vector<Feature> features(const mjModel_* m) {
   Report report;
   report_options(m, report);

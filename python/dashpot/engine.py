@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import difflib
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -205,7 +204,6 @@ class Engine:
         self._check_data(data)
         if not _is_count(nstep):
             raise ValueError(f"nstep is {nstep!r}; it must be an int >= 1")
-        _core.check_supported(self.model._address)
         if self._stepper is None:
             self._stepper = _core.Stepper(self.model._address, self._parameters())
         return self._stepper.step(data._address, nstep)
@@ -243,5 +241,3 @@ class Engine:
             raise TypeError(f"data is {type(data).__name__}; it must be a mujoco.MjData")
         if data.userdata.shape[0] != self.model.nuserdata or data.qpos.shape[0] != self.model.nq:
             raise ValueError("data was made from another model; make it with Engine.make_data()")
-        if not math.isfinite(self.model.opt.timestep) or self.model.opt.timestep <= 0.0:
-            raise ValueError(f"model.opt.timestep is {self.model.opt.timestep}; it must be > 0 s")

@@ -29,6 +29,9 @@ std::vector<Feature> features(const mjModel_* m);
 
 // Throws std::invalid_argument naming every refused feature.
 void check_supported(const mjModel_* m);
+// The same for the options alone, which may be edited between steps. Also requires the elliptic
+// cone, whose row layout force reports rely on, and a positive time step.
+void check_options(const mjModel_* m);
 
 // Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`), or its
 // state, controls or applied forces are not finite; names the field and the index.
