@@ -5,6 +5,7 @@
 namespace dashpot::bindings {
 void bind_law(pybind11::module_& module);
 void bind_engine(pybind11::module_& module);
+void bind_query(pybind11::module_& module);
 }  // namespace dashpot::bindings
 
 PYBIND11_MODULE(_core, module) {
@@ -12,4 +13,5 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
   bind_law(module);
   bind_engine(module);
+  bind_query(module);
 }

@@ -1,0 +1,74 @@
+// Signed distance and time of impact between geoms of a model.
+
+#include <pybind11/pybind11.h>
+
+#include <cstdint>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/geometry_host.hpp"
+#include "dashpot/query.hpp"
+
+namespace py = pybind11;
+
+namespace dashpot::bindings {
+
+namespace {
+
+const mjModel_* model_at(std::uintptr_t address) {
+  return reinterpret_cast<const mjModel_*>(address);
+}
+
+const mjData_* data_at(std::uintptr_t address) { return reinterpret_cast<const mjData_*>(address); }
+
+py::tuple to_tuple(const Eigen::Vector3d& v) { return py::make_tuple(v.x(), v.y(), v.z()); }
+
+py::tuple to_tuple(const Distance& d) {
+  return py::make_tuple(d.distance, to_tuple(d.point1), to_tuple(d.point2), to_tuple(d.normal));
+}
+
+py::tuple geom_distance(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
+                        int geom2) {
+  Distance result;
+  {
+    py::gil_scoped_release release;
+    const auto* model = model_at(model_address);
+    const auto* data = data_at(data_address);
+    check_data_of(model, data);
+    const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
+    const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
+    result = distance(shape1, pose1, shape2, pose2);
+  }
+  return to_tuple(result);
+}
+
+py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
+                              int geom2, double horizon) {
+  TimeOfImpact result;
+  {
+    py::gil_scoped_release release;
+    const auto* model = model_at(model_address);
+    const auto* data = data_at(data_address);
+    check_data_of(model, data);
+    const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
+    const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
+    result = time_of_impact(shape1, pose1, geom_motion(model, data, geom1), shape2, pose2,
+                            geom_motion(model, data, geom2), horizon);
+  }
+  return py::make_tuple(result.hit, result.time, to_tuple(result.at), result.evaluations);
+}
+
+}  // namespace
+
+void bind_query(py::module_& module) {
+  module.def("geom_distance", &geom_distance, py::arg("model_address"), py::arg("data_address"),
+             py::arg("geom1"), py::arg("geom2"),
+             "Signed distance of two geoms as (distance, point1, point2, normal). The addresses "
+             "are those of a live MjModel and MjData; geom ids in range.");
+  module.def("geom_time_of_impact", &geom_time_of_impact, py::arg("model_address"),
+             py::arg("data_address"), py::arg("geom1"), py::arg("geom2"), py::arg("horizon"),
+             "First contact of two geoms along their present velocities as (hit, time, distance "
+             "tuple, distances computed).");
+}
+
+}  // namespace dashpot::bindings

@@ -1,0 +1,46 @@
+// Signed distance of two convex cores, from their support functions.
+//
+// For a unit direction n from core 1 to core 2 let
+//
+//     s(n) = min_{b in core 2} n.b - max_{a in core 1} n.a .
+//
+// The signed distance is max_n s(n), positive or negative: every direction proves a lower bound.
+// Two closest points prove an upper bound while the cores are apart; where the bounds meet the
+// answer is certain. Overlapping cores are moved apart along the present direction n_k by c n_k
+// until they clear a margin, and their closest points are found again. Since
+// s(n) + c n.n_k = s(n) + c - c |n - n_k|^2 / 2, this is a proximal ascent of s: each round raises
+// it, and needs nothing but distances between separated sets.
+
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "dashpot/shape.hpp"
+
+namespace dashpot {
+
+// Signed distance with its witnesses. point2 - point1 = distance * normal.
+struct Distance {
+  double distance = 0.0;                              // m, negative in penetration
+  Eigen::Vector3d point1 = Eigen::Vector3d::Zero();   // m, world, on the surface of shape 1
+  Eigen::Vector3d point2 = Eigen::Vector3d::Zero();   // m, world, on the surface of shape 2
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // unit, world, from shape 1 to shape 2
+};
+
+// s(n) of two cores (m), `normal` unit.
+double directional_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                            const Pose& pose2, const Eigen::Vector3d& normal);
+
+// Closest points of two cores that are apart (Gilbert, Johnson and Keerthi 1988), searched from
+// `start` (any length but zero). Empty where the cores overlap.
+std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose1,
+                                           const Shape& shape2, const Pose& pose2,
+                                           const Eigen::Vector3d& start);
+
+// Nearest local maximum of s(n) from the unit direction `start`; the signed distance of the cores
+// wherever s(start) is near it, and always where the cores are apart.
+Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                         const Pose& pose2, const Eigen::Vector3d& start);
+
+}  // namespace dashpot

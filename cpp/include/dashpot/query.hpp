@@ -1,0 +1,35 @@
+// Contact queries between two convex shapes: signed distance, and time of impact along a motion.
+// Free functions without state: safe from any number of threads.
+
+#pragma once
+
+#include "dashpot/convex_distance.hpp"
+#include "dashpot/shape.hpp"
+
+namespace dashpot {
+
+// Signed distance of two shapes: positive apart, negative by the penetration depth (the shortest
+// translation that parts them). Closed forms for planes against anything and for spheres, capsules
+// and boxes where these are short; else FCL, whose answer is checked against the bounds of
+// convex_distance.hpp and refined where it does not meet them. Where several directions are equally
+// short (concentric balls), one of them.
+// Throws std::invalid_argument for two planes.
+Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2);
+
+// First contact of two moving shapes.
+struct TimeOfImpact {
+  bool hit = false;     // false: apart over the whole horizon
+  double time = 0.0;    // s, of first contact; the horizon without a hit
+  Distance at;          // signed distance at `time`
+  int evaluations = 0;  // distances computed
+};
+
+// Conservative advancement: `time` is never after the first contact, and precedes it by no more
+// than the two shapes need to close `touching` times their size (1e-9). Shapes that touch or
+// overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument for two planes,
+// or for a plane that turns.
+TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
+                            const Shape& shape2, const Pose& pose2, const Motion& motion2,
+                            double horizon);
+
+}  // namespace dashpot

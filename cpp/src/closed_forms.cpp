@@ -1,0 +1,149 @@
+#include "dashpot/closed_forms.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace dashpot {
+
+using Eigen::Vector3d;
+
+namespace {
+
+Distance swapped(const Distance& d) { return {d.distance, d.point2, d.point1, -d.normal}; }
+
+Distance plane_distance(const Pose& plane, const Shape& shape, const Pose& pose) {
+  Distance result;
+  result.normal = plane.rotation.col(2);
+  result.point2 = core_support(shape, pose, -result.normal);
+  result.distance = result.normal.dot(result.point2 - plane.position);
+  result.point1 = result.point2 - result.distance * result.normal;
+  return result;
+}
+
+bool is_line(const Shape& shape) {
+  return shape.type == ShapeType::kSphere || shape.type == ShapeType::kCapsule;
+}
+
+double half_length(const Shape& shape) {
+  return shape.type == ShapeType::kCapsule ? shape.size[1] : 0.0;
+}
+
+// Positions s on line 1 and t on line 2 (unit axes a1, a2, centres apart by r = centre1 - centre2)
+// of the closest points of two segments of half-lengths h1 and h2.
+void closest_on_segments(const Vector3d& r, const Vector3d& a1, double h1, const Vector3d& a2,
+                         double h2, double& s, double& t) {
+  const double b = a1.dot(a2), c = a1.dot(r), f = a2.dot(r);
+  const double sine2 = a1.cross(a2).squaredNorm();
+  if (sine2 > 1e-20) {
+    s = std::clamp((b * f - c) / sine2, -h1, h1);
+  } else {  // parallel: the middle of the stretch where they face each other
+    const double centre = -c;
+    const double low = std::max(-h1, centre - h2), high = std::min(h1, centre + h2);
+    s = std::clamp(0.5 * (low + high), -h1, h1);
+  }
+  t = std::clamp(b * s + f, -h2, h2);
+  s = std::clamp(b * t - c, -h1, h1);
+}
+
+Distance line_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                       const Pose& pose2) {
+  const Vector3d a1 = pose1.rotation.col(2), a2 = pose2.rotation.col(2);
+  const double h1 = half_length(shape1), h2 = half_length(shape2);
+  double s = 0.0, t = 0.0;
+  closest_on_segments(pose1.position - pose2.position, a1, h1, a2, h2, s, t);
+  Distance result;
+  result.point1 = pose1.position + s * a1;
+  result.point2 = pose2.position + t * a2;
+  const Vector3d apart = result.point2 - result.point1;
+  result.distance = apart.norm();
+  const double size = h1 + h2 + (pose2.position - pose1.position).norm();
+  if (result.distance > 1e-15 * size) {
+    result.normal = apart / result.distance;
+    return result;
+  }
+  // The lines meet: the shortest way out is square to both.
+  if (h1 > 0.0 && h2 > 0.0 && a1.cross(a2).norm() > 1e-10) {
+    result.normal = a1.cross(a2).normalized();
+  } else if (h1 > 0.0 || h2 > 0.0) {
+    result.normal = (h1 > 0.0 ? a1 : a2).unitOrthogonal();
+  }
+  return result;
+}
+
+// Signed distance of a point, in the box's frame, from the box.
+Distance box_point(const Vector3d& half, const Vector3d& point) {
+  Distance result;
+  result.point2 = point;
+  result.point1 = point.cwiseMax(-half).cwiseMin(half);
+  const Vector3d apart = point - result.point1;
+  const double length = apart.norm();
+  if (length > 0.0) {
+    result.distance = length;
+    result.normal = apart / length;
+    return result;
+  }
+  Eigen::Index axis = 0;
+  const double depth = (half - point.cwiseAbs()).minCoeff(&axis);
+  const double side = point[axis] < 0.0 ? -1.0 : 1.0;
+  result.distance = -depth;
+  result.normal = side * Vector3d::Unit(axis);
+  result.point1[axis] = side * half[axis];
+  return result;
+}
+
+// Signed distance of a point, in the cylinder's frame, from the cylinder.
+Distance cylinder_point(double radius, double half, const Vector3d& point) {
+  const double radial = std::hypot(point.x(), point.y());
+  const Vector3d outward =
+      radial > 0.0 ? Vector3d(point.x() / radial, point.y() / radial, 0.0) : Vector3d::UnitX();
+  const double beyond_wall = radial - radius, beyond_cap = std::abs(point.z()) - half;
+  const double side = point.z() < 0.0 ? -1.0 : 1.0;
+  Distance result;
+  result.point2 = point;
+  result.point1 = point;
+  if (beyond_wall <= 0.0 && beyond_cap <= 0.0) {
+    result.distance = std::max(beyond_wall, beyond_cap);
+    result.normal = beyond_wall > beyond_cap ? outward : Vector3d(side * Vector3d::UnitZ());
+    result.point1 -= result.distance * result.normal;
+    return result;
+  }
+  const Vector3d apart =
+      std::max(beyond_wall, 0.0) * outward + std::max(beyond_cap, 0.0) * side * Vector3d::UnitZ();
+  result.distance = apart.norm();
+  result.normal = apart / result.distance;
+  result.point1 -= apart;
+  return result;
+}
+
+Distance to_world(const Distance& local, const Pose& pose) {
+  return {local.distance, pose.position + pose.rotation * local.point1,
+          pose.position + pose.rotation * local.point2, pose.rotation * local.normal};
+}
+
+// Shape 2 is a point.
+std::optional<Distance> point_distance(const Shape& shape, const Pose& pose,
+                                       const Vector3d& point) {
+  const Vector3d local = pose.rotation.transpose() * (point - pose.position);
+  if (shape.type == ShapeType::kBox) return to_world(box_point(shape.size, local), pose);
+  if (shape.type == ShapeType::kCylinder) {
+    return to_world(cylinder_point(shape.size[0], shape.size[1], local), pose);
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::optional<Distance> closed_form_distance(const Shape& shape1, const Pose& pose1,
+                                             const Shape& shape2, const Pose& pose2) {
+  if (shape1.type == ShapeType::kPlane) return plane_distance(pose1, shape2, pose2);
+  if (shape2.type == ShapeType::kPlane) return swapped(plane_distance(pose2, shape1, pose1));
+  if (is_line(shape1) && is_line(shape2)) return line_distance(shape1, pose1, shape2, pose2);
+  if (shape2.type == ShapeType::kSphere) return point_distance(shape1, pose1, pose2.position);
+  if (shape1.type == ShapeType::kSphere) {
+    if (const auto found = point_distance(shape2, pose2, pose1.position)) return swapped(*found);
+  }
+  return std::nullopt;
+}
+
+}  // namespace dashpot

@@ -1,0 +1,114 @@
+#include "dashpot/geometry_host.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <stdexcept>
+#include <string>
+
+namespace dashpot {
+
+namespace {
+
+std::string geom_label(const mjModel* model, int geom) {
+  const char* name = mj_id2name(model, mjOBJ_GEOM, geom);
+  return name && *name ? "geom '" + std::string(name) + "'" : "geom " + std::to_string(geom);
+}
+
+// The vertices of a mesh's convex hull; all of its vertices where the model holds no hull.
+Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
+  const float* vertex = model->mesh_vert + 3 * model->mesh_vertadr[mesh];
+  const int graph_address = model->mesh_graphadr[mesh];
+  // mesh_graph: numvert, numface, edge address per vertex, mesh vertex per hull vertex, ...
+  const int* graph = graph_address < 0 ? nullptr : model->mesh_graph + graph_address;
+  const int count = graph ? graph[0] : model->mesh_vertnum[mesh];
+  Eigen::Matrix3Xd vertices(3, count);
+  for (int i = 0; i < count; ++i) {
+    const float* v = vertex + 3 * (graph ? graph[2 + count + i] : i);
+    vertices.col(i) << v[0], v[1], v[2];
+  }
+  return vertices;
+}
+
+}  // namespace
+
+void check_data_of(const mjModel* model, const mjData* data) {
+  if (data->signature != model->signature) {
+    throw std::invalid_argument("data were made from another model");
+  }
+}
+
+Shape geom_shape(const mjModel* model, int geom) {
+  const std::string label = geom_label(model, geom);
+  const double* size = model->geom_size + 3 * geom;
+  Shape shape;
+  shape.size << size[0], size[1], size[2];
+  switch (model->geom_type[geom]) {
+    case mjGEOM_PLANE:
+      shape.type = ShapeType::kPlane;
+      break;
+    case mjGEOM_SPHERE:
+      shape.type = ShapeType::kSphere;
+      break;
+    case mjGEOM_CAPSULE:
+      shape.type = ShapeType::kCapsule;
+      break;
+    case mjGEOM_CYLINDER:
+      shape.type = ShapeType::kCylinder;
+      break;
+    case mjGEOM_ELLIPSOID:
+      shape.type = ShapeType::kEllipsoid;
+      break;
+    case mjGEOM_BOX:
+      shape.type = ShapeType::kBox;
+      break;
+    case mjGEOM_MESH:
+      shape.type = ShapeType::kHull;
+      shape.vertices =
+          std::make_shared<const Eigen::Matrix3Xd>(hull_vertices(model, model->geom_dataid[geom]));
+      break;
+    case mjGEOM_HFIELD:
+      throw std::invalid_argument(label + " is a height field, which queries do not cover");
+    case mjGEOM_SDF:
+      throw std::invalid_argument(label +
+                                  " is a signed distance field, which queries do not cover");
+    default:
+      throw std::invalid_argument(label + " has type " + std::to_string(model->geom_type[geom]) +
+                                  ", which queries do not cover");
+  }
+  check_shape(shape, label.c_str());
+  return shape;
+}
+
+Pose geom_pose(const mjModel* model, const mjData* data, int geom) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  Pose pose;
+  pose.position = Eigen::Map<const Eigen::Vector3d>(data->geom_xpos + 3 * geom);
+  pose.rotation = Eigen::Map<const RowMajor>(data->geom_xmat + 9 * geom);
+  const std::string label = geom_label(model, geom);
+  if (!pose.position.allFinite()) {
+    throw std::invalid_argument("geom_xpos of " + label + " is not finite");
+  }
+  const Eigen::Matrix3d gram = pose.rotation.transpose() * pose.rotation;
+  if (!gram.isIdentity(1e-6)) {  // zero before the first mj_forward
+    throw std::invalid_argument("geom_xmat of " + label +
+                                " is not a rotation; call mujoco.mj_forward first");
+  }
+  return pose;
+}
+
+Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
+  const int body = model->geom_bodyid[geom];
+  double velocity[6];  // angular, linear
+  mj_objectVelocity(model, data, mjOBJ_BODY, body, velocity, 0);
+  Motion motion;
+  motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
+  motion.angular = Eigen::Map<const Eigen::Vector3d>(velocity);
+  motion.linear = Eigen::Map<const Eigen::Vector3d>(velocity + 3);
+  if (!motion.centre.allFinite() || !motion.angular.allFinite() || !motion.linear.allFinite()) {
+    throw std::invalid_argument("the velocity of the body of " + geom_label(model, geom) +
+                                " is not finite");
+  }
+  return motion;
+}
+
+}  // namespace dashpot
