@@ -174,7 +174,7 @@ def make_toss(
     if error.max() > _QUATERNION_TOLERANCE:
         frame = int(error.argmax())
         raise ValueError(f"toss {toss_id}: quaternion of frame {frame} is not unit")
-    arrays["time"] = np.arange(frames) * timestep
+    arrays["time"] = np.arange(frames, dtype=np.float64) * timestep
     for array in arrays.values():
         array.flags.writeable = False
     return CubeToss(id=int(toss_id), **arrays)

@@ -13,8 +13,10 @@ storage) and the older stream of five pickles followed by the raw storages.
 from __future__ import annotations
 
 import io
+import os
 import pickletools
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -59,7 +61,7 @@ class _Mark:
     """Where a pickle's MARK stands on the stack."""
 
 
-def read_tensor(path: str | Path) -> NDArray[Any]:
+def read_tensor(path: str | os.PathLike[str]) -> NDArray[Any]:
     """Return the single dense tensor stored in a PyTorch file as a numpy array.
 
     Parameters
@@ -163,7 +165,8 @@ def _interpret(stream: BinaryIO) -> Any:
             items.append(top)
         return items[::-1]
 
-    for opcode, argument, _ in pickletools.genops(stream):
+    opcodes: Iterable[tuple[pickletools.OpcodeInfo, Any, int | None]] = pickletools.genops(stream)
+    for opcode, argument, _ in opcodes:
         name = opcode.name
         if name in ("PROTO", "FRAME"):
             continue
