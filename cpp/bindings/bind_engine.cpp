@@ -77,6 +77,7 @@ py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t s
   result["elastic"] = ledger.elastic;
   result["dissipated_normal"] = ledger.dissipated_normal;
   result["dissipated_friction"] = ledger.dissipated_friction;
+  result["dissipated_constraint"] = ledger.dissipated_constraint;
   result["dissipated_recovery"] = ledger.dissipated_recovery;
   return result;
 }
@@ -128,7 +129,7 @@ void bind_engine(py::module_& module) {
       "reserve_memory",
       [](std::uintptr_t model) {
         mjModel_* m = model_at(model);
-        host::reserve_memory(m, memory_size(m));
+        host::reserve_memory(m, memory_layout(m).size());
       },
       py::arg("model_address"), "Enlarges nuserdata of a model by the size of contact memory.");
   module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"));

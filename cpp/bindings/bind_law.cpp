@@ -146,6 +146,7 @@ void bind_law(py::module_& module) {
 
   py::class_<Material>(module, "Material", "Core form of dashpot.Material, in SI units.")
       .def(py::init<>())
+      .def_readwrite("from_model", &Material::from_model)
       .def_readwrite("rigid", &Material::rigid)
       .def_readwrite("stiffness", &Material::stiffness)
       .def_readwrite("form", &Material::form)

@@ -1,14 +1,18 @@
 #include "dashpot/contacts.hpp"
 
-#include "dashpot/engine.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot {
 
 namespace {
 
-ContactMemory memory_of(const mjModel_* m, mjData_* d) {
-  return ContactMemory(host::memory(m, d, memory_size(m)), contact_capacity(host::geom_count(m)));
+// Contacts that data remember at most: generous, since detection reaches ahead.
+constexpr int kMinimumContacts = 128;
+constexpr int kContactsPerGeom = 32;
+
+Memory memory_of(const mjModel_* m, mjData_* d) {
+  const MemoryLayout layout = memory_layout(m);
+  return Memory(host::memory(m, d, layout.size()), layout);
 }
 
 // Components of a vector of geom 1's frame along the rows of the contact frame.
@@ -22,8 +26,11 @@ double along(const ContactInput& input, const double* local, int row) {
 
 }  // namespace
 
-int memory_size(const mjModel_* m) {
-  return ContactMemory::size(contact_capacity(host::geom_count(m)));
+MemoryLayout memory_layout(const mjModel_* m) {
+  MemoryLayout layout;
+  layout.contacts = kMinimumContacts + kContactsPerGeom * host::geom_count(m);
+  layout.constraints = host::constraint_memory_count(m);
+  return layout;
 }
 
 EnergyLedger read_ledger(const mjModel_* m, mjData_* d) { return memory_of(m, d).ledger(); }
@@ -32,10 +39,10 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
   ContactReport report;
   std::vector<ContactInput> inputs;
   host::read_contacts(m, d, inputs);
-  const ContactMemory memory = memory_of(m, d);
+  const Memory memory = memory_of(m, d);
   std::vector<int> slot_of(host::detected_count(d), -1);
-  for (int i = 0; i < memory.count(); ++i) {
-    const auto source = static_cast<size_t>(memory.at(i).source);
+  for (int i = 0; i < memory.contact_count(); ++i) {
+    const auto source = static_cast<size_t>(memory.contact(i).source);
     if (source < slot_of.size()) slot_of[source] = i;
   }
   for (const ContactInput& input : inputs) {
@@ -54,7 +61,7 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
       report.sticking.push_back(0);
       continue;
     }
-    const RememberedContact memory_slot = memory.at(slot);
+    const RememberedContact memory_slot = memory.contact(slot);
     report.compression.push_back(memory_slot.compression);
     report.displacement.push_back({-memory_slot.compression, along(input, memory_slot.slide, 1),
                                    along(input, memory_slot.slide, 2)});

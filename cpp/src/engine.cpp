@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/contacts.hpp"
 #include "dashpot/free_body.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
@@ -14,6 +15,23 @@
 
 namespace dashpot {
 
+namespace {
+
+// A contact or constraint that no material covers: rigid, or what the model's own solref means.
+template <typename Input>
+GroupMaterial from_solref(const Input& input) {
+  GroupMaterial given;
+  if (!input.has_solref) return given;
+  const auto [stiffness, damping] =
+      solref_to_spring(input.solref[0], input.solref[1], input.impedance);
+  given.mass_normalised = true;
+  given.normalised_stiffness = stiffness;
+  given.normalised_damping = damping;
+  return given;
+}
+
+}  // namespace
+
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p);
   StepStats step(mjData_* d);
@@ -22,32 +40,35 @@ struct Stepper::Impl {
   void read_state(const mjData_* d);
   void build_rows(mjData_* d);
   void find_smooth_acceleration(const mjData_* d);
-  void recall_memory(mjData_* d);
+  void plan_and_recall(mjData_* d);
   void run_islands();
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
   void remember(mjData_* d);
 
-  Material material_of(const ContactInput& input) const;
+  GroupMaterial material_of(const ContactInput& input) const;
+  void append_constraint(int index, mjData_* d);
+  void append_contact(int index, mjData_* d);
   void check_finite() const;
-  void update_ledger(const ElasticEnergy& before, const ElasticEnergy& after);
+  void update_ledger(const EnergyShares& before, const EnergyShares& after);
   void advance_tree(mjData_* d, int tree);
-  ContactMemory memory(mjData_* d) const;
+  Memory memory(mjData_* d) const;
   StepStats statistics() const;
 
   mjModel_* model;
   Parameters parameters;
-  int memory_capacity;
+  MemoryLayout memory_layout;
   long long data_size;
 
   // Rebuilt in every step.
   double length = 0.0;  // H, s
   std::vector<double> start_position, start_velocity;
   Trees trees;
-  std::vector<ContactInput> inputs;
-  std::vector<Material> materials;  // per contact
+  std::vector<ContactInput> contacts;
+  std::vector<ConstraintInput> constraints;
+  std::vector<GroupMaterial> materials;  // per group
   Rows rows;
-  ContactData data;
+  RowData data;
   std::vector<Island> islands;
   std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
   std::vector<double> smooth_acceleration;  // generalized; meaningful for active trees
@@ -62,7 +83,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
-  memory_capacity = contact_capacity(geoms);
+  memory_layout = dashpot::memory_layout(m);
   data_size = host::data_size(m);
   trees = host::make_trees(m);
 }
@@ -74,10 +95,10 @@ StepStats Stepper::Impl::step(mjData_* d) {
   read_state(d);
 
   host::smooth_stage(model, d);
-  host::detect_contacts(model, d, inputs);
+  host::detect(model, d, contacts, constraints);
   build_rows(d);
   find_smooth_acceleration(d);
-  recall_memory(d);
+  plan_and_recall(d);
   run_islands();
   report_forces(d);
   advance_state(d);
@@ -92,12 +113,13 @@ void Stepper::Impl::read_state(const mjData_* d) {
   start_velocity.assign(v, v + host::dof_count(model));
 }
 
-Material Stepper::Impl::material_of(const ContactInput& input) const {
+GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
   const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
   const auto pair = parameters.pair_material.find({low, high});
-  if (pair != parameters.pair_material.end()) return pair->second;
+  if (pair != parameters.pair_material.end()) return {pair->second};
   Material side[2];
   for (int i = 0; i < 2; ++i) side[i] = parameters.geom_material[input.geom[i]];
+  if (side[0].from_model && side[1].from_model) return from_solref(input);
   const bool overridden = side[0].has_friction || side[1].has_friction;
   if (overridden)
     for (int i = 0; i < 2; ++i)
@@ -109,36 +131,51 @@ Material Stepper::Impl::material_of(const ContactInput& input) const {
   const int priority[2] = {host::geom_priority(model, input.geom[0]),
                            host::geom_priority(model, input.geom[1])};
   if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;
-  return combined;
+  return {combined};
+}
+
+void Stepper::Impl::append_constraint(int index, mjData_* d) {
+  const ConstraintInput& input = constraints[index];
+  const RowGroup& c = rows.append(input.kind, index, 1, trees, input.tree);
+  rows.friction[c.row] = input.limit;
+  host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
+  whiten(rows, c, trees);
+  materials.push_back(from_solref(input));
+}
+
+void Stepper::Impl::append_contact(int index, mjData_* d) {
+  const ContactInput& input = contacts[index];
+  const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, trees, input.tree);
+  materials.push_back(material_of(input));
+  const Material& material = materials.back().material;
+  const auto& f = material.friction;
+  const std::array<double, 5> friction =
+      material.has_friction ? std::array<double, 5>{f[0], f[0], f[1], f[2], f[2]} : input.friction;
+  std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
+  host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
+  whiten(rows, c, trees);
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
-  if (static_cast<int>(inputs.size()) > memory_capacity)
-    throw std::runtime_error(std::to_string(inputs.size()) + " contacts exceed the memory for " +
-                             std::to_string(memory_capacity) + " contacts that data reserve");
+  if (static_cast<int>(contacts.size()) > memory_layout.contacts)
+    throw std::runtime_error(std::to_string(contacts.size()) + " contacts exceed the memory for " +
+                             std::to_string(memory_layout.contacts) +
+                             " contacts that data reserve");
   rows.clear();
   materials.clear();
   for (Tree& tree : trees.tree) tree.active = false;
-  for (const ContactInput& input : inputs)
-    for (int tree : input.tree)
+  const auto activate = [&](const std::array<int, 2>& pair) {
+    for (int tree : pair)
       if (tree >= 0) trees.tree[tree].active = true;
+  };
+  for (const ContactInput& input : contacts) activate(input.tree);
+  for (const ConstraintInput& input : constraints) activate(input.tree);
   host::prepare_effective_inertia(model, d);
-  for (size_t tree = 0; tree < trees.tree.size(); ++tree)
-    if (trees.tree[tree].active || host::is_free_body(model, static_cast<int>(tree)))
-      host::factor_tree(model, d, trees, static_cast<int>(tree));
-  for (size_t i = 0; i < inputs.size(); ++i) {
-    const ContactInput& input = inputs[i];
-    materials.push_back(material_of(input));
-    const Material& material = materials.back();
-    const ContactRows& c = rows.append(static_cast<int>(i), input.dim, trees, input.tree);
-    const auto& f = material.friction;
-    const std::array<double, 5> friction = material.has_friction
-                                               ? std::array<double, 5>{f[0], f[0], f[1], f[2], f[2]}
-                                               : input.friction;
-    std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
-    host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
-    whiten(rows, c, trees);
-  }
+  for (int tree = 0; tree < static_cast<int>(trees.tree.size()); ++tree)
+    if (trees.tree[tree].active || host::is_free_body(model, tree))
+      host::factor_tree(model, d, trees, tree);
+  for (size_t i = 0; i < constraints.size(); ++i) append_constraint(static_cast<int>(i), d);
+  for (size_t i = 0; i < contacts.size(); ++i) append_contact(static_cast<int>(i), d);
 }
 
 // Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
@@ -165,17 +202,17 @@ void Stepper::Impl::find_smooth_acceleration(const mjData_* d) {
   }
 }
 
-void Stepper::Impl::recall_memory(mjData_* d) {
+void Stepper::Impl::plan_and_recall(mjData_* d) {
   islands = find_islands(rows, trees);
   for (Island& island : islands)
     plan_microsteps(island, rows, trees, materials, length, parameters.options);
-  const ContactMemory view = memory(d);
-  view.recall(inputs, rows, parameters.options.recovery_speed, data);
+  const Memory view = memory(d);
+  view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
   ledger = view.ledger();
 }
 
 void Stepper::Impl::run_islands() {
-  const ElasticEnergy before = elastic_energy(rows, data);
+  const EnergyShares before = elastic_energy(rows, data);
   const std::vector<double> start = data.velocity;
   for (const Island& island : islands)
     run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
@@ -185,9 +222,9 @@ void Stepper::Impl::run_islands() {
   for (size_t i = 0; i < start.size(); ++i)
     contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
   touched.assign(trees.tree.size(), 0);
-  for (size_t i = 0; i < rows.contact.size(); ++i)
+  for (size_t i = 0; i < rows.group.size(); ++i)
     if (data.touched[i])
-      for (int tree : rows.contact[i].tree)
+      for (int tree : rows.group[i].tree)
         if (tree >= 0) touched[tree] = 1;
 }
 
@@ -200,13 +237,14 @@ void Stepper::Impl::check_finite() const {
 
 // Elastic energy that memory did not bring back, and work of the recovering surface, count as
 // recovery; what the rows took from the bodies and did not store was dissipated.
-void Stepper::Impl::update_ledger(const ElasticEnergy& before, const ElasticEnergy& after) {
-  ledger.dissipated_recovery +=
-      ledger.elastic - (before.normal + before.friction) - data.recovery_input;
+void Stepper::Impl::update_ledger(const EnergyShares& before, const EnergyShares& after) {
+  ledger.dissipated_recovery += ledger.elastic - before.sum() - data.recovery_input.sum();
   ledger.dissipated_normal +=
-      data.recovery_input - data.work_normal - (after.normal - before.normal);
-  ledger.dissipated_friction -= data.work_friction + (after.friction - before.friction);
-  ledger.elastic = after.normal + after.friction;
+      data.recovery_input.normal - data.work.normal - (after.normal - before.normal);
+  ledger.dissipated_friction -= data.work.friction + (after.friction - before.friction);
+  ledger.dissipated_constraint += data.recovery_input.constraint - data.work.constraint -
+                                  (after.constraint - before.constraint);
+  ledger.elastic = after.sum();
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {
@@ -220,7 +258,7 @@ void Stepper::Impl::report_forces(mjData_* d) {
   for (double& force : constraint_force) force /= length;
   std::vector<double> row_force = data.total_impulse;
   for (double& force : row_force) force /= length;
-  host::report_forces(model, d, constraint_force, inputs, rows, row_force);
+  host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
 void Stepper::Impl::advance_state(mjData_* d) {
@@ -255,33 +293,32 @@ void Stepper::Impl::advance_tree(mjData_* d, int index) {
 }
 
 void Stepper::Impl::remember(mjData_* d) {
-  ContactMemory view = memory(d);
-  view.remember(inputs, rows, data);
+  Memory view = memory(d);
+  view.remember(contacts, constraints, rows, data);
   view.set_ledger(ledger);
 }
 
-ContactMemory Stepper::Impl::memory(mjData_* d) const {
-  return ContactMemory(host::memory(model, d, ContactMemory::size(memory_capacity)),
-                       memory_capacity);
+Memory Stepper::Impl::memory(mjData_* d) const {
+  return Memory(host::memory(model, d, memory_layout.size()), memory_layout);
 }
 
 StepStats Stepper::Impl::statistics() const {
   StepStats stats;
-  stats.contacts = static_cast<int>(inputs.size());
+  stats.contacts = static_cast<int>(contacts.size());
   stats.islands = static_cast<int>(islands.size());
   for (const Island& island : islands) {
     stats.microsteps = std::max(stats.microsteps, island.microsteps);
     stats.clipped += island.clipped;
   }
-  for (size_t i = 0; i < rows.contact.size(); ++i) {
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact) continue;
     stats.touching += data.touched[i];
-    stats.max_penetration = std::max(stats.max_penetration, -inputs[i].gap);
-    stats.max_compression = std::max(stats.max_compression, -data.deformation[rows.contact[i].row]);
+    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
+    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
   }
   return stats;
 }
-
-int contact_capacity(int geoms) { return 128 + 32 * geoms; }
 
 Stepper::Stepper(mjModel_* model, const Parameters& parameters)
     : impl_(std::make_unique<Impl>(model, parameters)) {}

@@ -51,20 +51,25 @@ struct TreeBounds {
   double rigid_share() const { return mixed() ? 0.5 : 1.0; }
 };
 
-// SI stiffness and damping of a contact's rows, before clipping. Rotational rows get the stiffness
-// that gives them the natural frequency of the sliding rows.
-void fill_si_rows(Rows& rows, const ContactRows& c, const Material& material) {
+// Stiffness and damping of a group's rows, before clipping. Rotational rows get the stiffness that
+// gives them the natural frequency of the sliding rows.
+void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) {
+  const Material& material = given.material;
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
-  rows.stiffness[n] = material.stiffness;
-  if (w_normal > 0.0) {
-    const double damping = damping_of(material, material.stiffness, w_normal);
+  if (given.mass_normalised) {
+    rows.stiffness[n] = w_normal > 0.0 ? given.normalised_stiffness / w_normal : 1.0;
+    rows.damping[n] = w_normal > 0.0 ? given.normalised_damping / w_normal : 0.0;
+  } else {
+    rows.stiffness[n] = material.stiffness;
+    const double damping =
+        w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal) : 0.0;
     rows.damping[n] = std::isfinite(damping)
                           ? damping
                           : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
   }
   if (c.dim == 1) return;
-  const double tangential = material.tangential_ratio * material.stiffness;
+  const double tangential = material.tangential_ratio * rows.stiffness[n];
   const double sliding_inverse_mass = 0.5 * (rows.inverse_mass[n + 1] + rows.inverse_mass[n + 2]);
   for (int i = 1; i < c.dim; ++i) {
     const double w = rows.inverse_mass[n + i];
@@ -79,7 +84,7 @@ void fill_si_rows(Rows& rows, const ContactRows& c, const Material& material) {
 // with c the bound of the unit-weighted rows. A damping ratio is that of the stiffest coupled mode,
 // delta = 2 zeta sqrt(kappa / c); a restitution is that of the contact alone,
 // delta = 2 zeta sqrt(kappa).
-void fill_rigid_rows(Rows& rows, const ContactRows& c, const Material& material, double coupling,
+void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, double coupling,
                      double h) {
   const auto fill = [&](int row, double zeta, bool alone) {
     const double w = rows.inverse_mass[row];
@@ -104,11 +109,11 @@ void fill_rigid_rows(Rows& rows, const ContactRows& c, const Material& material,
 class Planner {
  public:
   Planner(const Island& island, Rows& rows, const Trees& trees,
-          const std::vector<Material>& materials)
+          const std::vector<GroupMaterial>& materials)
       : island_(island), rows_(rows), trees_(trees), materials_(materials) {
     bounds_.resize(island.tree.size());
-    for (int index : island.contact)
-      if (!materials[index].rigid) fill_si_rows(rows, rows.contact[index], materials[index]);
+    for (int index : island.group)
+      if (!materials[index].rigid()) fill_given_rows(rows, rows.group[index], materials[index]);
     measure();
   }
 
@@ -123,15 +128,15 @@ class Planner {
   }
 
   bool has_rigid() const {
-    return std::any_of(island_.contact.begin(), island_.contact.end(),
-                       [&](int index) { return materials_[index].rigid; });
+    return std::any_of(island_.group.begin(), island_.group.end(),
+                       [&](int index) { return materials_[index].rigid(); });
   }
 
   // Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
   int fill(double h) {
     int clipped = 0;
-    for (int index : island_.contact) {
-      const ContactRows& c = rows_.contact[index];
+    for (int index : island_.group) {
+      const RowGroup& c = rows_.group[index];
       double stiffness_scale = 1.0, damping_scale = 1.0, coupling = 0.0;
       for (int side = 0; side < 2; ++side) {
         if (c.tree[side] < 0) continue;
@@ -142,8 +147,8 @@ class Planner {
         damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
         coupling = std::max(coupling, b.rigid / b.rigid_share());
       }
-      if (materials_[index].rigid) {
-        fill_rigid_rows(rows_, c, materials_[index], coupling, h);
+      if (materials_[index].rigid()) {
+        fill_rigid_rows(rows_, c, materials_[index].material, coupling, h);
         continue;
       }
       if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;
@@ -173,8 +178,8 @@ class Planner {
       damping.emplace_back(dofs);
       rigid.emplace_back(dofs);
     }
-    for (int index : island_.contact) {
-      const ContactRows& c = rows_.contact[index];
+    for (int index : island_.group) {
+      const RowGroup& c = rows_.group[index];
       for (int i = 0; i < c.dim; ++i) {
         const int row = c.row + i;
         const double* blocks = rows_.jacobian.data() + c.jacobian + i * c.stride;
@@ -186,7 +191,7 @@ class Planner {
           if (norm[side] == 0.0) continue;
           const double split = 1.0 + norm[1 - side] / norm[side];
           const size_t s = slot(c.tree[side]);
-          if (materials_[index].rigid) {
+          if (materials_[index].rigid()) {
             rigid[s].add(block[side], split / rows_.inverse_mass[row]);
           } else {
             stiffness[s].add(block[side], split * rows_.stiffness[row]);
@@ -203,7 +208,7 @@ class Planner {
   const Island& island_;
   Rows& rows_;
   const Trees& trees_;
-  const std::vector<Material>& materials_;
+  const std::vector<GroupMaterial>& materials_;
   std::vector<TreeBounds> bounds_;  // in the order of island.tree
 };
 
@@ -216,21 +221,21 @@ std::vector<Island> find_islands(const Rows& rows, const Trees& trees) {
     while (root[tree] != tree) tree = root[tree] = root[root[tree]];
     return tree;
   };
-  for (const ContactRows& c : rows.contact)
+  for (const RowGroup& c : rows.group)
     if (c.tree[0] >= 0 && c.tree[1] >= 0) {
       const int a = find(c.tree[0]), b = find(c.tree[1]);
       root[std::max(a, b)] = std::min(a, b);
     }
   std::vector<int> island_of(trees.tree.size(), -1);
   std::vector<Island> islands;
-  for (size_t i = 0; i < rows.contact.size(); ++i) {
-    const ContactRows& c = rows.contact[i];
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
     const int tree = find(c.tree[0] >= 0 ? c.tree[0] : c.tree[1]);
     if (island_of[tree] < 0) {
       island_of[tree] = static_cast<int>(islands.size());
       islands.emplace_back();
     }
-    islands[island_of[tree]].contact.push_back(static_cast<int>(i));
+    islands[island_of[tree]].group.push_back(static_cast<int>(i));
   }
   for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
     const int island = island_of[find(static_cast<int>(tree))];
@@ -240,7 +245,8 @@ std::vector<Island> find_islands(const Rows& rows, const Trees& trees) {
 }
 
 void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
-                     const std::vector<Material>& materials, double step, const Options& options) {
+                     const std::vector<GroupMaterial>& materials, double step,
+                     const Options& options) {
   Planner planner(island, rows, trees, materials);
   double count = options.microsteps;
   if (options.microsteps == 0) {

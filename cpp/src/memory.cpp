@@ -9,8 +9,9 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count, the four energies of the ledger, contacts.
-constexpr int kHeader = 5;
+// Storage: count of contacts, ledger, constraints (deformation and stiffness of each), contacts.
+constexpr int kHeader = 6;
+constexpr int kConstraint = 2;
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 
 double squared_distance(const double* a, const double* b) {
@@ -42,31 +43,70 @@ bool is_pair(const RememberedContact& slot, const ContactInput& input) {
 
 }  // namespace
 
-int ContactMemory::size(int capacity) { return kHeader + capacity * kSlot; }
+int MemoryLayout::size() const { return kHeader + kConstraint * constraints + kSlot * contacts; }
 
-int ContactMemory::count() const { return static_cast<int>(storage_[0]); }
+double* Memory::constraint_storage() const { return storage_ + kHeader; }
 
-RememberedContact ContactMemory::at(int index) const {
+double* Memory::contact_storage(int index) const {
+  return storage_ + kHeader + kConstraint * layout_.constraints + kSlot * index;
+}
+
+int Memory::contact_count() const { return static_cast<int>(storage_[0]); }
+
+RememberedContact Memory::contact(int index) const {
   RememberedContact slot;
-  std::memcpy(&slot, storage_ + kHeader + index * kSlot, sizeof(slot));
+  std::memcpy(&slot, contact_storage(index), sizeof(slot));
   return slot;
 }
 
-EnergyLedger ContactMemory::ledger() const {
-  return {storage_[1], storage_[2], storage_[3], storage_[4]};
+EnergyLedger Memory::ledger() const {
+  return {storage_[1], storage_[2], storage_[3], storage_[4], storage_[5]};
 }
 
-void ContactMemory::set_ledger(const EnergyLedger& ledger) {
+void Memory::set_ledger(const EnergyLedger& ledger) {
   storage_[1] = ledger.elastic;
   storage_[2] = ledger.dissipated_normal;
   storage_[3] = ledger.dissipated_friction;
-  storage_[4] = ledger.dissipated_recovery;
+  storage_[4] = ledger.dissipated_constraint;
+  storage_[5] = ledger.dissipated_recovery;
 }
 
-void ContactMemory::recall(const std::vector<ContactInput>& inputs, const Rows& rows,
-                           double recovery_speed, ContactData& data) const {
-  std::vector<RememberedContact> slots(count());
-  for (int i = 0; i < count(); ++i) slots[i] = at(i);
+void Memory::recall(const std::vector<ContactInput>& contacts,
+                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                    double recovery_speed, RowData& data) const {
+  recall_constraints(constraints, rows, recovery_speed, data);
+  recall_contacts(contacts, rows, recovery_speed, data);
+}
+
+void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                                double recovery_speed, RowData& data) const {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind == RowKind::kContact) continue;
+    const ConstraintInput& input = constraints[c.input];
+    const double* slot = constraint_storage() + kConstraint * input.memory;
+    const double remembered = slot[0] == 0.0 ? 0.0 : slot[0] * (slot[1] / rows.stiffness[c.row]);
+    double& deformation = data.deformation[c.row];
+    if (c.kind == RowKind::kSlider) {
+      deformation = remembered;
+      continue;
+    }
+    deformation = input.position;
+    const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
+    if (separated || std::isinf(recovery_speed)) continue;
+    // The spring keeps what it remembers, at most what the position says, of the same sign.
+    deformation = remembered * input.position <= 0.0
+                      ? 0.0
+                      : std::copysign(std::min(std::abs(remembered), std::abs(input.position)),
+                                      input.position);
+    data.offset[index] = deformation - input.position;
+  }
+}
+
+void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
+                             double recovery_speed, RowData& data) const {
+  std::vector<RememberedContact> slots(contact_count());
+  for (int i = 0; i < contact_count(); ++i) slots[i] = contact(i);
   std::stable_sort(slots.begin(), slots.end(), [](const auto& a, const auto& b) {
     return a.geom[0] != b.geom[0] ? a.geom[0] < b.geom[0] : a.geom[1] < b.geom[1];
   });
@@ -74,9 +114,10 @@ void ContactMemory::recall(const std::vector<ContactInput>& inputs, const Rows& 
     return slot.geom[0] != input.geom[0] ? slot.geom[0] < input.geom[0]
                                          : slot.geom[1] < input.geom[1];
   };
-  for (size_t index = 0; index < rows.contact.size(); ++index) {
-    const ContactRows& c = rows.contact[index];
-    const ContactInput& input = inputs[c.input];
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) continue;
+    const ContactInput& input = contacts[c.input];
     data.deformation[c.row] = input.gap;
     if (input.gap >= 0.0) continue;
     // Nearest old point of the pair; a point fixed to either geom is recognised by that geom.
@@ -117,13 +158,22 @@ void ContactMemory::recall(const std::vector<ContactInput>& inputs, const Rows& 
   }
 }
 
-void ContactMemory::remember(const std::vector<ContactInput>& inputs, const Rows& rows,
-                             const ContactData& data) {
+void Memory::remember(const std::vector<ContactInput>& contacts,
+                      const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                      const RowData& data) {
+  std::fill(constraint_storage(), contact_storage(0), 0.0);
   int count = 0;
-  for (size_t index = 0; index < rows.contact.size() && count < capacity_; ++index) {
-    const ContactRows& c = rows.contact[index];
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) {
+      double* slot = constraint_storage() + kConstraint * constraints[c.input].memory;
+      const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
+      slot[0] = separated ? 0.0 : data.deformation[c.row];
+      slot[1] = rows.stiffness[c.row];
+      continue;
+    }
     if (data.deformation[c.row] >= 0.0) continue;
-    const ContactInput& input = inputs[c.input];
+    const ContactInput& input = contacts[c.input];
     const double* s = data.deformation.data() + c.row;
     const double* k = rows.stiffness.data() + c.row;
     RememberedContact slot{};
@@ -147,11 +197,10 @@ void ContactMemory::remember(const std::vector<ContactInput>& inputs, const Rows
       tangent_to_local(s[4], s[5], input, slot.roll);
       slot.roll_stiffness = k[4];
     }
-    std::memcpy(storage_ + kHeader + count * kSlot, &slot, sizeof(slot));
-    ++count;
+    std::memcpy(contact_storage(count++), &slot, sizeof(slot));
   }
   storage_[0] = count;
-  std::fill(storage_ + kHeader + count * kSlot, storage_ + size(capacity_), 0.0);
+  std::fill(contact_storage(count), storage_ + layout_.size(), 0.0);
 }
 
 }  // namespace dashpot

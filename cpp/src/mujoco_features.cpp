@@ -24,6 +24,13 @@ class Report {
   std::vector<Feature> features;
 };
 
+void report_solref(Report& report, const std::string& name, const mjtNum* solref,
+                   const mjtNum* solimp) {
+  if (!is_default_impedance(solref, solimp))
+    report.add(name + " solref/solimp", Treatment::kMapped,
+               "mass-normalised spring-damper, where no material is set");
+}
+
 void report_options(const mjModel* m, Report& report) {
   const mjOption& o = m->opt;
   static const char* const kIntegrators[] = {"Euler", "RK4", "implicit", "implicitfast",
@@ -53,41 +60,46 @@ void report_contacts(const mjModel* m, Report& report) {
   if (m->nflex > 0)
     report.add("flex " + named(m, mjOBJ_FLEX, 0), Treatment::kRefused,
                "deformable contacts are not stepped");
-  mjtNum solref[mjNREF], solimp[mjNIMP];
-  mj_defaultSolRefImp(solref, solimp);
   for (int geom = 0; geom < m->ngeom; ++geom) {
     if (m->geom_contype[geom] == 0 && m->geom_conaffinity[geom] == 0) continue;
-    bool is_default = true;
-    for (int i = 0; i < mjNREF; ++i)
-      is_default = is_default && m->geom_solref[mjNREF * geom + i] == solref[i];
-    for (int i = 0; i < mjNIMP; ++i)
-      is_default = is_default && m->geom_solimp[mjNIMP * geom + i] == solimp[i];
-    if (!is_default)
-      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " solref/solimp", Treatment::kMapped,
-                 "acceleration-space parameters; stiffness and damping come from its material");
+    report_solref(report, "geom " + named(m, mjOBJ_GEOM, geom), m->geom_solref + mjNREF * geom,
+                  m->geom_solimp + mjNIMP * geom);
   }
+  for (int pair = 0; pair < m->npair; ++pair)
+    report_solref(report, "pair " + named(m, mjOBJ_PAIR, pair), m->pair_solref + mjNREF * pair,
+                  m->pair_solimp + mjNIMP * pair);
 }
 
 void report_constraints(const mjModel* m, Report& report) {
-  for (int i = 0; i < m->neq; ++i)
-    report.add("equality " + named(m, mjOBJ_EQUALITY, i), Treatment::kRefused,
-               "equality constraints are not stepped");
-  for (int i = 0; i < m->njnt; ++i) {
-    if (m->jnt_limited[i])
-      report.add("joint " + named(m, mjOBJ_JOINT, i) + " range", Treatment::kRefused,
-                 "joint limits are not stepped");
+  for (int i = 0; i < m->neq; ++i) {
+    const std::string name = "equality " + named(m, mjOBJ_EQUALITY, i);
+    const int type = m->eq_type[i];
+    if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT || type == mjEQ_TENDON) {
+      report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
+      report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i);
+    } else {
+      report.add(name, Treatment::kRefused, "flex equalities are not stepped");
+    }
   }
-  for (int i = 0; i < m->nv; ++i)
-    if (m->dof_frictionloss[i] > 0)
-      report.add("joint " + named(m, mjOBJ_JOINT, m->dof_jntid[i]) + " frictionloss",
-                 Treatment::kRefused, "joint friction loss is not stepped");
+  for (int i = 0; i < m->njnt; ++i) {
+    const std::string name = "joint " + named(m, mjOBJ_JOINT, i);
+    if (m->jnt_limited[i])
+      report_solref(report, name + " range", m->jnt_solref + mjNREF * i,
+                    m->jnt_solimp + mjNIMP * i);
+    if (m->dof_frictionloss[m->jnt_dofadr[i]] > 0)
+      report_solref(report, name + " frictionloss", m->dof_solref + mjNREF * m->jnt_dofadr[i],
+                    m->dof_solimp + mjNIMP * m->jnt_dofadr[i]);
+  }
   for (int i = 0; i < m->ntendon; ++i) {
-    if (m->tendon_limited[i])
-      report.add("tendon " + named(m, mjOBJ_TENDON, i) + " range", Treatment::kRefused,
-                 "tendon limits are not stepped");
-    if (m->tendon_frictionloss[i] > 0)
-      report.add("tendon " + named(m, mjOBJ_TENDON, i) + " frictionloss", Treatment::kRefused,
-                 "tendon friction loss is not stepped");
+    const std::string name = "tendon " + named(m, mjOBJ_TENDON, i);
+    if (m->tendon_limited[i] || m->tendon_frictionloss[i] > 0) {
+      if (m->tendon_treenum[i] > 2)
+        report.add(name, Treatment::kRefused, "its limit or friction couples more than two trees");
+      report_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
+                    m->tendon_solimp_lim + mjNIMP * i);
+      report_solref(report, name + " frictionloss", m->tendon_solref_fri + mjNREF * i,
+                    m->tendon_solimp_fri + mjNIMP * i);
+    }
   }
   for (int i = 0; i < m->nu; ++i)
     if (m->actuator_trntype[i] == mjTRN_BODY)
@@ -104,8 +116,7 @@ void check_options(const mjModel_* m) {
                                 "; it must be finite and > 0 s");
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
-  const bool integrator_known =
-      o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST;
+  const bool integrator_known = o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST;
   if (!integrator_known || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m);
 }

@@ -49,13 +49,15 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
   return norm3(at_centre) + norm3(v) * m->geom_rbound[geom];
 }
 
-// Widens the detection distance of every geom by the distance it can move in this step.
+// Widens the detection distance of every geom and limit by how far it can move in this step.
 class WidenedReach {
  public:
   WidenedReach(mjModel* m, const mjData* d)
       : m_(m),
         geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
-        pair_gap_(m->pair_gap, m->pair_gap + m->npair) {
+        pair_gap_(m->pair_gap, m->pair_gap + m->npair),
+        joint_margin_(m->jnt_margin, m->jnt_margin + m->njnt),
+        tendon_margin_(m->tendon_margin, m->tendon_margin + m->ntendon) {
     const double h = m->opt.timestep;
     std::vector<double> now, later, end_velocity(m->nv);
     for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * d->qacc_smooth[i];
@@ -75,13 +77,15 @@ class WidenedReach {
   ~WidenedReach() {
     std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
     std::copy(pair_gap_.begin(), pair_gap_.end(), m_->pair_gap);
+    std::copy(joint_margin_.begin(), joint_margin_.end(), m_->jnt_margin);
+    std::copy(tendon_margin_.begin(), tendon_margin_.end(), m_->tendon_margin);
   }
   WidenedReach(const WidenedReach&) = delete;
   WidenedReach& operator=(const WidenedReach&) = delete;
 
  private:
   mjModel* m_;
-  std::vector<mjtNum> geom_gap_, pair_gap_;
+  std::vector<mjtNum> geom_gap_, pair_gap_, joint_margin_, tendon_margin_;
 };
 
 std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,
@@ -101,6 +105,9 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
   std::copy(contact.pos, contact.pos + 3, input.position.begin());
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
   std::copy(contact.friction, contact.friction + 5, input.friction.begin());
+  std::copy_n(contact.solref, 2, input.solref.begin());
+  input.impedance = contact.solimp[1];
+  input.has_solref = !is_default_impedance(contact.solref, contact.solimp);
   for (int side = 0; side < 2; ++side) {
     const int geom = contact.geom[side];
     input.geom[side] = geom;
@@ -168,20 +175,20 @@ void smooth_stage(const mjModel_* m, mjData_* d) {
   mj_fwdAcceleration(m, d);
 }
 
-void detect_contacts(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts) {
-  contacts.clear();
+void detect(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts,
+            std::vector<ConstraintInput>& constraints) {
   {
     WidenedReach reach(m, d);
     mj_collision(m, d);
-  }
-  for (int i = 0; i < d->ncon; ++i) {
-    mjContact& contact = d->contact[i];
-    if (contact.exclude > 1 || contact.geom[0] < 0 || contact.geom[1] < 0) continue;
-    // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
-    contact.exclude = 0;
+    for (int i = 0; i < d->ncon; ++i) {
+      mjContact& contact = d->contact[i];
+      // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
+      if (contact.exclude == 1) contact.exclude = 0;
+    }
+    mj_makeConstraint(m, d);
   }
   read_contacts(m, d, contacts);
-  mj_makeConstraint(m, d);
+  read_constraints(m, d, constraints);
   mj_island(m, d);
   mj_referenceConstraint(m, d);
   mj_sensorPos(m, d);
@@ -264,7 +271,7 @@ void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree) {
 }
 
 void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                   const ContactRows& contact, const Trees& trees, double* rows) {
+                   const RowGroup& contact, const Trees& trees, double* rows) {
   const double* frame = input.frame.data();
   for (int side = 0; side < 2; ++side) {
     if (input.tree[side] < 0) continue;
@@ -328,7 +335,8 @@ const double* position(const mjData_* d) { return d->qpos; }
 int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
 
 void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
-                   const std::vector<ContactInput>& inputs, const Rows& rows,
+                   const std::vector<ContactInput>& contacts,
+                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
                    const std::vector<double>& row_force) {
   std::copy(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
   std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
@@ -340,8 +348,10 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }
   if (d->nefc > 0) mju_zero(d->efc_force, d->nefc);
-  for (const ContactRows& c : rows.contact) {
-    const int address = d->contact[inputs[c.input].source].efc_address;
+  for (const RowGroup& c : rows.group) {
+    const int address = c.kind == RowKind::kContact
+                            ? d->contact[contacts[c.input].source].efc_address
+                            : constraints[c.input].source;
     if (address >= 0) std::copy_n(row_force.begin() + c.row, c.dim, d->efc_force + address);
   }
   mj_sensorAcc(m, d);

@@ -22,7 +22,7 @@ ConstFactor factor_of(const Trees& trees, int tree) {
 }  // namespace
 
 void Rows::clear() {
-  contact.clear();
+  group.clear();
   jacobian.clear();
   inverse_mass.clear();
   stiffness.clear();
@@ -30,10 +30,12 @@ void Rows::clear() {
   friction.clear();
 }
 
-ContactRows& Rows::append(int input, int dim, const Trees& trees, std::array<int, 2> tree) {
+RowGroup& Rows::append(RowKind kind, int input, int dim, const Trees& trees,
+                       std::array<int, 2> tree) {
   // Two bodies of one tree share a single block.
   if (tree[0] == tree[1]) tree[1] = -1;
-  ContactRows c;
+  RowGroup c;
+  c.kind = kind;
   c.input = input;
   c.dim = dim;
   c.row = static_cast<int>(inverse_mass.size());
@@ -48,8 +50,8 @@ ContactRows& Rows::append(int input, int dim, const Trees& trees, std::array<int
   jacobian.resize(jacobian.size() + dim * c.stride, 0.0);
   for (auto* array : {&inverse_mass, &stiffness, &damping, &friction})
     array->resize(array->size() + dim, 0.0);
-  contact.push_back(c);
-  return contact.back();
+  group.push_back(c);
+  return group.back();
 }
 
 void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia) {
@@ -62,7 +64,7 @@ void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia) 
                              " is not positive definite");
 }
 
-void whiten(Rows& rows, const ContactRows& c, const Trees& trees) {
+void whiten(Rows& rows, const RowGroup& c, const Trees& trees) {
   for (int i = 0; i < c.dim; ++i) {
     double* row = rows.jacobian.data() + c.jacobian + i * c.stride;
     if (c.tree[0] >= 0) {

@@ -62,7 +62,9 @@ class Contacts:
 class Energy:
     """Energies in J; dissipated ones are totals since the data were made or reset.
 
-    ``elastic`` is stored in compressed contact springs. ``dissipated_recovery`` is elastic energy
+    ``elastic`` is stored in the springs of contacts, limits and equalities, and
+    ``dissipated_constraint`` is what limits, equalities and dry friction loss have dissipated.
+    ``dissipated_recovery`` is elastic energy
     given up where geometry left a spring behind, less what the recovery of unstressed overlap put
     in; it can be negative.
     """
@@ -72,6 +74,7 @@ class Energy:
     elastic: float
     dissipated_normal: float
     dissipated_friction: float
+    dissipated_constraint: float
     dissipated_recovery: float
 
     @property
@@ -81,8 +84,13 @@ class Energy:
 
     @property
     def dissipated(self) -> float:
-        """Everything that contact took out."""
-        return self.dissipated_normal + self.dissipated_friction + self.dissipated_recovery
+        """Everything that contacts and constraints took out."""
+        return (
+            self.dissipated_normal
+            + self.dissipated_friction
+            + self.dissipated_constraint
+            + self.dissipated_recovery
+        )
 
     @property
     def total(self) -> float:

@@ -75,7 +75,8 @@ class Engine:
     Parameters
     ----------
     model
-        Compiled model. Every geom starts as a rigid material with its MJCF friction.
+        Compiled model. Every geom starts as a rigid material with its MJCF friction, or, where the
+        model sets ``solref`` or ``solimp`` itself, as the mass-normalised spring-damper they mean.
     law
         Contact law: ``"kelvin_voigt"``.
     microsteps
@@ -118,7 +119,7 @@ class Engine:
         self.model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         _core.reserve_memory(self.model._address)
-        self._geom_material = [Material() for _ in range(model.ngeom)]
+        self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
         self._stepper: _core.Stepper | None = None
         self._scratch: mujoco.MjData | None = None
@@ -163,8 +164,8 @@ class Engine:
         self._stepper = None
 
     def material(self, geom: str | int) -> Material:
-        """Material of a geom."""
-        return self._geom_material[self.geom_id(geom)]
+        """Material of a geom; the rigid default where none was set."""
+        return self._geom_material.get(self.geom_id(geom), Material())
 
     def pair_material(self, geom1: str | int, geom2: str | int) -> Material | None:
         """Material set for a pair of geoms, or None where the combination applies."""
@@ -230,7 +231,12 @@ class Engine:
         """Options and materials for the C++ core."""
         parameters = _core.Parameters()
         parameters.options = self._options.to_core()
-        parameters.geom_material = [m._to_core() for m in self._geom_material]
+        geom_material = []
+        for geom in range(self.model.ngeom):
+            material = self._geom_material.get(geom, Material())._to_core()
+            material.from_model = geom not in self._geom_material
+            geom_material.append(material)
+        parameters.geom_material = geom_material
         parameters.pair_material = {
             pair: m._to_core() for pair, m in self._pair_material.items()
         }

@@ -32,7 +32,7 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d);
 
 EnergyLedger read_ledger(const mjModel_* m, mjData_* d);
 
-// Doubles that contact memory takes in the user data of this model.
-int memory_size(const mjModel_* m);
+// Room that memory takes in the user data of this model.
+MemoryLayout memory_layout(const mjModel_* m);
 
 }  // namespace dashpot

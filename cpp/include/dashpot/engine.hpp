@@ -47,9 +47,6 @@ struct StepStats {
   double max_compression = 0.0;  // m, deepest spring compression at a step's end (maximum)
 };
 
-// Number of contacts that data remember, for a model with so many geoms.
-int contact_capacity(int geoms);
-
 class Stepper {
  public:
   // `model` must outlive the stepper. Throws std::invalid_argument naming the feature that is

@@ -1,6 +1,6 @@
 // Islands and the control of their micro-steps.
 //
-// Contacts with a tree in common are coupled; an island is a connected set of them. Its micro-step
+// Groups with a tree in common are coupled; an island is a connected set of them. Its micro-step
 // h must resolve the coupled stiffness and damping (DESIGN section 2.4):
 //
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
@@ -28,13 +28,25 @@ inline constexpr double kResolution = 0.5;         // theta
 inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
 inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
 
-// Connected sets of contacts in a fixed order: by their first contact.
+// What gives a group its stiffness and damping: a material, or a mass-normalised spring-damper
+// k = s / w, d = c / w (MuJoCo's solref).
+struct GroupMaterial {
+  Material material;
+  bool mass_normalised = false;
+  double normalised_stiffness = 0.0;  // s, 1/s^2
+  double normalised_damping = 0.0;    // c, 1/s
+
+  bool rigid() const { return !mass_normalised && material.rigid; }
+};
+
+// Connected sets of groups in a fixed order: by their first group.
 std::vector<Island> find_islands(const Rows& rows, const Trees& trees);
 
 // Chooses the number of micro-steps of an island over a step of length `step` (s) and fills the
-// stiffness and damping of its rows from `materials` (one per contact). A rigid material becomes
-// as stiff as h resolves; SI values that h does not resolve are lowered and counted as clipped.
+// stiffness and damping of its rows from `materials` (one per group). A rigid material becomes as
+// stiff as h resolves; values that h does not resolve are lowered and counted as clipped.
 void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
-                     const std::vector<Material>& materials, double step, const Options& options);
+                     const std::vector<GroupMaterial>& materials, double step,
+                     const Options& options);
 
 }  // namespace dashpot

@@ -16,8 +16,9 @@ enum class DampingForm {
 
 // What a material or a pair fixes of a contact. NaN in `friction` means: as the MJCF says.
 struct Material {
-  bool rigid = true;       // as stiff as the micro-step resolves; `stiffness` unused
-  double stiffness = 0.0;  // k, N/m, > 0
+  bool from_model = false;  // nobody set it: rigid, or the solref that the model itself sets
+  bool rigid = true;        // as stiff as the micro-step resolves; `stiffness` unused
+  double stiffness = 0.0;   // k, N/m, > 0
   DampingForm form = DampingForm::kRatio;
   double damping = 1.0;        // in the unit of `form`
   double added_damping = 0.0;  // N s/m on top, >= 0: set by combine() for a mixed pair only

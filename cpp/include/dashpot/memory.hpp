@@ -1,10 +1,12 @@
-// Contact memory carried from step to step in mjData's user data: the compression and the elastic
-// displacement of every compressed contact, and the energy ledger.
+// Memory carried from step to step in mjData's user data: the compression and the elastic
+// displacement of every compressed contact, the deformation of every limit, equality and
+// dry-friction row, and the energy ledger.
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
 // compression remembered at the nearest point of the same geom pair; what geometry reports beyond
-// that is an unstressed offset. Where the stiffness of a row has changed since (rigid rows follow
-// the micro-step), the remembered deformation is scaled so that its force is continuous.
+// that is an unstressed offset. Limits and equalities do the same with their position. Where the
+// stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
+// deformation is scaled so that its force is continuous.
 
 #pragma once
 
@@ -20,6 +22,7 @@ struct EnergyLedger {
   double elastic = 0.0;
   double dissipated_normal = 0.0;
   double dissipated_friction = 0.0;
+  double dissipated_constraint = 0.0;
   double dissipated_recovery = 0.0;  // negative when recovery has put energy in
 };
 
@@ -35,30 +38,44 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
 };
 
-class ContactMemory {
+// Room that memory takes: contacts that can be compressed at once, and scalar constraints.
+struct MemoryLayout {
+  int contacts = 0;
+  int constraints = 0;
+  int size() const;  // doubles
+};
+
+class Memory {
  public:
-  // Numbers of doubles needed to remember `capacity` contacts.
-  static int size(int capacity);
+  // A view of `storage`, layout.size() doubles; zeroed storage is an empty memory.
+  Memory(double* storage, const MemoryLayout& layout) : storage_(storage), layout_(layout) {}
 
-  // A view of `storage`, size(capacity) doubles; zeroed storage is an empty memory.
-  ContactMemory(double* storage, int capacity) : storage_(storage), capacity_(capacity) {}
-
-  int count() const;
-  RememberedContact at(int index) const;
+  int contact_count() const;
+  RememberedContact contact(int index) const;
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
 
-  // Fills the deformation and offset of every contact. With infinite `recovery_speed` the spring
-  // takes the whole overlap.
-  void recall(const std::vector<ContactInput>& inputs, const Rows& rows, double recovery_speed,
-              ContactData& data) const;
+  // Fills the deformation and offset of every row. With infinite `recovery_speed` the spring takes
+  // the whole overlap.
+  void recall(const std::vector<ContactInput>& contacts,
+              const std::vector<ConstraintInput>& constraints, const Rows& rows,
+              double recovery_speed, RowData& data) const;
 
-  // Replaces the memory by the compressed contacts of `data`.
-  void remember(const std::vector<ContactInput>& inputs, const Rows& rows, const ContactData& data);
+  // Replaces the memory by the deformed rows of `data`.
+  void remember(const std::vector<ContactInput>& contacts,
+                const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                const RowData& data);
 
  private:
+  double* constraint_storage() const;
+  double* contact_storage(int index) const;
+  void recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
+                       double recovery_speed, RowData& data) const;
+  void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                          double recovery_speed, RowData& data) const;
+
   double* storage_;
-  int capacity_;
+  MemoryLayout layout_;
 };
 
 }  // namespace dashpot

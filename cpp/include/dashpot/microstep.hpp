@@ -1,4 +1,4 @@
-// Micro-steps of one island over contact rows, with geometry frozen (DESIGN section 2.4).
+// Micro-steps of one island over its rows, with geometry frozen (DESIGN section 2.4).
 //
 // State is whitened (rows.hpp): velocity y, smooth acceleration y_a. A micro-step of length h:
 //
@@ -21,45 +21,48 @@
 
 namespace dashpot {
 
-// Trees and contacts coupled to each other, and the micro-steps they take.
+// Trees and row groups coupled to each other, and the micro-steps they take.
 struct Island {
-  std::vector<int> tree;     // indices in Trees
-  std::vector<int> contact;  // indices in Rows::contact
+  std::vector<int> tree;   // indices in Trees
+  std::vector<int> group;  // indices in Rows::group
   int microsteps = 1;
   double duration = 0.0;  // h, s
   int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
 };
 
+// Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
+struct EnergyShares {
+  double normal = 0.0, friction = 0.0, constraint = 0.0;
+  double sum() const { return normal + friction + constraint; }
+};
+
 // What the micro-steps change.
-struct ContactData {
-  // Per row. `deformation` is the spring gap x of a normal (m, negative when compressed) and the
-  // elastic displacement s of a friction row (m or rad).
+struct RowData {
+  // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
+  // the strain of an equality, the elastic displacement s of a friction row; m or rad.
   std::vector<double> deformation, rate, force, impulse, moment;
   std::vector<double> total_impulse;  // over the whole step, N s or N m s
   std::vector<Propagator> propagator;
 
-  // Per contact: unstressed overlap (m, >= 0) still to recover, whether friction last stuck, and
-  // whether any impulse acted in this step.
+  // Per group: unstressed part of the position still to recover (deformation minus position; >= 0
+  // for contacts and limits), whether friction last stuck, whether any impulse acted in this step.
   std::vector<double> offset;
   std::vector<char> sticking, touched;
 
   // Whitened, per degree of freedom.
   std::vector<double> velocity, smooth_acceleration, displacement, total_displacement, acceleration;
 
-  // Work done on the bodies by normal and friction impulses, and energy put in by recovery, J.
-  double work_normal = 0.0, work_friction = 0.0, recovery_input = 0.0;
+  // Work done on the bodies, and energy put in by recovery, J.
+  EnergyShares work, recovery_input;
 
   // Sizes every array for `rows` and `dofs` degrees of freedom and zeroes it.
   void reset(const Rows& rows, int dofs);
 };
 
 void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
-                    double recovery_speed, ContactData& data);
+                    double recovery_speed, RowData& data);
 
-// Elastic energy stored in the springs of compressed contacts, J.
-struct ElasticEnergy {
-  double normal = 0.0, friction = 0.0;
-};
-ElasticEnergy elastic_energy(const Rows& rows, const ContactData& data);
+// Elastic energy stored in the springs, J.
+EnergyShares elastic_energy(const Rows& rows, const RowData& data);
 
 }  // namespace dashpot

@@ -53,10 +53,21 @@ long long data_size(const mjModel_* m);
 // Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
 void smooth_stage(const mjModel_* m, mjData_* d);
 
-// Collision with a reach that covers the motion of every body in this step, and MuJoCo's own
-// constraint rows for the contacts found, so that its sensors and force queries see them. The
-// model's gaps are widened during the call and restored.
-void detect_contacts(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts);
+// Collision and limits with a reach that covers the motion of every body and joint in this step,
+// and MuJoCo's own constraint rows for what was found, so that its sensors and force queries see
+// them. The model's gaps and margins are widened during the call and restored.
+void detect(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts,
+            std::vector<ConstraintInput>& constraints);
+
+// Scalar constraints of the last detection, with the margins that the model sets.
+void read_constraints(const mjModel_* m, const mjData_* d,
+                      std::vector<ConstraintInput>& constraints);
+
+// Whether solref (2) and solimp (5) are MuJoCo's defaults.
+bool is_default_impedance(const double* solref, const double* solimp);
+
+// Number of scalar constraints of the model that carry memory.
+int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
@@ -75,9 +86,12 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Factors a tree's effective inertia M + H D.
 void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree);
 
+// Fills the Jacobian row of a scalar constraint (before whitening).
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                   const RowGroup& group, const Trees& trees, double* row);
 // Fills the Jacobian rows of a contact (before whitening).
 void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                   const ContactRows& contact, const Trees& trees, double* rows);
+                   const RowGroup& contact, const Trees& trees, double* rows);
 
 // Trees that are one free body without children.
 bool is_free_body(const mjModel_* m, int tree);
@@ -92,7 +106,8 @@ const double* smooth_acceleration(const mjData_* d);
 // Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
 // row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
 void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
-                   const std::vector<ContactInput>& inputs, const Rows& rows,
+                   const std::vector<ContactInput>& contacts,
+                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
                    const std::vector<double>& row_force);
 
 // MuJoCo's own integrator: advances everything (time, activations, plugins, trees without contact).

@@ -1,0 +1,124 @@
+// Scalar constraints (equalities, dry friction, limits) as MuJoCo instantiates them. Part of the
+// mujoco_host room.
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+constexpr int kEqualityRows = 6;  // most rows of one equality (weld)
+constexpr int kLimitSides = 2;
+
+// Calls visit(dof, value) for every nonzero of a row of efc_J.
+template <typename Visit>
+void for_each_nonzero(const mjModel* m, const mjData* d, int row, Visit visit) {
+  if (mj_isSparse(m)) {
+    const int address = d->efc_J_rowadr[row];
+    for (int k = address; k < address + d->efc_J_rownnz[row]; ++k)
+      if (d->efc_J[k] != 0.0) visit(d->efc_J_colind[k], d->efc_J[k]);
+  } else {
+    for (int dof = 0; dof < m->nv; ++dof)
+      if (d->efc_J[row * m->nv + dof] != 0.0) visit(dof, d->efc_J[row * m->nv + dof]);
+  }
+}
+
+// The parameters of a constraint in its model arrays.
+struct Source {
+  RowKind kind;
+  int memory;
+  const mjtNum* solref;
+  const mjtNum* solimp;
+  double margin;
+};
+
+// `index` counts the rows of the same equality from 0; `upper` tells the two sides of a limit.
+Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
+  const int frictions = kEqualityRows * static_cast<int>(m->neq);
+  const int tendon_frictions = frictions + static_cast<int>(m->nv);
+  const int joint_limits = tendon_frictions + static_cast<int>(m->ntendon);
+  const int tendon_limits = joint_limits + kLimitSides * static_cast<int>(m->njnt);
+  switch (type) {
+    case mjCNSTR_EQUALITY:
+      return {RowKind::kBilateral, kEqualityRows * id + index, m->eq_solref + mjNREF * id,
+              m->eq_solimp + mjNIMP * id, 0.0};
+    case mjCNSTR_FRICTION_DOF:
+      return {RowKind::kSlider, frictions + id, m->dof_solref + mjNREF * id,
+              m->dof_solimp + mjNIMP * id, 0.0};
+    case mjCNSTR_FRICTION_TENDON:
+      return {RowKind::kSlider, tendon_frictions + id, m->tendon_solref_fri + mjNREF * id,
+              m->tendon_solimp_fri + mjNIMP * id, 0.0};
+    case mjCNSTR_LIMIT_JOINT:
+      return {RowKind::kUnilateral, joint_limits + kLimitSides * id + upper,
+              m->jnt_solref + mjNREF * id, m->jnt_solimp + mjNIMP * id, m->jnt_margin[id]};
+    default:
+      return {RowKind::kUnilateral, tendon_limits + kLimitSides * id + upper,
+              m->tendon_solref_lim + mjNREF * id, m->tendon_solimp_lim + mjNIMP * id,
+              m->tendon_margin[id]};
+  }
+}
+
+}  // namespace
+
+bool is_default_impedance(const double* solref, const double* solimp) {
+  mjtNum default_solref[mjNREF], default_solimp[mjNIMP];
+  mj_defaultSolRefImp(default_solref, default_solimp);
+  return std::equal(solref, solref + mjNREF, default_solref) &&
+         std::equal(solimp, solimp + mjNIMP, default_solimp);
+}
+
+int constraint_memory_count(const mjModel_* m) {
+  return static_cast<int>(kEqualityRows * m->neq + m->nv + m->ntendon +
+                          kLimitSides * (m->njnt + m->ntendon));
+}
+
+void read_constraints(const mjModel_* m, const mjData_* d,
+                      std::vector<ConstraintInput>& constraints) {
+  constraints.clear();
+  int equality_row = 0;
+  for (int row = 0; row < d->ne + d->nf + d->nl; ++row) {
+    const int type = d->efc_type[row], id = d->efc_id[row];
+    const bool same_equality = row > 0 && type == mjCNSTR_EQUALITY &&
+                               d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
+    equality_row = same_equality ? equality_row + 1 : 0;
+    ConstraintInput input;
+    double first = 0.0;
+    int trees = 0;
+    for_each_nonzero(m, d, row, [&](int dof, double value) {
+      if (first == 0.0) first = value;
+      const int tree = m->dof_treeid[dof];
+      if (trees > 0 && (input.tree[0] == tree || input.tree[1] == tree)) return;
+      if (trees == 2)
+        throw std::invalid_argument("constraint row " + std::to_string(row) +
+                                    " couples more than two kinematic trees");
+      input.tree[trees++] = tree;
+    });
+    if (trees == 0) continue;
+    const Source source = source_of(m, type, id, equality_row, first < 0.0);
+    input.kind = source.kind;
+    input.source = row;
+    input.memory = source.memory;
+    input.position = source.kind == RowKind::kSlider ? 0.0 : d->efc_pos[row] - source.margin;
+    input.limit = d->efc_frictionloss[row];
+    std::copy_n(source.solref, 2, input.solref.begin());
+    input.impedance = source.solimp[1];
+    input.has_solref = !is_default_impedance(source.solref, source.solimp);
+    constraints.push_back(input);
+  }
+}
+
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                   const RowGroup& group, const Trees& trees, double* row) {
+  for_each_nonzero(m, d, input.source, [&](int dof, double value) {
+    const int tree = m->dof_treeid[dof];
+    const int column = group.tree[0] == tree ? 0 : group.dof_count[0];
+    row[column + dof - trees.tree[tree].dof_begin] = value;
+  });
+}
+
+}  // namespace dashpot::host
