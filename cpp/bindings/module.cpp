@@ -6,6 +6,8 @@ namespace dashpot::bindings {
 void bind_law(pybind11::module_& module);
 void bind_engine(pybind11::module_& module);
 void bind_query(pybind11::module_& module);
+void bind_rollout(pybind11::module_& module);
+void bind_residuals(pybind11::module_& module);
 }  // namespace dashpot::bindings
 
 PYBIND11_MODULE(_core, module) {
@@ -14,4 +16,6 @@ PYBIND11_MODULE(_core, module) {
   bind_law(module);
   bind_engine(module);
   bind_query(module);
+  bind_rollout(module);
+  bind_residuals(module);
 }

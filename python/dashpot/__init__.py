@@ -1,10 +1,17 @@
 """dashpot: closed-form contact dynamics for MuJoCo models."""
 
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING
+
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
 from dashpot.query import Distance, TimeOfImpact, distance, time_of_impact
+from dashpot.rollouts import rollout
 
 __all__ = [
     "CombinationRules",
@@ -17,6 +24,20 @@ __all__ = [
     "Report",
     "StepStats",
     "TimeOfImpact",
+    "calibrate",
     "distance",
+    "rollout",
     "time_of_impact",
 ]
+
+if TYPE_CHECKING:
+    from dashpot import calibrate
+
+# Imported on first use: they need scipy and matplotlib.
+_LAZY = ("calibrate",)
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name in _LAZY:
+        return importlib.import_module(f"dashpot.{name}")
+    raise AttributeError(f"module 'dashpot' has no attribute {name!r}")

@@ -227,6 +227,17 @@ class Engine:
         """Which MJCF options and features of the model are honoured, mapped or refused."""
         return Report(tuple(Feature(*row) for row in _core.features(self.model._address)))
 
+    def __copy__(self) -> Engine:
+        """Return an engine of its own: a copy of the model and the same options and materials."""
+        other = Engine.__new__(Engine)
+        other._options = self._options
+        other.model = copy.deepcopy(self.model)
+        other._geom_material = list(self._geom_material)
+        other._pair_material = dict(self._pair_material)
+        other._stepper = None
+        other._scratch = None
+        return other
+
     def _parameters(self) -> _core.Parameters:
         """Options and materials for the C++ core."""
         parameters = _core.Parameters()

@@ -1,0 +1,64 @@
+// Residuals of simulated against observed trajectories, for calibration.
+//
+// For every observed frame and body, with simulated pose (p, R) and observed pose (p_o, R_o):
+//
+//     position residual   (p - p_o) * position_weight                  world frame
+//     rotation residual   log(R_o^T R) * rotation_weight               rotation vector, |.| <= pi
+//
+// A variant is a model with parameters. All variants x trajectories are simulated in one parallel
+// batch; a Jacobian is made by finite differences between variants, so that it costs one batch.
+
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dashpot/simulation_host.hpp"
+
+namespace dashpot {
+
+// A model and how it steps: with dashpot, or with mj_step where `parameters` is null.
+struct Variant {
+  const mjModel_* model = nullptr;
+  const Parameters* parameters = nullptr;
+};
+
+// What was observed of one motion.
+struct ObservedTrajectory {
+  std::string name;
+  double timestep = 0.0;           // s, of the simulation
+  std::vector<int> frame_step;     // steps from the start to each observed frame, ascending, >= 0
+  std::vector<int> body;           // observed bodies
+  std::vector<double> position;    // (frames, bodies, 3), m
+  std::vector<double> quaternion;  // (frames, bodies, 4), unit, w x y z
+  std::vector<double> control;     // (last frame_step, nu), or empty: zero
+  double position_weight = 1.0;    // 1/m
+  double rotation_weight = 1.0;    // 1/rad
+
+  int frames() const { return static_cast<int>(frame_step.size()); }
+  int bodies() const { return static_cast<int>(body.size()); }
+  int residuals() const { return 6 * frames() * bodies(); }
+};
+
+// Throws std::invalid_argument naming the trajectory and the field whose size, order or value does
+// not fit itself or the model.
+void check(const ObservedTrajectory& trajectory, const ModelSizes& sizes);
+
+// Number of residuals of all trajectories together.
+std::size_t residual_count(const std::vector<ObservedTrajectory>& trajectories);
+
+// Simulates every variant from `qpos` (variants, trajectories, nq) and `qvel` (variants,
+// trajectories, nv) without contact memory, and writes `residuals` (variants, residual_count):
+// trajectories in order, within one (frames, bodies, 6), position before rotation. Identical bit
+// for bit for every `nthread` (0: one per core). Throws std::invalid_argument naming the
+// trajectory, variant and step of a simulation that fails.
+void residuals(const std::vector<Variant>& variants,
+               const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
+               const double* qvel, int nthread, double* residuals);
+
+// Simulated poses instead of residuals: (variants, frames and bodies of all trajectories, 7).
+void poses(const std::vector<Variant>& variants,
+           const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
+           const double* qvel, int nthread, double* poses);
+
+}  // namespace dashpot

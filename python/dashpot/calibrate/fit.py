@@ -1,0 +1,330 @@
+"""Fit the parameters of a problem to its trajectories."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from dashpot.calibrate.identifiability import judge
+from dashpot.calibrate.intervals import Covariance, covariance
+from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.result import Fit
+from dashpot.calibrate.search import (
+    LossName,
+    Search,
+    cma_es,
+    least_squares,
+    loss_weights,
+    spread_starts,
+)
+
+Array = NDArray[np.float64]
+Method = Literal["least_squares", "cma", "cma+least_squares"]
+Errors = Literal["auto", "independent", "clustered"]
+
+# Clustered errors need many clusters to be estimated well; with fewer they are too small.
+_MIN_CLUSTERS = 20
+# Differences for the intervals start at this width in the search coordinate and may stay wider
+# than the interval by this factor.
+_WIDEST_DIFFERENCE = 0.2
+_WIDTH_SLACK = 2.0
+
+
+def fit(
+    problem: Problem,
+    *,
+    method: Method = "least_squares",
+    loss: LossName = "linear",
+    loss_scale: float = 1.0,
+    windows: Sequence[float] = (),
+    starts: int = 0,
+    local_searches: int = 2,
+    max_evaluations: int = 1000,
+    errors: Errors = "auto",
+    confidence: float = 0.95,
+    seed: int = 0,
+    nthread: int | None = None,
+    progress: bool = False,
+) -> Fit:
+    """Estimate the parameters of `problem` and say what the data identify.
+
+    A trajectory with impacts makes a cost with many valleys: shortly after the first impact there
+    are few, so `windows` can be searched first, each from the last one's estimate, before the
+    problem's own window; `starts` spreads further starts over the bounds.
+
+    Parameters
+    ----------
+    problem
+        What moves, what is unknown, what was observed.
+    method
+        ``"least_squares"``: trust-region Gauss-Newton with a finite-difference Jacobian, one
+        parallel batch each. ``"cma"``: CMA-ES, one parallel batch per generation, for costs with
+        many valleys. ``"cma+least_squares"``: the second from the first's estimate, half of the
+        budget each.
+    loss
+        ``"linear"`` or a robust loss of `scipy.optimize.least_squares`.
+    loss_scale
+        Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
+    windows
+        Seconds; ascending windows to search first.
+    starts
+        Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
+        in one batch.
+    local_searches
+        How many of the best starts are searched from, >= 1.
+    max_evaluations
+        Budget of simulated sets of trajectories, those for derivatives included.
+    errors
+        ``"independent"`` residuals; ``"clustered"``: residuals of a trajectory hang together
+        (model error); ``"auto"``: clustered from 20 trajectories on and five per unknown.
+    confidence
+        Of the intervals, in (0, 1).
+    seed
+        Of starts and CMA-ES.
+    nthread
+        Threads; None: one per core. The result does not depend on it.
+    progress
+        Show a progress bar.
+
+    Raises
+    ------
+    ValueError
+        For options out of range, and where a simulation fails, naming the trajectory.
+    """
+    _check_options(method, loss, loss_scale, windows, starts, local_searches, max_evaluations)
+    if errors not in get_args(Errors):
+        raise ValueError(f"errors must be one of {', '.join(get_args(Errors))}, got {errors!r}")
+    if not 0 < confidence < 1:
+        raise ValueError(f"confidence must be in (0, 1), got {confidence!r}")
+    began = time.perf_counter()
+    threads = 0 if nthread is None else nthread
+    stages = [problem.with_window(w) for w in _earlier(windows, problem.window)] + [problem]
+    history: list[float] = []
+    spent = 0
+    point: Array | None = None
+    with _Bar(progress, max_evaluations) as bar:
+        for index, stage in enumerate(stages):
+            objective = Objective(stage, nthread=threads)
+            budget = (max_evaluations - spent) // (len(stages) - index)
+            search = Search(objective, loss, loss_scale, budget, bar.reporter(spent))
+            _search(
+                search,
+                objective.start() if point is None else point,
+                method,
+                starts if index == 0 else 0,
+                local_searches,
+                seed,
+            )
+            point = search.best_point
+            spent += objective.evaluations
+            history += search.history
+        search_evaluations = objective.evaluations
+        residuals = objective.residuals(point)[0]
+        errors_kind = _errors_kind(errors, problem, objective)
+        estimate_covariance = _covariance(
+            objective, point, residuals, loss, loss_scale, errors_kind, confidence
+        )
+    return _result(
+        problem,
+        objective,
+        point,
+        residuals,
+        estimate_covariance,
+        search,
+        history=np.array(history),
+        evaluations=spent + objective.evaluations - search_evaluations,
+        seconds=time.perf_counter() - began,
+        method=method,
+        errors=errors_kind,
+        confidence=confidence,
+    )
+
+
+def _search(
+    search: Search, start: Array, method: Method, starts: int, local_searches: int, seed: int
+) -> None:
+    points = spread_starts(search, start, starts, seed, local_searches)
+    total = search.max_evaluations
+    if method != "least_squares":
+        if method == "cma+least_squares":
+            search.max_evaluations = search.objective.evaluations + search.left // 2
+        cma_es(search, points[0], seed)
+        search.max_evaluations = total
+        points = [search.best_point]
+    if method != "cma":
+        for remaining, point in zip(range(len(points), 0, -1), points, strict=True):
+            search.max_evaluations = search.objective.evaluations + (
+                max(0, total - search.objective.evaluations) // remaining
+            )
+            least_squares(search, point)
+        search.max_evaluations = total
+
+
+def _covariance(
+    objective: Objective,
+    point: Array,
+    residuals: Array,
+    loss: LossName,
+    loss_scale: float,
+    errors: str,
+    confidence: float,
+) -> Covariance:
+    """Covariance from a Jacobian whose differences are as wide as the intervals it gives.
+
+    On the small scale the cost of a motion with impacts is rough, and its local derivatives are
+    larger than its trend: intervals from them would be too narrow. The differences therefore start
+    wide and shrink to the intervals that they imply, never below the parameters' own.
+    """
+    weights = loss_weights(loss, (residuals / loss_scale) ** 2)
+    offsets = objective.offsets if errors == "clustered" else None
+    own = np.array([p.difference for p in objective.problem.parameters])
+    widths = np.maximum(own, _WIDEST_DIFFERENCE)
+    while True:
+        estimated = covariance(
+            objective.jacobian(point, widths), residuals, weights=weights, offsets=offsets
+        )
+        implied = estimated.half_width(confidence)[: objective.parameters]
+        wanted = np.clip(implied, own, widths)
+        if (widths <= _WIDTH_SLACK * wanted).all():
+            return estimated
+        widths = wanted
+
+
+def _result(
+    problem: Problem,
+    objective: Objective,
+    point: Array,
+    residuals: Array,
+    estimated: Covariance,
+    search: Search,
+    *,
+    history: Array,
+    evaluations: int,
+    seconds: float,
+    method: str,
+    errors: str,
+    confidence: float,
+) -> Fit:
+    count = objective.parameters
+    half_width = estimated.half_width(confidence)
+    correlation = estimated.correlation[:count, :count]
+    estimates = tuple(
+        judge(
+            parameter,
+            float(point[i]),
+            float(estimated.standard_error[i]),
+            float(half_width[i]),
+            correlation[i],
+            problem.names,
+            confidence,
+        )
+        for i, parameter in enumerate(problem.parameters)
+    )
+    by_trajectory = tuple(
+        residuals[first:last].reshape(-1, len(trajectory.bodies), 6)
+        for trajectory, first, last in zip(
+            problem.trajectories, objective.offsets[:-1], objective.offsets[1:], strict=True
+        )
+    )
+    velocity, displacement = objective.initial_estimates(point)
+    return Fit(
+        estimates=estimates,
+        correlation=correlation,
+        residuals=by_trajectory,
+        cost=float(search.costs(residuals)),
+        cost_history=history,
+        residual_variance=estimated.residual_variance,
+        evaluations=evaluations,
+        seconds=seconds,
+        method=method,
+        loss=search.loss,
+        errors=errors,
+        confidence=confidence,
+        converged=search.converged,
+        message=search.message,
+        problem=problem,
+        initial_velocity=velocity,
+        initial_displacement=displacement,
+    )
+
+
+def _errors_kind(errors: Errors, problem: Problem, objective: Objective) -> str:
+    clusters = len(problem.trajectories)
+    if errors == "auto":
+        enough = clusters >= _MIN_CLUSTERS and clusters >= 5 * objective.parameters
+        return "clustered" if enough else "independent"
+    if errors == "clustered" and clusters < 2:
+        raise ValueError("errors='clustered' needs at least two trajectories")
+    return errors
+
+
+def _earlier(windows: Sequence[float], last: float | None) -> list[float]:
+    return [w for w in windows if last is None or w < last]
+
+
+def _check_options(
+    method: str,
+    loss: str,
+    loss_scale: float,
+    windows: Sequence[float],
+    starts: int,
+    local_searches: int,
+    max_evaluations: int,
+) -> None:
+    if method not in get_args(Method):
+        raise ValueError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
+    if loss not in get_args(LossName):
+        raise ValueError(f"loss must be one of {', '.join(get_args(LossName))}, got {loss!r}")
+    if not (np.isfinite(loss_scale) and loss_scale > 0):
+        raise ValueError(f"loss_scale must be finite and > 0, got {loss_scale!r}")
+    if any(not w > 0 for w in windows) or any(np.diff(windows) <= 0):
+        raise ValueError(f"windows must be > 0 and ascend, got {tuple(windows)}")
+    if starts < 0:
+        raise ValueError(f"starts must be >= 0, got {starts!r}")
+    if local_searches < 1:
+        raise ValueError(f"local_searches must be >= 1, got {local_searches!r}")
+    if max_evaluations < 1:
+        raise ValueError(f"max_evaluations must be >= 1, got {max_evaluations!r}")
+
+
+class _Bar:
+    """A rich progress bar over the budget, or nothing."""
+
+    def __init__(self, shown: bool, total: int) -> None:
+        self._progress = (
+            Progress(
+                TextColumn("calibrating"),
+                BarColumn(),
+                TextColumn("{task.completed:.0f} simulations, cost {task.fields[cost]:.6g}"),
+                TimeElapsedColumn(),
+                transient=True,
+            )
+            if shown
+            else None
+        )
+        self._total = total
+
+    def __enter__(self) -> _Bar:
+        if self._progress:
+            self._progress.start()
+            self._task = self._progress.add_task("fit", total=self._total, cost=float("nan"))
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._progress:
+            self._progress.stop()
+
+    def reporter(self, already: int) -> Callable[[int, float], None]:
+        """Return the function that a search calls with its evaluations and lowest cost."""
+
+        def report(evaluations: int, cost: float) -> None:
+            if self._progress:
+                self._progress.update(self._task, completed=already + evaluations, cost=cost)
+
+        return report

@@ -1,0 +1,148 @@
+"""Whether data identify a parameter, said in a plain sentence.
+
+A parameter is called *not identified* when
+
+* the residuals do not depend on it (alone, or once another unknown compensates it), or
+* its estimate lies at a bound, or
+* its interval covers more than half of the allowed range, or
+* (log parameters) the ends of its interval differ by more than a factor of ten.
+
+A correlation above 0.95 with another parameter is named in the sentence: then the data know a
+combination of the two much better than each.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+MAX_RANGE_SHARE = 0.5
+MAX_FACTOR = 10.0
+HIGH_CORRELATION = 0.95
+# Share of the search range within which an estimate counts as being at its bound.
+_AT_BOUND = 1e-3
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimated parameter.
+
+    Attributes
+    ----------
+    name
+        The parameter.
+    value
+        The estimate, in the parameter's unit.
+    standard_error
+        In the same unit, to first order in the search coordinate.
+    lower, upper
+        Ends of the confidence interval.
+    identified
+        Whether the data identify it.
+    statement
+        A sentence that says why or why not.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    lower: float
+    upper: float
+    identified: bool
+    statement: str
+
+
+def judge(
+    parameter: Parameter,
+    z: float,
+    standard_error: float,
+    half_width: float,
+    correlation: Array,
+    names: tuple[str, ...],
+    confidence: float,
+) -> Estimate:
+    """Return the estimate of one parameter with its statement.
+
+    Parameters
+    ----------
+    parameter
+        The parameter.
+    z, standard_error, half_width
+        Estimate, its standard error and the half-width of its interval in the search coordinate.
+    correlation
+        Correlations with the parameters `names`.
+    confidence
+        Of the interval, for the sentence.
+    """
+    coordinate = parameter.coordinate
+    value = coordinate.to_value(z)
+    if not math.isfinite(standard_error):
+        return Estimate(
+            parameter.name,
+            value,
+            math.inf,
+            *parameter.bounds,
+            identified=False,
+            statement="not identified: the observed motion does not depend on it, or only through "
+            "a combination with other parameters",
+        )
+    lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
+    reason = _reason(parameter, z, half_width, lower, upper, confidence)
+    partner = _partner(parameter.name, correlation, names)
+    if reason is None:
+        statement = f"identified: {confidence:.0%} interval {lower:.4g} to {upper:.4g}"
+        if partner:
+            statement += f"; {partner}, so the data know their combination better than each"
+    else:
+        statement = f"not identified: {reason}"
+        if partner:
+            statement += f"; {partner}"
+    return Estimate(
+        parameter.name,
+        value,
+        standard_error * coordinate.slope(z),
+        lower,
+        upper,
+        identified=reason is None,
+        statement=statement,
+    )
+
+
+def _reason(
+    parameter: Parameter,
+    z: float,
+    half_width: float,
+    lower: float,
+    upper: float,
+    confidence: float,
+) -> str | None:
+    low, high = parameter.coordinate.sampling_bounds
+    at_bound = _AT_BOUND * (high - low)
+    if z - low <= at_bound:
+        return f"the estimate lies at its lower bound {parameter.bounds[0]:.4g}"
+    if high - z <= at_bound:
+        return f"the estimate lies at its upper bound {parameter.bounds[1]:.4g}"
+    share = (min(z + half_width, high) - max(z - half_width, low)) / (high - low)
+    if share > MAX_RANGE_SHARE:
+        return f"its {confidence:.0%} interval covers {share:.0%} of the allowed range"
+    if parameter.transform == "log" and 2 * half_width > math.log(MAX_FACTOR):
+        return (
+            f"the ends of its {confidence:.0%} interval, {lower:.3g} and {upper:.3g}, differ by "
+            f"more than a factor of {MAX_FACTOR:g}"
+        )
+    return None
+
+
+def _partner(name: str, correlation: Array, names: tuple[str, ...]) -> str | None:
+    others = [(abs(c), c, n) for c, n in zip(correlation, names, strict=True) if n != name]
+    if not others:
+        return None
+    size, signed, other = max(others)
+    return f"correlated {signed:+.2f} with {other}" if size > HIGH_CORRELATION else None

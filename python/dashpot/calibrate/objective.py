@@ -1,0 +1,225 @@
+"""Residuals and Jacobian of a problem in search coordinates, by parallel simulation.
+
+A point of the search is the vector of the parameters' search coordinates, followed, where initial
+states are estimated, by one block per trajectory: velocity (nv) and, if wanted, displacement of
+the initial position (nv, a tangent vector as ``mj_integratePos`` takes it).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot import _core
+from dashpot.calibrate.problem import Problem, body_id
+from dashpot.calibrate.setters import System, model_of
+
+Array = NDArray[np.float64]
+
+# Half-widths of the finite differences of initial states: m/s and rad/s, m and rad. Large against
+# rounding, small against the measurement noise of any pose tracker.
+_VELOCITY_DIFFERENCE = 1e-5
+_POSE_DIFFERENCE = 1e-6
+
+
+class Objective:
+    """Weighted residuals as a function of points, many points in one parallel batch."""
+
+    def __init__(self, problem: Problem, *, nthread: int = 0) -> None:
+        self.problem = problem
+        self.nthread = nthread
+        self.coordinates = [p.coordinate for p in problem.parameters]
+        self.evaluations = 0
+        self._systems: dict[bytes, System] = {}
+        model = model_of(problem.build(problem.start))
+        self._model = model
+        self._qpos, self._qvel = problem.initial_states(model)
+        self._observed = [self._observe(i, model) for i in range(len(problem.trajectories))]
+        counts = [observed.residuals for observed in self._observed]
+        #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
+        self.offsets = np.concatenate([[0], np.cumsum(counts)])
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return len(self.coordinates)
+
+    @property
+    def initial_size(self) -> int:
+        """Number of unknowns of the initial state of one trajectory."""
+        per_part = {"given": 0, "velocity": 1, "pose_and_velocity": 2}
+        return per_part[self.problem.initial_state] * int(self._model.nv)
+
+    @property
+    def size(self) -> int:
+        """Length of a point."""
+        return self.parameters + self.initial_size * len(self._observed)
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals."""
+        return int(self.offsets[-1])
+
+    def start(self) -> Array:
+        """Return the point where the search starts."""
+        point = np.zeros(self.size)
+        for i, parameter in enumerate(self.problem.parameters):
+            point[i] = self.coordinates[i].to_search(parameter.start)
+        if self.initial_size:
+            blocks = point[self.parameters :].reshape(len(self._observed), self.initial_size)
+            blocks[:, : self._model.nv] = self._qvel
+        return point
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds of points, infinite where there are none."""
+        lower = np.full(self.size, -np.inf)
+        upper = np.full(self.size, np.inf)
+        for i, coordinate in enumerate(self.coordinates):
+            lower[i], upper[i] = coordinate.search_bounds
+        return lower, upper
+
+    def values(self, point: Array) -> dict[str, float]:
+        """Return the parameters' values at a point, by name."""
+        return {
+            parameter.name: coordinate.to_value(float(z))
+            for parameter, coordinate, z in zip(
+                self.problem.parameters, self.coordinates, point, strict=False
+            )
+        }
+
+    def residuals(self, points: Array) -> Array:
+        """Return the weighted residuals (points, residual_count) of `points` (points, size).
+
+        Raises
+        ------
+        ValueError
+            Naming the trajectory and step of a simulation that fails, and the values of the
+            parameters.
+        """
+        points = np.atleast_2d(points)
+        variants, qpos, qvel = self._variants(points)
+        self.evaluations += len(points)
+        try:
+            return np.asarray(_core.residuals(variants, self._observed, qpos, qvel, self.nthread))
+        except ValueError as error:
+            raise ValueError(f"{error}; points: {[self.values(p) for p in points]}") from error
+
+    def jacobian(self, point: Array, widths: Array | None = None) -> Array:
+        """Return the Jacobian (residual_count, size) by central differences in one batch.
+
+        Perturbing one component of all trajectories' initial states takes one variant, since a
+        trajectory's residuals depend on its own initial state only. At a bound the difference is
+        one-sided.
+
+        Parameters
+        ----------
+        point
+            (size,).
+        widths
+            (parameters,) half-widths of the differences; None: the parameters' own.
+        """
+        count = self.parameters
+        if widths is None:
+            widths = np.array([p.difference for p in self.problem.parameters])
+        lower, upper = self.bounds()
+        directions = count + self.initial_size
+        pairs = np.repeat(point[None, :], 2 * directions, axis=0)
+        for i in range(count):
+            pairs[2 * i, i] = min(point[i] + widths[i], upper[i])
+            pairs[2 * i + 1, i] = max(point[i] - widths[i], lower[i])
+        steps = self._initial_differences()
+        for j in range(self.initial_size):
+            columns = count + j + self.initial_size * np.arange(len(self._observed))
+            pairs[2 * (count + j), columns] += steps[j]
+            pairs[2 * (count + j) + 1, columns] -= steps[j]
+        residuals = self.residuals(pairs)
+        difference = residuals[0::2] - residuals[1::2]
+        jacobian = np.zeros((self.residual_count, self.size))
+        for i in range(count):
+            jacobian[:, i] = difference[i] / (pairs[2 * i, i] - pairs[2 * i + 1, i])
+        for j in range(self.initial_size):
+            for t in range(len(self._observed)):
+                rows = slice(self.offsets[t], self.offsets[t + 1])
+                column = count + t * self.initial_size + j
+                jacobian[rows, column] = difference[count + j, rows] / (2 * steps[j])
+        return jacobian
+
+    def poses(self, point: Array) -> list[tuple[Array, Array]]:
+        """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory."""
+        variants, qpos, qvel = self._variants(np.atleast_2d(point))
+        flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
+        result = []
+        for t, trajectory in enumerate(self.problem.trajectories):
+            rows = flat[self.offsets[t] // 6 : self.offsets[t + 1] // 6]
+            poses = rows.reshape(-1, len(trajectory.bodies), 7)
+            result.append((poses[..., :3].copy(), poses[..., 3:].copy()))
+        return result
+
+    def initial_estimates(self, point: Array) -> tuple[Array | None, Array | None]:
+        """Return estimated initial velocity and displacement (trajectories, nv), None if given."""
+        if not self.initial_size:
+            return None, None
+        nv = int(self._model.nv)
+        blocks = point[self.parameters :].reshape(-1, self.initial_size)
+        displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
+        return blocks[:, :nv].copy(), displacement
+
+    def _initial_differences(self) -> Array:
+        nv = int(self._model.nv)
+        steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
+        return np.array(steps[: self.initial_size])
+
+    def _observe(self, index: int, model: mujoco.MjModel) -> _core.ObservedTrajectory:
+        problem = self.problem
+        trajectory = problem.trajectories[index]
+        substeps = problem.steps_per_frame(trajectory, model)
+        timestep = trajectory.spacing / substeps
+        if problem.window is not None:
+            trajectory = trajectory.head(problem.window)
+        control: Array = np.empty((0, 0))
+        if trajectory.control is not None:
+            control = np.repeat(trajectory.control, substeps, axis=0)
+        return _core.ObservedTrajectory(
+            name=trajectory.name,
+            timestep=timestep,
+            frame_step=list(range(0, trajectory.frames * substeps, substeps)),
+            body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
+            position=trajectory.position,
+            quaternion=trajectory.quaternion,
+            control=control,
+            position_weight=1.0 / problem.position_sigma,
+            rotation_weight=1.0 / problem.rotation_sigma,
+        )
+
+    def _variants(self, points: Array) -> tuple[Sequence[tuple[int, object]], Array, Array]:
+        """Build systems, one for each different set of parameters, and initial states."""
+        systems: dict[bytes, System] = {}
+        variants = []
+        qpos = np.repeat(self._qpos[None], len(points), axis=0)
+        qvel = np.repeat(self._qvel[None], len(points), axis=0)
+        nv = int(self._model.nv)
+        for v, point in enumerate(points):
+            key = point[: self.parameters].tobytes()
+            system = systems.get(key) or self._systems.get(key)
+            if system is None:
+                system = self.problem.build(self.values(point))
+            systems[key] = system
+            variants.append(_variant(system))
+            if self.initial_size:
+                blocks = point[self.parameters :].reshape(-1, self.initial_size)
+                qvel[v] = blocks[:, :nv]
+                if self.initial_size > nv:
+                    for t, block in enumerate(blocks):
+                        mujoco.mj_integratePos(self._model, qpos[v, t], block[nv:], 1.0)
+        self._systems = systems  # keeps models alive during the batch and for the next one
+        return variants, qpos, qvel
+
+
+def _variant(system: System) -> tuple[int, object]:
+    """Address of the model and parameters of the engine, None for MuJoCo's own step."""
+    if isinstance(system, mujoco.MjModel):
+        return system._address, None
+    return system.model._address, system._parameters()

@@ -1,0 +1,215 @@
+"""What calibration may vary: contact material, pair material, properties of the model."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from dashpot.calibrate import setters
+from dashpot.calibrate.setters import System
+from dashpot.calibrate.transforms import Transform, TransformName
+
+MaterialField = Literal[
+    "stiffness",
+    "damping",
+    "damping_ratio",
+    "restitution",
+    "sliding_friction",
+    "torsional_friction",
+    "rolling_friction",
+    "tangential_ratio",
+    "tangential_damping_ratio",
+]
+
+# Search coordinate, finite-difference step: quantities of unknown order of magnitude in log.
+_DEFAULT_TRANSFORM: dict[str, TransformName] = {"restitution": "logit"}
+_TRANSFORMS: tuple[str, ...] = get_args(TransformName)
+_MATERIAL_FIELDS: tuple[str, ...] = get_args(MaterialField)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown of a calibration: a start, bounds, a search coordinate and what it sets.
+
+    Make one with `material`, `pair` or `model`, or directly with any function ``apply(system,
+    value)``, where ``system`` is the problem's private copy (`dashpot.Engine`, or `mujoco.MjModel`
+    when the problem steps with MuJoCo). Without ``apply`` the value only reaches the function that
+    builds the system (see `Problem`).
+
+    Parameters
+    ----------
+    name
+        Names the parameter in tables and messages.
+    start
+        Where the search starts, strictly between the bounds.
+    bounds
+        (lower, upper); > 0 for the log transform.
+    transform
+        Search coordinate: ``"log"``, ``"linear"`` or ``"logit"``.
+    difference
+        Half-width of the central finite difference in the search coordinate, in (0, 0.5]. Contact
+        trajectories are only piecewise smooth: a much smaller step resolves the rounding and the
+        micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-3
+        is 0.1 % of the value (log) or of the range (linear).
+    apply
+        Sets the value in a system.
+    changes_model
+        Whether ``apply`` edits the MuJoCo model, whose derived constants are then recomputed with
+        ``mj_setConst``.
+
+    Raises
+    ------
+    ValueError
+        Naming the parameter and the field.
+    """
+
+    name: str
+    start: float
+    bounds: tuple[float, float]
+    transform: TransformName = "log"
+    difference: float = 1e-3
+    apply: Callable[[System, float], None] | None = field(default=None, repr=False, compare=False)
+    changes_model: bool = False
+
+    def __post_init__(self) -> None:
+        label = f"parameter '{self.name}'"
+        if self.transform not in _TRANSFORMS:
+            raise ValueError(
+                f"{label}: transform must be one of {', '.join(_TRANSFORMS)}, "
+                f"got {self.transform!r}"
+            )
+        lower, upper = (float(bound) for bound in self.bounds)
+        if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+            raise ValueError(f"{label}: bounds must be finite and ascend, got {self.bounds}")
+        if self.transform == "log" and lower <= 0:
+            raise ValueError(f"{label}: the log transform needs bounds > 0, got {self.bounds}")
+        if not lower < self.start < upper:
+            raise ValueError(
+                f"{label}: start must lie between the bounds {self.bounds}, got {self.start!r}"
+            )
+        if not 0 < self.difference <= 0.5:
+            raise ValueError(f"{label}: difference must be in (0, 0.5], got {self.difference!r}")
+        object.__setattr__(self, "bounds", (lower, upper))
+        object.__setattr__(self, "start", float(self.start))
+
+    @property
+    def coordinate(self) -> Transform:
+        """The map between the parameter and its search coordinate."""
+        return Transform(self.transform, *self.bounds)
+
+    @classmethod
+    def material(
+        cls,
+        geoms: str | Sequence[str],
+        quantity: MaterialField,
+        *,
+        start: float,
+        bounds: tuple[float, float],
+        name: str | None = None,
+        transform: TransformName | None = None,
+        difference: float = 1e-3,
+    ) -> Parameter:
+        """Vary one quantity of the material of one geom, or of several geoms alike.
+
+        Parameters
+        ----------
+        geoms
+            Name or names of geoms.
+        quantity
+            ``stiffness`` (N/m), ``damping`` (N s/m), ``damping_ratio``, ``restitution``,
+            ``sliding_friction``, ``torsional_friction`` (m), ``rolling_friction`` (m),
+            ``tangential_ratio`` or ``tangential_damping_ratio``. What is not varied stays as the
+            engine's material has it.
+        start, bounds, name, transform, difference
+            As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
+            (``logit`` for restitution).
+        """
+        _check_quantity(quantity)
+        names = (geoms,) if isinstance(geoms, str) else tuple(geoms)
+        return cls(
+            name=name or quantity,
+            start=start,
+            bounds=bounds,
+            transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
+            difference=difference,
+            apply=setters.material_setter(names, quantity),
+        )
+
+    @classmethod
+    def pair(
+        cls,
+        geom1: str,
+        geom2: str,
+        quantity: MaterialField,
+        *,
+        start: float,
+        bounds: tuple[float, float],
+        name: str | None = None,
+        transform: TransformName | None = None,
+        difference: float = 1e-3,
+    ) -> Parameter:
+        """Vary one quantity of the material that two geoms have with each other.
+
+        A pair without a material of its own starts from ``Material()``. Arguments as in `material`.
+        """
+        _check_quantity(quantity)
+        return cls(
+            name=name or quantity,
+            start=start,
+            bounds=bounds,
+            transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
+            difference=difference,
+            apply=setters.pair_setter(geom1, geom2, quantity),
+        )
+
+    @classmethod
+    def model(
+        cls,
+        attribute: str,
+        elements: str | Sequence[str],
+        *,
+        start: float,
+        bounds: tuple[float, float],
+        index: int | Sequence[int] | None = None,
+        name: str | None = None,
+        transform: TransformName = "log",
+        difference: float = 1e-3,
+    ) -> Parameter:
+        """Vary an array of the MuJoCo model, for example a mass.
+
+        Parameters
+        ----------
+        attribute
+            A float array of ``mujoco.MjModel`` with one row per body, geom, joint, site, pair or
+            actuator: ``body_mass``, ``body_inertia``, ``body_ipos``, ``geom_friction``,
+            ``geom_solref``, ``geom_size`` ...
+        elements
+            Name or names of the body, geom ... whose row is set.
+        index
+            Which columns of the row take the value; None: all of them.
+        start, bounds, name, transform, difference
+            As in `Parameter`. By default the name is ``attribute``.
+        """
+        names = (elements,) if isinstance(elements, str) else tuple(elements)
+        columns = None if index is None else (index,) if isinstance(index, int) else tuple(index)
+        return cls(
+            name=name or attribute,
+            start=start,
+            bounds=bounds,
+            transform=transform,
+            difference=difference,
+            apply=setters.model_setter(attribute, names, columns),
+            changes_model=True,
+        )
+
+
+def _check_quantity(quantity: str) -> None:
+    if quantity not in _MATERIAL_FIELDS:
+        near = difflib.get_close_matches(quantity, _MATERIAL_FIELDS)
+        hint = f"; near: {', '.join(near)}" if near else ""
+        raise ValueError(
+            f"unknown material quantity {quantity!r}; known: {', '.join(_MATERIAL_FIELDS)}{hint}"
+        )

@@ -1,0 +1,234 @@
+"""A calibration problem: what moves, what is unknown, what was observed and how well."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.setters import System, model_of
+from dashpot.calibrate.trajectory import Trajectory
+from dashpot.engine import Engine
+
+Array = NDArray[np.float64]
+Builder: TypeAlias = Callable[[Mapping[str, float]], System]
+InitialState = Literal["given", "velocity", "pose_and_velocity"]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything that defines a calibration.
+
+    The simulation of a trajectory starts at its first frame without contact memory; frame k is
+    reached after ``k * substeps`` steps of ``spacing / substeps``.
+
+    Parameters
+    ----------
+    system
+        A `dashpot.Engine`; or a `mujoco.MjModel`, which is then stepped with ``mj_step`` (to tune
+        MuJoCo the same way); or a function from the values of all parameters by name to either,
+        for parameters that need the model to be compiled anew. It is never changed: every
+        candidate works on a copy.
+    parameters
+        The unknowns, with different names.
+    trajectories
+        The observations, with different names.
+    position_sigma
+        Standard deviation of an observed coordinate, m, > 0.
+    rotation_sigma
+        Standard deviation of an observed rotation about an axis, rad, > 0.
+    substeps
+        Steps per frame, >= 1. None: as many as keep the step at or below the model's timestep.
+    window
+        Seconds of each trajectory that are used. Short windows after the first contact fix damping
+        and the friction of impacts; long ones see sliding and rolling. None: all of it.
+    initial_state
+        ``"given"``: trajectories carry their initial state. ``"velocity"``: the initial velocity of
+        every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Naming the parameter or trajectory and the field.
+    """
+
+    system: System | Builder
+    parameters: Sequence[Parameter]
+    trajectories: Sequence[Trajectory]
+    position_sigma: float
+    rotation_sigma: float
+    substeps: int | None = None
+    window: float | None = None
+    initial_state: InitialState = "given"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", tuple(self.parameters))
+        object.__setattr__(self, "trajectories", tuple(self.trajectories))
+        if not self.parameters:
+            raise ValueError("a problem needs at least one parameter")
+        if not self.trajectories:
+            raise ValueError("a problem needs at least one trajectory")
+        _check_unique("parameter", [p.name for p in self.parameters])
+        _check_unique("trajectory", [t.name for t in self.trajectories])
+        for name in ("position_sigma", "rotation_sigma"):
+            sigma = getattr(self, name)
+            if not (math.isfinite(sigma) and sigma > 0):
+                raise ValueError(f"{name} must be finite and > 0, got {sigma!r}")
+        if self.window is not None and not self.window > 0:
+            raise ValueError(f"window must be > 0 s, got {self.window!r}")
+        if self.substeps is not None and (
+            not isinstance(self.substeps, int | np.integer) or self.substeps < 1
+        ):
+            raise ValueError(f"substeps must be an integer >= 1, got {self.substeps!r}")
+        if self.initial_state not in ("given", "velocity", "pose_and_velocity"):
+            raise ValueError(
+                "initial_state must be 'given', 'velocity' or 'pose_and_velocity', "
+                f"got {self.initial_state!r}"
+            )
+        model = model_of(self.build(self.start))
+        for trajectory in self.trajectories:
+            self._check_against_model(trajectory, model)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters in order."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Start of the search by name."""
+        return {p.name: p.start for p in self.parameters}
+
+    def build(self, values: Mapping[str, float]) -> System:
+        """Return a system of its own with `values` (all parameters by name) put in.
+
+        Raises
+        ------
+        ValueError
+            Naming the parameter that is missing or unknown, or whose value was refused.
+        """
+        if set(values) != set(self.names):
+            raise ValueError(
+                f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
+            )
+        if isinstance(self.system, mujoco.MjModel | Engine):
+            system: System = copy.copy(self.system)
+        elif callable(self.system):
+            system = self.system(dict(values))
+            if not isinstance(system, mujoco.MjModel | Engine):
+                raise TypeError(
+                    "the function that builds the system must return a Engine or a "
+                    f"mujoco.MjModel, got {type(system).__name__}"
+                )
+        else:
+            raise TypeError(
+                "system must be a Engine, a mujoco.MjModel or a function that returns "
+                f"one, got {type(self.system).__name__}"
+            )
+        changed = False
+        for parameter in self.parameters:
+            if parameter.apply is None:
+                continue
+            value = values[parameter.name]
+            try:
+                parameter.apply(system, value)
+            except (ValueError, TypeError) as error:
+                raise type(error)(f"parameter '{parameter.name}' = {value:.6g}: {error}") from error
+            changed = changed or parameter.changes_model
+        if changed:
+            model = model_of(system)
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        return system
+
+    def with_window(self, window: float | None) -> Problem:
+        """Return the same problem over another window."""
+        return replace(self, window=window)
+
+    def initial_states(self, model: mujoco.MjModel) -> tuple[Array, Array]:
+        """Return initial qpos (trajectories, nq) and qvel (trajectories, nv)."""
+        qpos = np.empty((len(self.trajectories), model.nq))
+        qvel = np.empty((len(self.trajectories), model.nv))
+        for i, trajectory in enumerate(self.trajectories):
+            qpos[i], qvel[i] = _initial_state(trajectory, model)
+        return qpos, qvel
+
+    def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
+        """Return the number of simulation steps between two frames."""
+        if self.substeps is not None:
+            return int(self.substeps)
+        # The slack keeps rounding in the times from adding a step.
+        return max(1, math.ceil(trajectory.spacing / model.opt.timestep - 1e-6))
+
+    def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
+        label = f"trajectory '{trajectory.name}'"
+        for body in trajectory.bodies:
+            body_id(model, body, label)
+        if trajectory.initial_qvel is None and self.initial_state == "given":
+            raise ValueError(
+                f"{label} has no initial_qvel; give it, or estimate it with "
+                "initial_state='velocity'"
+            )
+        for field, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
+            value = getattr(trajectory, field)
+            if value is not None and value.shape != (size,):
+                raise ValueError(f"{label}: {field} must be ({size},), got {value.shape}")
+        if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
+            raise ValueError(
+                f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
+            )
+
+
+def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
+    """Return the id of a body or raise ValueError beginning with `label`."""
+    row = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
+    if row < 0:
+        known = [model.body(i).name for i in range(model.nbody)]
+        raise ValueError(f"{label}: the model has no body {name!r}; it has {', '.join(known)}")
+    return row
+
+
+def _check_unique(kind: str, names: list[str]) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"two {kind} entries are named {name!r}")
+
+
+def _free_joint(model: mujoco.MjModel, body: int) -> int | None:
+    joint = int(model.body_jntadr[body])
+    if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
+        return joint
+    return None
+
+
+def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array, Array]:
+    """Return the initial state of a trajectory; missing parts come from its first two frames."""
+    qpos = np.array(model.qpos0)
+    qvel = np.zeros(model.nv)
+    if trajectory.initial_qpos is not None:
+        qpos[:] = trajectory.initial_qpos
+    if trajectory.initial_qvel is not None:
+        qvel[:] = trajectory.initial_qvel
+    for i, body in enumerate(trajectory.bodies):
+        joint = _free_joint(model, model.body(body).id)
+        if joint is None:
+            continue
+        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        position, quaternion = trajectory.position[:, i], trajectory.quaternion[:, i]
+        if trajectory.initial_qpos is None:
+            qpos[q : q + 3] = position[0]
+            qpos[q + 3 : q + 7] = quaternion[0]
+        if trajectory.initial_qvel is None:
+            interval = trajectory.time[1] - trajectory.time[0]
+            # Mean velocity of the interval, brought back to its start under gravity.
+            qvel[v : v + 3] = (position[1] - position[0]) / interval
+            qvel[v : v + 3] -= 0.5 * interval * model.opt.gravity
+            mujoco.mju_subQuat(qvel[v + 3 : v + 6], quaternion[1], quaternion[0])
+            qvel[v + 3 : v + 6] /= interval
+    return qpos, qvel

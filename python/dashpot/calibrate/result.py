@@ -1,0 +1,141 @@
+"""The result of a calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from dashpot.calibrate.identifiability import Estimate
+from dashpot.calibrate.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Estimates, their intervals and how well they explain the data.
+
+    Attributes
+    ----------
+    estimates
+        One `Estimate` per parameter; ``fit["name"]`` finds one by name.
+    correlation
+        (parameters, parameters) correlation of the estimates in the search coordinates.
+    residuals
+        By trajectory, (frames, bodies, 6): weighted position residuals (world frame) and rotation
+        vectors of ``R_observed^T R_simulated`` at the estimate.
+    cost
+        Half the sum of squares, after the loss.
+    cost_history
+        (evaluations of the search,) lowest cost so far.
+    residual_variance
+        Variance of the weighted residuals: near 1 when the stated noise explains them.
+    evaluations
+        Simulated sets of all trajectories, those for derivatives included.
+    seconds
+        Wall time of the fit.
+    method, loss, errors, confidence
+        How it was made; ``errors`` is "independent" or "clustered".
+    converged
+        Whether the search ended by its own criterion rather than by the budget.
+    message
+        The search's last word.
+    initial_velocity, initial_displacement
+        (trajectories, nv) where estimated, else None.
+    """
+
+    estimates: tuple[Estimate, ...]
+    correlation: Array
+    residuals: tuple[Array, ...]
+    cost: float
+    cost_history: Array
+    residual_variance: float
+    evaluations: int
+    seconds: float
+    method: str
+    loss: str
+    errors: str
+    confidence: float
+    converged: bool
+    message: str
+    problem: Problem = field(repr=False)
+    initial_velocity: Array | None = None
+    initial_displacement: Array | None = None
+
+    def __getitem__(self, name: str) -> Estimate:
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        known = ", ".join(e.name for e in self.estimates)
+        raise ValueError(f"no parameter named {name!r}; there are {known}")
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Estimates by name."""
+        return {e.name: e.value for e in self.estimates}
+
+    def metrics(self) -> dict[str, float]:
+        """Return root mean squares over all frames and bodies.
+
+        ``position_rms`` (m, of the distance), ``rotation_rms`` (rad, of the angle), and
+        ``residual_variance``.
+        """
+        rows = np.concatenate([r.reshape(-1, 6) for r in self.residuals])
+        position = rows[:, :3] * self.problem.position_sigma
+        rotation = rows[:, 3:] * self.problem.rotation_sigma
+        return {
+            "position_rms": float(np.sqrt(np.mean(np.sum(position**2, axis=1)))),
+            "rotation_rms": float(np.sqrt(np.mean(np.sum(rotation**2, axis=1)))),
+            "residual_variance": self.residual_variance,
+        }
+
+    def table(self, truth: dict[str, float] | None = None) -> Table:
+        """Return a rich table of the estimates; with `truth`, beside the true values."""
+        table = Table(title=f"Calibration ({self.method}, {self.evaluations} simulations)")
+        table.add_column("parameter")
+        if truth is not None:
+            table.add_column("truth", justify="right")
+        table.add_column("estimate", justify="right")
+        table.add_column(f"{self.confidence:.0%} interval", justify="right")
+        table.add_column("identified")
+        for e in self.estimates:
+            row = [e.name]
+            if truth is not None:
+                row.append(f"{truth[e.name]:.4g}")
+            row += [f"{e.value:.4g}", f"{e.lower:.4g} – {e.upper:.4g}"]
+            row.append("yes" if e.identified else "no")
+            table.add_row(*row)
+        return table
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything but problem and residuals as plain types, for JSON."""
+        return {
+            "estimates": [
+                {
+                    "name": e.name,
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                    "lower": e.lower,
+                    "upper": e.upper,
+                    "identified": e.identified,
+                    "statement": e.statement,
+                }
+                for e in self.estimates
+            ],
+            "correlation": self.correlation.tolist(),
+            "cost": self.cost,
+            "cost_history": self.cost_history.tolist(),
+            "evaluations": self.evaluations,
+            "seconds": self.seconds,
+            "method": self.method,
+            "loss": self.loss,
+            "errors": self.errors,
+            "confidence": self.confidence,
+            "converged": self.converged,
+            "message": self.message,
+            "metrics": self.metrics(),
+        }

@@ -1,0 +1,190 @@
+"""Functions that put the value of a parameter into an engine or a MuJoCo model."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import mujoco
+import numpy as np
+
+from dashpot.engine import Engine
+from dashpot.materials import Material
+
+System: TypeAlias = Engine | mujoco.MjModel
+Setter = Callable[[System, float], None]
+
+_FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
+_DAMPING_FORMS = ("damping", "damping_ratio", "restitution")
+
+# Rows of these arrays belong to elements of this MuJoCo object type.
+_ELEMENT_KIND = {
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+    "geom": mujoco.mjtObj.mjOBJ_GEOM,
+    "jnt": mujoco.mjtObj.mjOBJ_JOINT,
+    "site": mujoco.mjtObj.mjOBJ_SITE,
+    "pair": mujoco.mjtObj.mjOBJ_PAIR,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+}
+
+
+def model_of(system: System) -> mujoco.MjModel:
+    """Return the MuJoCo model that a system steps."""
+    return system if isinstance(system, mujoco.MjModel) else system.model
+
+
+def material_setter(geoms: tuple[str, ...], quantity: str) -> Setter:
+    """Return a setter of one quantity of the material of each of `geoms`."""
+
+    def apply(system: System, value: float) -> None:
+        engine = _engine(system, quantity)
+        for geom in geoms:
+            mjcf_friction = engine.model.geom_friction[_row(engine.model, "geom", geom)]
+            material = with_quantity(engine.material(geom), quantity, value, mjcf_friction)
+            engine.set_material(geom, material)
+
+    return apply
+
+
+def pair_setter(geom1: str, geom2: str, quantity: str) -> Setter:
+    """Return a setter of one quantity of the material of a pair of geoms."""
+
+    def apply(system: System, value: float) -> None:
+        engine = _engine(system, quantity)
+        model = engine.model
+        friction1, friction2 = (
+            model.geom_friction[_row(model, "geom", geom)] for geom in (geom1, geom2)
+        )
+        material = engine.pair_material(geom1, geom2) or Material()
+        mjcf_friction = np.maximum(friction1, friction2)
+        engine.set_pair_material(
+            geom1, geom2, with_quantity(material, quantity, value, mjcf_friction)
+        )
+
+    return apply
+
+
+def model_setter(
+    attribute: str, elements: tuple[str, ...], columns: tuple[int, ...] | None
+) -> Setter:
+    """Return a setter of the rows `elements` of a float array of the model."""
+    kind = attribute.split("_")[0]
+    if kind not in _ELEMENT_KIND:
+        raise ValueError(
+            f"unknown model attribute {attribute!r}: its name must begin with one of "
+            f"{', '.join(f'{k}_' for k in _ELEMENT_KIND)}"
+        )
+
+    def apply(system: System, value: float) -> None:
+        model = model_of(system)
+        array = _model_array(model, attribute)
+        for element in elements:
+            row = _row(model, kind, element)
+            if array.ndim == 1:
+                array[row] = value
+            elif columns is None:
+                array[row, :] = value
+            elif max(columns) < array.shape[1] and min(columns) >= 0:
+                array[row, list(columns)] = value
+            else:
+                raise ValueError(
+                    f"index {columns} of {attribute} is out of range: rows have "
+                    f"{array.shape[1]} columns"
+                )
+            if attribute == "geom_size":
+                _update_extent(model, row)
+
+    return apply
+
+
+def with_quantity(
+    material: Material, quantity: str, value: float, mjcf_friction: np.ndarray[Any, Any]
+) -> Material:
+    """Return `material` with one quantity changed; friction not set comes from the MJCF."""
+    if quantity in _DAMPING_FORMS:
+        forms: dict[str, float | None] = dict.fromkeys(_DAMPING_FORMS, None)
+        forms[quantity] = value
+        return replace(material, **forms)  # type: ignore[arg-type]
+    if quantity in _FRICTION_INDEX:
+        given = material.friction
+        if given is None:
+            friction = [float(coefficient) for coefficient in mjcf_friction]
+        elif isinstance(given, tuple):
+            friction = list(given)
+        else:
+            friction = [float(given), float(mjcf_friction[1]), float(mjcf_friction[2])]
+        friction[_FRICTION_INDEX[quantity]] = value
+        return replace(material, friction=(friction[0], friction[1], friction[2]))
+    return replace(material, **{quantity: value})  # type: ignore[arg-type]
+
+
+def _engine(system: System, quantity: str) -> Engine:
+    if isinstance(system, mujoco.MjModel):
+        raise TypeError(
+            f"{quantity} is a material of a Engine; the problem was given a mujoco.MjModel"
+        )
+    return system
+
+
+def _row(model: mujoco.MjModel, kind: str, name: str) -> int:
+    object_type = _ELEMENT_KIND[kind]
+    row = int(mujoco.mj_name2id(model, object_type, name))
+    if row < 0:
+        count = {"jnt": model.njnt, "pair": model.npair, "actuator": model.nu}.get(kind)
+        if count is None:
+            count = getattr(model, f"n{kind}")
+        known = [mujoco.mj_id2name(model, object_type, i) or "" for i in range(count)]
+        near = difflib.get_close_matches(name, known) or [n for n in known if n][:5]
+        raise ValueError(f"the model has no {kind} named {name!r}; near: {', '.join(near)}")
+    return row
+
+
+def _model_array(model: mujoco.MjModel, attribute: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    array = getattr(model, attribute, None)
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        known = [
+            name
+            for name in dir(model)
+            if name.split("_")[0] in _ELEMENT_KIND
+            and isinstance(getattr(model, name, None), np.ndarray)
+        ]
+        near = difflib.get_close_matches(attribute, known)
+        raise ValueError(f"the model has no float array {attribute!r}; near: {', '.join(near)}")
+    return array
+
+
+def _update_extent(model: mujoco.MjModel, geom: int) -> None:
+    """Recompute bounding radius and box, which the compiler derives from the size."""
+    size = model.geom_size[geom]
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    body = int(model.geom_bodyid[geom])
+    if model.body_geomnum[body] > 1:
+        raise ValueError(
+            "geom_size can only be varied for a geom alone on its body (bounding volumes are "
+            "compiled); give Problem a function that builds the model instead"
+        )
+    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+        half = np.full(3, size[0])
+        radius = size[0]
+    elif kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+        half = np.array([size[0], size[0], size[0] + size[1]])
+        radius = size[0] + size[1]
+    elif kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+        half = np.array([size[0], size[0], size[1]])
+        radius = np.hypot(size[0], size[1])
+    elif kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        half = size.copy()
+        radius = size.max()
+    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+        half = size.copy()
+        radius = np.linalg.norm(size)
+    else:
+        raise ValueError(f"geom_size of a {kind.name[len('mjGEOM_') :].lower()} cannot be varied")
+    model.geom_rbound[geom] = radius
+    model.geom_aabb[geom] = np.concatenate([np.zeros(3), half])
+    leaf = int(model.body_bvhadr[body])
+    if model.body_bvhnum[body] == 1:
+        # The tree's box is in the frame of the body's inertia; a sphere around the geom is safe.
+        model.bvh_aabb[leaf, 3:] = radius

@@ -1,0 +1,182 @@
+"""Reference trajectories: observed poses of bodies, checked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+# Frames count as evenly spaced when every spacing is within this fraction of the median.
+SPACING_TOLERANCE = 0.01
+# A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
+UNIT_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Observed poses of one or more bodies at evenly spaced times.
+
+    Arrays are copied, so the caller's data stay as they are and later edits do not reach in.
+
+    Parameters
+    ----------
+    name
+        Names the trajectory in every message.
+    time
+        (n,) times in s, strictly increasing and evenly spaced to within 1 %, n >= 2.
+    position
+        (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m.
+    quaternion
+        (n, bodies, 4) or (n, 4): orientation body to world, scalar first, unit. Stored normalised.
+    bodies
+        Names of the observed bodies in the order of the arrays.
+    initial_qpos
+        (nq,) full position of the model at ``time[0]``. None: observed bodies with a free joint
+        start at their first observed pose and every other joint at the model's ``qpos0``.
+    initial_qvel
+        (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
+        in the body frame). None is allowed where the problem estimates it; the search then starts
+        from the first two frames.
+    control
+        (n - 1, nu) controls held constant between successive frames. None: zero.
+
+    Raises
+    ------
+    ValueError
+        Naming the trajectory, the field and the first offending index.
+    """
+
+    name: str
+    time: Array
+    position: Array
+    quaternion: Array
+    bodies: tuple[str, ...]
+    initial_qpos: Array | None = None
+    initial_qvel: Array | None = None
+    control: Array | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"a trajectory's name must be a string, got {self.name!r}")
+        bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
+        if not bodies or len(set(bodies)) != len(bodies):
+            raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
+        time = self._finite("time", self.time)
+        if time.ndim != 1 or time.size < 2:
+            raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
+        self._check_spacing(time)
+        n, b = time.size, len(bodies)
+        position = self._poses("position", self.position, n, b, 3)
+        quaternion = self._poses("quaternion", self.quaternion, n, b, 4)
+        norm = np.linalg.norm(quaternion, axis=-1)
+        off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
+        if off.size:
+            frame, body = off[0]
+            raise ValueError(
+                f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' has norm "
+                f"{norm[frame, body]:.6g}; unit quaternions are needed"
+            )
+        object.__setattr__(self, "bodies", bodies)
+        object.__setattr__(self, "time", _frozen(time))
+        object.__setattr__(self, "position", _frozen(position))
+        object.__setattr__(self, "quaternion", _frozen(quaternion / norm[..., None]))
+        for field, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
+            value = getattr(self, field)
+            if value is None:
+                continue
+            array = self._finite(field, value)
+            if array.ndim != ndim:
+                raise ValueError(f"{self._label}: {field} must be {ndim}-D, got {array.shape}")
+            if field == "control" and array.shape[0] != n - 1:
+                raise ValueError(
+                    f"{self._label}: control must have a row for each of the {n - 1} frame "
+                    f"intervals, got {array.shape[0]}"
+                )
+            object.__setattr__(self, field, _frozen(array))
+
+    @property
+    def frames(self) -> int:
+        """Number of observed frames."""
+        return int(self.time.size)
+
+    @property
+    def spacing(self) -> float:
+        """Mean time between frames, s."""
+        return float((self.time[-1] - self.time[0]) / (self.time.size - 1))
+
+    def head(self, duration: float) -> Trajectory:
+        """Return the frames up to `duration` s after the first, at least two of them."""
+        if not duration > 0:
+            raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
+        # Half a spacing of slack, so that a window of k spacings holds k + 1 frames.
+        n = int(np.count_nonzero(self.time - self.time[0] <= duration + 0.5 * self.spacing))
+        n = max(n, 2)
+        if n == self.frames:
+            return self
+        return Trajectory(
+            name=self.name,
+            time=self.time[:n],
+            position=self.position[:n],
+            quaternion=self.quaternion[:n],
+            bodies=self.bodies,
+            initial_qpos=self.initial_qpos,
+            initial_qvel=self.initial_qvel,
+            control=None if self.control is None else self.control[: n - 1],
+        )
+
+    @property
+    def _label(self) -> str:
+        return f"trajectory '{self.name}'"
+
+    def _finite(self, field: str, value: ArrayLike) -> Array:
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TypeError(
+                f"{self._label}: {field} must be an array of numbers: {error}"
+            ) from None
+        bad = np.argwhere(~np.isfinite(array))
+        if bad.size:
+            index = tuple(int(i) for i in bad[0])
+            raise ValueError(f"{self._label}: {field}{list(index)} is {array[index]}")
+        return array
+
+    def _check_spacing(self, time: Array) -> None:
+        spacing = np.diff(time)
+        backward = np.flatnonzero(spacing <= 0)
+        if backward.size:
+            i = int(backward[0]) + 1
+            raise ValueError(
+                f"{self._label}: time must increase strictly, but time[{i}] = {time[i]:.6g} s "
+                f"follows time[{i - 1}] = {time[i - 1]:.6g} s"
+            )
+        usual = float(np.median(spacing))
+        uneven = np.flatnonzero(np.abs(spacing - usual) > SPACING_TOLERANCE * usual)
+        if uneven.size:
+            i = int(uneven[0]) + 1
+            kind = "gap" if spacing[i - 1] > usual else "short interval"
+            raise ValueError(
+                f"{self._label}: {kind} of {spacing[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} "
+                f"s; frames must be {usual:.6g} s apart within {SPACING_TOLERANCE:.0%} (resample "
+                "or split the trajectory)"
+            )
+
+    def _poses(self, field: str, value: ArrayLike, n: int, b: int, width: int) -> Array:
+        array = self._finite(field, value)
+        if b == 1 and array.shape == (n, width):
+            array = array[:, None, :]
+        if array.shape != (n, b, width):
+            raise ValueError(
+                f"{self._label}: {field} must be ({n}, {b}, {width}) for {n} times and {b} "
+                f"bodies, got {array.shape}"
+            )
+        return array
+
+
+def _frozen(array: Array) -> Array:
+    array = np.ascontiguousarray(array)
+    array.flags.writeable = False
+    return array

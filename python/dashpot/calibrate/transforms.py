@@ -1,0 +1,73 @@
+"""Search coordinates of bounded parameters.
+
+The search works in z, the parameter in x:
+
+    log       z = log x                       bounds > 0; natural for stiffness, damping, mass
+    linear    z = (x - lower) / (upper - lower)
+    logit     z = log((x - lower) / (upper - x))   no bound is ever reached
+
+A difference of z is a relative change (log) or a fraction of the allowed range (linear; logit in
+the middle of the range counts a quarter).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+TransformName = Literal["log", "linear", "logit"]
+
+
+@dataclass(frozen=True)
+class Transform:
+    """One of the maps above with its bounds."""
+
+    kind: TransformName
+    lower: float
+    upper: float
+
+    def to_search(self, x: float) -> float:
+        """Map a parameter value to its search coordinate."""
+        if self.kind == "log":
+            return math.log(x)
+        if self.kind == "linear":
+            return (x - self.lower) / (self.upper - self.lower)
+        if x <= self.lower:
+            return -math.inf
+        if x >= self.upper:
+            return math.inf
+        return math.log((x - self.lower) / (self.upper - x))
+
+    def to_value(self, z: float) -> float:
+        """Map a search coordinate to the parameter, clipped to the bounds against rounding."""
+        if self.kind == "log":
+            x = math.exp(min(max(z, math.log(self.lower)), math.log(self.upper)))
+        elif self.kind == "linear":
+            x = self.lower + z * (self.upper - self.lower)
+        else:
+            # Written so that neither end overflows.
+            share = 1.0 / (1.0 + math.exp(-z)) if z >= 0 else math.exp(z) / (1.0 + math.exp(z))
+            x = self.lower + share * (self.upper - self.lower)
+        return min(max(x, self.lower), self.upper)
+
+    def slope(self, z: float) -> float:
+        """Return dx/dz."""
+        if self.kind == "log":
+            return self.to_value(z)
+        if self.kind == "linear":
+            return self.upper - self.lower
+        x = self.to_value(z)
+        return (x - self.lower) * (self.upper - x) / (self.upper - self.lower)
+
+    @property
+    def search_bounds(self) -> tuple[float, float]:
+        """Bounds of the search coordinate; infinite for logit."""
+        return self.to_search(self.lower), self.to_search(self.upper)
+
+    @property
+    def sampling_bounds(self) -> tuple[float, float]:
+        """Finite bounds for spreading starts: for logit, 1 % to 99 % of the range."""
+        if self.kind == "logit":
+            return -math.log(99.0), math.log(99.0)
+        return self.search_bounds
