@@ -232,7 +232,7 @@ class Engine:
         other = Engine.__new__(Engine)
         other._options = self._options
         other.model = copy.deepcopy(self.model)
-        other._geom_material = list(self._geom_material)
+        other._geom_material = dict(self._geom_material)
         other._pair_material = dict(self._pair_material)
         other._stepper = None
         other._scratch = None
