@@ -47,7 +47,7 @@ std::string text(double value) {
   return stream.str();
 }
 
-double mean_of(double x, double y) { return 0.5 * x + 0.5 * y; }
+double mean_of(double x, double y) { return x == y ? x : 0.5 * x + 0.5 * y; }
 
 // Weighted mean that returns equal arguments unchanged and ignores a side of weight 0.
 double blend(double x, double y, double weight_x, double weight_y) {
@@ -130,7 +130,8 @@ void combine_damping(const Material& a, const Material& b, DampingRule rule, dou
     pair.form = whole.form == DampingForm::kDamping ? DampingForm::kDamping : DampingForm::kRatio;
     pair.damping = ratio_of(whole);
   } else if (!absolute_a && !absolute_b) {
-    const double x = ratio_of(a), y = ratio_of(b);
+    const double x = ratio_of(a);
+    const double y = a.form == b.form && a.damping == b.damping ? x : ratio_of(b);
     pair.damping =
         rule == DampingRule::kSeries ? blend(x, y, share_a, share_b) : select(rule, x, y);
   } else {

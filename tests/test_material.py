@@ -1,0 +1,466 @@
+"""Materials: conversions, combination of two, and refusal of bad values."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+import kelvin_voigt_reference
+from dashpot import _core, law
+from dashpot.materials import CombinationRules, Material
+
+every_material = settings(max_examples=300, deadline=None)
+
+# --- restitution ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "zeta", [1e-9, 1e-3, 0.1, 0.7, 0.999, 1 - 1e-9, 1.0, 1 + 1e-9, 1.001, 1.5, 5.0, 20.0]
+)
+def test_restitution_is_that_of_the_released_contact(zeta):
+    # Rebound speed of an unloaded contact of k = 1, m = 1 at 60 digits.
+    end = kelvin_voigt_reference.flow(1.0, 2 * zeta, 1.0, 0.0, -1.0, 0.0, 1e3)
+    assert abs(law.damping_ratio_to_restitution(zeta) / end.rate - 1) < 1e-14
+
+
+def test_restitution_known_values():
+    assert law.damping_ratio_to_restitution(0.0) == 1.0
+    assert law.damping_ratio_to_restitution(1.0) == pytest.approx(math.exp(-2), rel=1e-15)
+    # 1/(4 zeta^2) for large zeta; the next term is smaller by log(zeta)/zeta^2.
+    assert law.damping_ratio_to_restitution(1e9) == pytest.approx(0.25e-18, rel=1e-15)
+    assert law.restitution_to_damping_ratio(1.0) == 0.0
+    assert law.restitution_to_damping_ratio(0.0) == math.inf
+
+
+def test_restitution_falls_with_damping():
+    zeta = np.concatenate([[0.0], np.logspace(-6, 6, 2001)])
+    e = law.damping_ratio_to_restitution(zeta)
+    assert np.all(np.diff(e) < 0.0)
+    # Smooth through critical damping: second differences there are as small as around it.
+    near = law.damping_ratio_to_restitution(1 + 1e-3 * np.arange(-3, 4))
+    curvature = np.diff(near, 2)
+    np.testing.assert_allclose(curvature, curvature[2], rtol=1e-2)
+
+
+@every_material
+@given(st.one_of(st.floats(1e-300, 1.0), st.floats(1e-3, 1.0), st.floats(0.13, 0.14)))
+def test_restitution_inverts(e):
+    zeta = law.restitution_to_damping_ratio(e)
+    # One rounding of zeta moves e by 2 epsilon zeta/(1 + zeta) at most, plus the evaluation.
+    assert law.damping_ratio_to_restitution(zeta) == pytest.approx(e, rel=2e-15)
+
+
+@every_material
+@given(st.builds(lambda x: 10**x, st.floats(-9, 9)))
+def test_damping_ratio_inverts(zeta):
+    # Near e = 1 the restitution keeps 1 - pi zeta to an absolute rounding only.
+    e = law.damping_ratio_to_restitution(zeta)
+    tolerance = 2e-15 * (1 + zeta) + 1.2e-16 / zeta * min(1.0, zeta)
+    assert law.restitution_to_damping_ratio(e) == pytest.approx(zeta, rel=0, abs=tolerance)
+
+
+def test_inverse_against_high_precision_root():
+    with mp.workdps(40):
+        for e in (0.99, 0.5, 0.2, 0.1, 1e-3, 1e-8):
+
+            def residual(zeta, e=e):
+                angle = mp.acos(zeta)  # imaginary above 1, where the ratio stays real
+                return mp.re(2 * zeta * angle / mp.sin(angle)) + mp.log(mpf(e))
+
+            guess = law.restitution_to_damping_ratio(e)
+            exact = mp.findroot(residual, (guess * 0.99, guess * 1.01))
+            assert abs(guess / exact - 1) < 1e-15 * 3
+
+
+@pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, math.nan, math.inf])
+def test_bad_restitution_is_refused(value):
+    with pytest.raises(ValueError, match="restitution"):
+        law.restitution_to_damping_ratio(value)
+    with pytest.raises(ValueError, match="restitution"):
+        _core.restitution_to_damping_ratio(value)
+
+
+@pytest.mark.parametrize("value", [-1e-9, math.nan])
+def test_bad_damping_ratio_is_refused(value):
+    with pytest.raises(ValueError, match="damping_ratio"):
+        law.damping_ratio_to_restitution(value)
+    with pytest.raises(ValueError, match="damping_ratio"):
+        _core.damping_ratio_to_restitution(value)
+
+
+# --- damping and solref ---------------------------------------------------------------------------
+
+
+def test_damping_of_each_form():
+    k, w = 4e4, 0.25  # m = 4 kg, 2 sqrt(k m) = 800
+    ratio = Material(k, damping_ratio=0.3)._to_core()
+    absolute = Material(k, damping=12.0)._to_core()
+    rebound = Material(k, restitution=0.5)._to_core()
+    assert _core.damping_of(ratio, k, w) == pytest.approx(240.0, rel=1e-15)
+    assert _core.damping_of(absolute, k, w) == 12.0
+    zeta = law.restitution_to_damping_ratio(0.5)
+    assert _core.damping_of(rebound, k, w) == pytest.approx(800.0 * zeta, rel=1e-15)
+    assert _core.damping_of(Material(k)._to_core(), k, w) == pytest.approx(800.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("solref", [(0.02, 1.0), (0.05, 0.3), (-3000.0, -40.0), (-500.0, 0.0)])
+@pytest.mark.parametrize("width", [0.95, 0.5])
+def test_solref_agrees_with_mujoco(solref, width):
+    # A sphere deep enough in the floor that the impedance is at d_width.
+    model = mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.001"/><worldbody>
+          <geom type="plane" size="1 1 1" solref="{solref[0]} {solref[1]}"
+                solimp="0.1 {width} 0.001 0.5 2"/>
+          <body pos="0 0 0.09"><freejoint/>
+            <geom type="sphere" size="0.1" solref="{solref[0]} {solref[1]}"
+                  solimp="0.1 {width} 0.001 0.5 2"/></body>
+        </worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    stiffness, damping = law.solref_to_spring(solref, impedance_width=width)
+    assert data.efc_KBIP[0, 0] == pytest.approx(stiffness, rel=1e-14)
+    assert data.efc_KBIP[0, 1] == pytest.approx(damping, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("solref", "width"),
+    [
+        ((0.02, -1.0), 0.9),
+        ((-100.0, 1.0), 0.9),
+        ((math.nan, 1.0), 0.9),
+        ((0.02, 1.0, 3.0), 0.9),
+        ((0.02, 1.0), 0.0),
+        ((0.02, 1.0), 1.1),
+    ],
+)
+def test_bad_solref_is_refused(solref, width):
+    with pytest.raises(ValueError, match=r"solref|impedance_width"):
+        law.solref_to_spring(solref, impedance_width=width)
+
+
+# --- combination of two materials -----------------------------------------------------------------
+
+FIELDS = [
+    "rigid",
+    "stiffness",
+    "form",
+    "damping",
+    "added_damping",
+    "has_friction",
+    "friction",
+    "tangential_ratio",
+    "tangential_damping_ratio",
+]
+
+
+def combine(a, b, **rules):
+    return _core.combine(a._to_core(), b._to_core(), CombinationRules(**rules)._to_core())
+
+
+def fields(core):
+    return [getattr(core, name) for name in FIELDS]
+
+
+def quality(core, inverse_mass=0.5):
+    """Return the damping in N s/m of a combined pair that is not rigid."""
+    return _core.damping_of(core, core.stiffness, inverse_mass)
+
+
+positive = st.builds(lambda x: 10**x, st.floats(-3, 9))
+dampings = st.one_of(
+    st.builds(lambda x: {"damping": x}, st.floats(0, 1e4)),
+    st.builds(lambda x: {"damping_ratio": x}, st.floats(0, 20)),
+    st.builds(lambda x: {"restitution": x}, st.floats(0, 1)),
+    st.just({}),
+)
+frictions = st.tuples(st.floats(0, 2), st.floats(0, 0.1), st.floats(0, 0.01))
+materials = st.builds(
+    lambda k, d, f, t, z: Material(
+        k, **d, friction=f, tangential_ratio=t, tangential_damping_ratio=z
+    ),
+    st.one_of(st.none(), positive),
+    dampings,
+    frictions,
+    st.floats(0.1, 2),
+    st.floats(0, 5),
+)
+all_rules = st.builds(
+    lambda s, d, f: {"stiffness": s, "damping": d, "friction": f},
+    st.sampled_from(["series", "min", "max", "mean"]),
+    st.sampled_from(["series", "mean"]),
+    st.sampled_from(["max", "min", "mean", "geometric_mean"]),
+)
+
+
+@every_material
+@given(materials, materials, all_rules)
+def test_combination_is_symmetric(a, b, rules):
+    assert fields(combine(a, b, **rules)) == fields(combine(b, a, **rules))
+
+
+@every_material
+@given(materials, all_rules)
+def test_a_material_with_itself_keeps_its_ratios(a, rules):
+    pair = combine(a, a, **rules)
+    assert pair.rigid == (a.stiffness is None)
+    if a.restitution is not None:
+        assert pair.form == _core.DampingForm.ratio
+        assert pair.damping == law.restitution_to_damping_ratio(a.restitution)
+    elif a.damping is None:
+        assert pair.damping == (1.0 if a.damping_ratio is None else a.damping_ratio)
+    else:
+        halved = rules["damping"] == "series"
+        assert pair.damping == a.damping / (2 if halved else 1)
+    if a.stiffness is not None:
+        assert pair.stiffness == a.stiffness / (2 if rules["stiffness"] == "series" else 1)
+    assert tuple(pair.friction) == a.friction
+    assert pair.tangential_ratio == a.tangential_ratio
+    assert pair.tangential_damping_ratio == a.tangential_damping_ratio
+    assert pair.added_damping == 0.0
+
+
+@every_material
+@given(materials, materials)
+def test_softer_than_both_and_within_both_damping_ratios(a, b):
+    pair = combine(a, b)
+    stiffnesses = [m.stiffness for m in (a, b) if m.stiffness is not None]
+    assert pair.rigid == (not stiffnesses)
+    if stiffnesses:
+        assert 0.5 * min(stiffnesses) * (1 - 1e-15) <= pair.stiffness <= min(stiffnesses)
+    if a.damping is None and b.damping is None:
+        alone = [m.restitution for m in (a, b)]
+        ratios = [
+            law.restitution_to_damping_ratio(e)
+            if e is not None
+            else (1.0 if m.damping_ratio is None else m.damping_ratio)
+            for m, e in zip((a, b), alone, strict=True)
+        ]
+        assert min(ratios) * (1 - 1e-15) <= pair.damping <= max(ratios) * (1 + 1e-15)
+
+
+def test_springs_in_series():
+    pair = combine(Material(3e4), Material(6e4))
+    assert pair.stiffness == pytest.approx(2e4, rel=1e-15)
+
+
+@pytest.mark.parametrize(("rule", "expected"), [("min", 3e4), ("max", 6e4), ("mean", 4.5e4)])
+def test_other_stiffness_rules(rule, expected):
+    assert combine(Material(3e4), Material(6e4), stiffness=rule).stiffness == expected
+
+
+def test_dashpots_in_series():
+    pair = combine(Material(1e4, damping=3.0), Material(5e5, damping=6.0))
+    assert quality(pair) == pytest.approx(2.0, rel=1e-15)
+    assert quality(combine(Material(1e4, damping=3.0), Material(1e4, damping=0.0))) == 0.0
+    assert quality(combine(Material(1e4, damping=0.0), Material(1e4, damping=0.0))) == 0.0
+
+
+@pytest.mark.parametrize(("rule", "expected"), [("min", 3.0), ("max", 6.0), ("mean", 4.5)])
+def test_other_damping_rules(rule, expected):
+    soft, hard = Material(1e4, damping=3.0), Material(5e5, damping=6.0)
+    assert combine(soft, hard, damping=rule).damping == expected
+    soft, hard = Material(1e4, damping_ratio=3.0), Material(5e5, damping_ratio=6.0)
+    assert combine(soft, hard, damping=rule).damping == expected
+
+
+def test_damping_ratios_are_weighted_by_elastic_energy():
+    # Two springs in series carry the same force: their energies are as 1/k.
+    pair = combine(Material(1e4, damping_ratio=0.1), Material(3e4, damping_ratio=0.5))
+    assert pair.damping == pytest.approx((3 * 0.1 + 0.5) / 4, rel=1e-15)
+
+
+def test_equal_restitution_is_kept_exactly():
+    for e in (1.0, 0.83, 0.5, 0.05):
+        pair = combine(Material(1e4, restitution=e), Material(7e5, restitution=e))
+        assert pair.damping == law.restitution_to_damping_ratio(e)
+        # and the contact rebounds with it
+        w = 0.3
+        rebound = law.flow_contact(
+            0.0, -1.0, 0.0, 10.0, stiffness=pair.stiffness, damping=quality(pair, w), inverse_mass=w
+        )
+        assert rebound.rate == pytest.approx(e, rel=1e-13)
+
+
+def test_perfectly_plastic_pair():
+    assert combine(Material(1e4, restitution=0.0), Material(1e5, restitution=0.0)).damping == (
+        math.inf
+    )
+    assert combine(Material(1e4, restitution=0.5), Material(1e5, restitution=0.0)).damping == (
+        math.inf
+    )
+
+
+@pytest.mark.parametrize("rule", ["series", "min", "max", "mean"])
+@pytest.mark.parametrize(
+    "given", [{"damping": 40.0}, {"damping_ratio": 0.2}, {"restitution": 0.7}, {}]
+)
+def test_rigid_side_leaves_the_soft_side_whole(rule, given):
+    soft = Material(2e4, **given)
+    pair = combine(soft, Material(), damping=rule)
+    assert not pair.rigid
+    assert pair.stiffness == 2e4
+    assert quality(pair) == pytest.approx(_core.damping_of(soft._to_core(), 2e4, 0.5), rel=1e-15)
+
+
+def test_rule_that_makes_the_pair_rigid_takes_the_rigid_side():
+    for rule in ("max", "mean"):
+        pair = combine(
+            Material(2e4, damping_ratio=0.2), Material(damping_ratio=3.0), stiffness=rule
+        )
+        assert pair.rigid
+        assert pair.damping == 3.0
+
+
+def test_rigid_on_rigid_is_rigid():
+    pair = combine(Material(), Material(damping_ratio=0.5))
+    assert pair.rigid
+    assert pair.damping == 0.75
+
+
+def test_ratio_with_absolute_damping_adds_both_shares():
+    # Energy shares 3/4 and 1/4; a dashpot that takes 1/4 of the rate gives 1/16 of its damping.
+    pair = combine(Material(1e4, damping_ratio=0.4), Material(3e4, damping=160.0))
+    assert pair.form == _core.DampingForm.ratio
+    assert pair.damping == pytest.approx(0.3, rel=1e-15)
+    assert pair.added_damping == pytest.approx(10.0, rel=1e-15)
+    k, w = 7.5e3, 0.5
+    expected = 2 * 0.3 * math.sqrt(k / w) + 10.0
+    assert quality(pair, w) == pytest.approx(expected, rel=1e-15)
+    for rule in ("min", "max"):
+        with pytest.raises(ValueError, match=f"damping='min' or 'max'.*{160}"):
+            combine(Material(1e4, damping_ratio=0.4), Material(3e4, damping=160.0), damping=rule)
+
+
+def test_mixed_damping_is_continuous_towards_a_rigid_side():
+    # A side that stiffens without end leaves the other's damping, whichever form each has.
+    soft = Material(1e4, damping=50.0)
+    almost = combine(soft, Material(1e16, damping_ratio=1.0))
+    assert quality(almost) == pytest.approx(50.0, rel=1e-8)
+    soft = Material(1e4, damping_ratio=0.5)
+    almost = combine(soft, Material(1e16, damping=1e3))
+    assert quality(almost) == pytest.approx(quality(combine(soft, Material())), rel=1e-8)
+
+
+def test_tangential_springs_combine_in_series():
+    a = Material(1e4, tangential_ratio=0.5, tangential_damping_ratio=0.2)
+    b = Material(3e4, tangential_ratio=1.0, tangential_damping_ratio=1.0)
+    pair = combine(a, b)
+    tangential = 1 / (1 / 5e3 + 1 / 3e4)
+    assert pair.tangential_ratio * pair.stiffness == pytest.approx(tangential, rel=1e-14)
+    share = tangential / 5e3
+    assert pair.tangential_damping_ratio == pytest.approx(0.2 * share + 1 - share, rel=1e-14)
+    against_rigid = combine(a, Material())
+    assert against_rigid.tangential_ratio == pytest.approx(0.5, rel=1e-15)
+    assert against_rigid.tangential_damping_ratio == 0.2
+
+
+@pytest.mark.parametrize(
+    ("rule", "expected"),
+    [
+        ("max", (0.9, 0.02, 4e-4)),
+        ("min", (0.4, 0.005, 1e-4)),
+        ("mean", (0.65, 0.0125, 2.5e-4)),
+        ("geometric_mean", (0.6, 0.01, 2e-4)),
+    ],
+)
+def test_friction_rules_act_element_by_element(rule, expected):
+    a = Material(friction=(0.4, 0.02, 1e-4))
+    b = Material(friction=(0.9, 0.005, 4e-4))
+    np.testing.assert_allclose(combine(a, b, friction=rule).friction, expected, rtol=1e-15)
+
+
+def test_friction_left_to_the_mjcf():
+    assert not combine(Material(), Material()).has_friction
+    pair = combine(Material(friction=0.3), Material(friction=(0.2, 0.01, 1e-3)))
+    assert pair.has_friction
+    assert list(pair.friction) == [0.3, 0.01, 1e-3]
+    both = combine(Material(friction=0.3), Material(friction=0.5))
+    assert both.friction[0] == 0.5
+    assert all(math.isnan(value) for value in both.friction[1:])
+
+
+# --- checks of values -----------------------------------------------------------------------------
+
+
+def test_defaults_are_rigid_and_critically_damped():
+    core = Material()._to_core()
+    assert (core.rigid, core.form, core.damping) == (True, _core.DampingForm.ratio, 1.0)
+    assert not core.has_friction
+
+
+def test_values_are_normalised():
+    material = Material(np.float32(2.0), damping=1, friction=np.array([1, 0.5, 0]))
+    assert material == Material(2.0, damping=1.0, friction=(1.0, 0.5, 0.0))
+    assert all(type(x) is float for x in material.friction)
+    assert hash(material) == hash(dataclasses.replace(material))
+
+
+@pytest.mark.parametrize(
+    ("field", "values"),
+    [
+        ("stiffness", [0.0, -1e4, math.inf, math.nan]),
+        ("damping", [-1.0, math.inf, math.nan]),
+        ("damping_ratio", [-0.1, math.inf, math.nan]),
+        ("restitution", [-0.1, 1.1, math.nan]),
+        ("friction", [-0.1, math.inf, (0.5, -1.0, 0.0), (0.5, 0.1), (0.5, math.nan, 0.0)]),
+        ("tangential_ratio", [0.0, -1.0, math.inf]),
+        ("tangential_damping_ratio", [-1.0, math.nan]),
+    ],
+)
+def test_values_out_of_range_are_named(field, values):
+    for value in values:
+        with pytest.raises(ValueError, match=f"Material: {field}") as error:
+            Material(**{field: value})
+        culprit = value if not isinstance(value, tuple) else value[-1]
+        assert isinstance(value, tuple) or repr(culprit) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("stiffness", "hard"),
+        ("damping", True),
+        ("restitution", [0.5]),
+        ("friction", "0.5"),
+        ("friction", {"sliding": 0.5}),
+        ("friction", (0.5, "low", 0.1)),
+    ],
+)
+def test_wrong_types_are_refused(field, value):
+    with pytest.raises(TypeError, match=f"Material: {field}"):
+        Material(**{field: value})
+
+
+@pytest.mark.parametrize(
+    "fields_given", list(itertools.combinations(["damping", "damping_ratio", "restitution"], 2))
+)
+def test_only_one_form_of_damping(fields_given):
+    with pytest.raises(ValueError, match="at most one") as error:
+        Material(1e4, **dict.fromkeys(fields_given, 0.5))
+    assert all(f"{field}=0.5" in str(error.value) for field in fields_given)
+
+
+def test_material_is_frozen_and_its_options_are_keywords():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Material().stiffness = 1.0
+    with pytest.raises(TypeError):
+        Material(1e4, 0.5)
+
+
+def test_unknown_rules_are_named_with_the_nearest():
+    with pytest.raises(
+        ValueError, match=r"friction must be .*did you mean 'geometric_mean'"
+    ):
+        CombinationRules(friction="geometric mean")
+    with pytest.raises(ValueError, match="stiffness must be one of series, min, max, mean"):
+        CombinationRules(stiffness="harder")
+    with pytest.raises(TypeError, match="damping"):
+        CombinationRules(damping=1)
