@@ -129,6 +129,21 @@ class Engine:
         """Name of the contact law."""
         return self._options.law
 
+    @property
+    def rules(self) -> CombinationRules:
+        """How the materials of two geoms combine."""
+        return self._options.rules
+
+    @property
+    def materials(self) -> dict[int, Material]:
+        """Materials that were set, by geom id (a copy)."""
+        return dict(self._geom_material)
+
+    @property
+    def pair_materials(self) -> dict[tuple[int, int], Material]:
+        """Materials that were set for pairs, by (lower, higher) geom id (a copy)."""
+        return dict(self._pair_material)
+
     def geom_id(self, geom: str | int) -> int:
         """Id of a geom given by name or id; raises ValueError naming an unknown one."""
         if isinstance(geom, str):

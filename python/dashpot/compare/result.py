@@ -1,0 +1,246 @@
+"""What a comparison found: time series of each run, statistics, table and plots."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.table import Table
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Summary of one run. Penetration in m, over all touching contacts of all instants.
+
+    ``settled`` is the part from ``Comparison.settled_after`` on, ``falling`` the part before.
+    ``energy_lost`` and ``energy_gained`` (J) compare kinetic plus potential energy with the
+    start: what is gone at the end, and how far above the start it ever rose (0 in a passive
+    scene, as springs only store energy).
+    """
+
+    penetration_falling_mean: float
+    penetration_falling_max: float
+    penetration_settled_mean: float
+    penetration_settled_max: float
+    energy_lost: float
+    energy_gained: float
+    contacts_settled_mean: float
+    wall_time: float
+    realtime_factor: float
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One setting's run; arrays over T recorded instants.
+
+    Attributes
+    ----------
+    name, description
+        Of the setting.
+    time
+        (T,) s.
+    penetration_sum, penetration_max
+        (T,) m, sum and maximum of the depth of all touching contacts; 0 without contact.
+    contacts
+        (T,) number of touching contacts (overlap > 0).
+    kinetic, potential
+        (T,) J, of the pristine model at the recorded state.
+    elastic
+        (T,) J stored in contact springs where the stepper knows it (dashpot), else NaN.
+    position
+        (nq,) generalised position at the end.
+    wall_time
+        s, spent stepping; recording is not counted.
+    unstable_at
+        s, the time at which the run diverged, or None. Recording ends there.
+    """
+
+    name: str
+    description: str
+    time: NDArray[np.float64]
+    penetration_sum: NDArray[np.float64]
+    penetration_max: NDArray[np.float64]
+    contacts: NDArray[np.int64]
+    kinetic: NDArray[np.float64]
+    potential: NDArray[np.float64]
+    elastic: NDArray[np.float64]
+    position: NDArray[np.float64]
+    wall_time: float
+    unstable_at: float | None = None
+
+    @property
+    def energy(self) -> NDArray[np.float64]:
+        """Kinetic plus potential energy, J: measured the same way for every run."""
+        return self.kinetic + self.potential
+
+    @property
+    def penetration_mean(self) -> NDArray[np.float64]:
+        """(T,) m, mean depth of the touching contacts; 0 without contact."""
+        return self.penetration_sum / np.maximum(self.contacts, 1)
+
+    def statistics(self, settled_after: float) -> Statistics:
+        """Summarise the run; a part without any contact has penetration NaN."""
+        settled = self.time >= settled_after
+
+        def mean_and_max(part: NDArray[np.bool_]) -> tuple[float, float]:
+            count = int(self.contacts[part].sum())
+            if count == 0:
+                return float("nan"), float("nan")
+            return (
+                float(self.penetration_sum[part].sum() / count),
+                float(self.penetration_max[part].max()),
+            )
+
+        falling_mean, falling_max = mean_and_max(~settled)
+        settled_mean, settled_max = mean_and_max(settled)
+        simulated = float(self.time[-1] - self.time[0])
+        return Statistics(
+            falling_mean,
+            falling_max,
+            settled_mean,
+            settled_max,
+            energy_lost=float(self.energy[0] - self.energy[-1]),
+            energy_gained=float(max(0.0, (self.energy - self.energy[0]).max())),
+            contacts_settled_mean=(
+                float(self.contacts[settled].mean()) if settled.any() else float("nan")
+            ),
+            wall_time=self.wall_time,
+            realtime_factor=simulated / self.wall_time if self.wall_time > 0 else float("inf"),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The same model stepped in several ways from the same state.
+
+    Attributes
+    ----------
+    scene
+        Name or file of the scene.
+    timestep, duration
+        s.
+    settled_after
+        s; statistics split there into "falling" and "settled".
+    runs
+        In the order of the settings.
+    """
+
+    scene: str
+    timestep: float
+    duration: float
+    settled_after: float
+    runs: tuple[Run, ...]
+
+    def __getitem__(self, name: str) -> Run:
+        for candidate in self.runs:
+            if candidate.name == name:
+                return candidate
+        raise KeyError(f"{name!r} is none of the runs {[r.name for r in self.runs]}")
+
+    def statistics(self) -> dict[str, Statistics]:
+        """Summarise every run, by setting."""
+        return {run.name: run.statistics(self.settled_after) for run in self.runs}
+
+    def rows(self) -> tuple[list[str], list[list[str]]]:
+        """Return header and cells of the table, as text; penetration in mm."""
+        header = [
+            "setting",
+            "falling mean [mm]",
+            "falling max [mm]",
+            "settled mean [mm]",
+            "settled max [mm]",
+            "energy lost [J]",
+            "energy gained [J]",
+            "contacts",
+            "wall time [s]",
+        ]
+        cells = []
+        for run in self.runs:
+            s = run.statistics(self.settled_after)
+            depths = (
+                s.penetration_falling_mean,
+                s.penetration_falling_max,
+                s.penetration_settled_mean,
+                s.penetration_settled_max,
+            )
+            note = "" if run.unstable_at is None else f" (diverged at {run.unstable_at:.3g} s)"
+            cells.append(
+                [
+                    run.name + note,
+                    *(_number(1e3 * depth) for depth in depths),
+                    _number(s.energy_lost),
+                    _number(s.energy_gained),
+                    "-" if np.isnan(s.contacts_settled_mean) else f"{s.contacts_settled_mean:.3g}",
+                    f"{s.wall_time:.2f}",
+                ]
+            )
+        return header, cells
+
+    def table(self) -> Table:
+        """Return the statistics as a rich table."""
+        from rich.table import Table
+
+        header, cells = self.rows()
+        table = Table(title=f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms")
+        for index, name in enumerate(header):
+            table.add_column(name, justify="left" if index == 0 else "right")
+        for row in cells:
+            table.add_row(*row)
+        return table
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Draw penetration and energy over time; needs no display.
+
+        Parameters
+        ----------
+        path
+            Where to write the figure too, in the format of its suffix.
+        """
+        from dashpot.compare.plots import plot_comparison
+
+        figure = plot_comparison(self)
+        if path is not None:
+            figure.savefig(path, dpi=150)
+        return figure
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything as plain numbers and lists, for JSON; NaN becomes None."""
+        return {
+            "scene": self.scene,
+            "timestep": self.timestep,
+            "duration": self.duration,
+            "settled_after": self.settled_after,
+            "runs": [
+                {
+                    "name": run.name,
+                    "description": run.description,
+                    "unstable_at": run.unstable_at,
+                    "statistics": {
+                        key: _plain(value)
+                        for key, value in asdict(run.statistics(self.settled_after)).items()
+                    },
+                    "time": run.time.tolist(),
+                    "penetration_mean": run.penetration_mean.tolist(),
+                    "penetration_max": run.penetration_max.tolist(),
+                    "contacts": run.contacts.tolist(),
+                    "kinetic": run.kinetic.tolist(),
+                    "potential": run.potential.tolist(),
+                    "elastic": [_plain(value) for value in run.elastic.tolist()],
+                }
+                for run in self.runs
+            ],
+        }
+
+
+def _plain(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _number(value: float) -> str:
+    return "-" if np.isnan(value) else f"{value:.3g}"

@@ -1,0 +1,288 @@
+"""Step one model in several ways from the same state and measure every state alike."""
+
+from __future__ import annotations
+
+import copy
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.compare.observer import Observer
+from dashpot.compare.result import Comparison, Run
+from dashpot.compare.scenes import SCENES, Scene
+from dashpot.compare.scenes import scene as shipped_scene
+from dashpot.compare.settings import (
+    DASHPOT,
+    DEFAULT_SETTINGS,
+    Setting,
+    find_setting,
+    mujoco_model,
+)
+from dashpot.engine import Engine
+from dashpot.materials import Material
+
+SceneLike = str | os.PathLike[str] | Scene | mujoco.MjModel | Engine
+
+# Beyond this a state is no longer physics, m, m/s or rad/s.
+_DIVERGED = 1e6
+
+
+def run(
+    scene: SceneLike,
+    *,
+    duration: float | None = None,
+    timestep: float | None = None,
+    settings: Sequence[str | Setting] = DEFAULT_SETTINGS,
+    materials: Mapping[str, Material] | None = None,
+    settled_after: float | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Comparison:
+    """Step a scene with dashpot and with MuJoCo, and compare penetration and energy.
+
+    Every setting starts from the same state: the model's first keyframe, where it has one, else
+    its reference pose; controls keep the keyframe's value. Every state of every run is measured
+    on the same unchanged model.
+
+    Parameters
+    ----------
+    scene
+        Name of a shipped scene (``dashpot.compare.SCENES``), a :class:`Scene`, a path to an MJCF
+        file, MJCF text, a compiled model, or an :class:`Engine` with its materials.
+    duration
+        s, >= one time step; None takes the shipped scene's own, else 2.
+    timestep
+        s; None takes the model's.
+    settings
+        "dashpot" and names of ``dashpot.compare.SETTINGS``, or :class:`Setting` objects.
+    materials
+        Geom name to material for dashpot (and for "solref-direct"), on top of the scene's own.
+    settled_after
+        s; where statistics split into "falling" and "settled"; None is three quarters through.
+    progress
+        Called with (setting, share done) about a hundred times a run.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range, a setting, geom or scene is unknown, the model cannot be
+        compiled or uses what dashpot refuses; the message names it.
+    FileNotFoundError
+        If a scene's file does not exist.
+    """
+    name, engine, default_duration = _prepare(scene, materials)
+    chosen = _settings(settings)
+    if timestep is not None:
+        engine.model.opt.timestep = _positive("timestep", timestep)
+    step = float(engine.model.opt.timestep)
+    length = default_duration if duration is None else _positive("duration", duration)
+    steps = round(length / step)
+    if steps < 1:
+        raise ValueError(f"duration is {length:g} s; it must be at least one time step, {step:g} s")
+    split = 0.75 * steps * step if settled_after is None else float(settled_after)
+    if not 0.0 <= split <= steps * step:
+        raise ValueError(f"settled_after is {split:g} s; it must be in [0, {steps * step:g}]")
+
+    observer = Observer(engine.model)
+    runs = []
+    for setting in chosen:
+        label = setting if isinstance(setting, str) else setting.name
+
+        def report(share: float, label: str = label) -> None:
+            if progress is not None:
+                progress(label, share)
+
+        if isinstance(setting, str):
+            runs.append(_run_dashpot(engine, steps, observer, report))
+        else:
+            runs.append(_run_mujoco(setting, engine, steps, observer, report))
+    return Comparison(name, step, steps * step, split, tuple(runs))
+
+
+def _prepare(
+    scene: SceneLike, materials: Mapping[str, Material] | None
+) -> tuple[str, Engine, float]:
+    """Return name, a private engine and the default duration of a scene."""
+    duration = 2.0
+    given: dict[str, Material] = {}
+    if isinstance(scene, str) and scene in SCENES:
+        scene = shipped_scene(scene)
+    if isinstance(scene, Engine):
+        engine, name = copy.copy(scene), "model"
+    elif isinstance(scene, Scene):
+        engine, name, duration = Engine(_compile(scene.xml)), scene.name, scene.duration
+        given.update(scene.materials)
+    elif isinstance(scene, mujoco.MjModel):
+        engine, name = Engine(scene), "model"
+    elif isinstance(scene, str) and scene.lstrip().startswith("<"):
+        engine, name = Engine(_compile(scene)), "model"
+    elif isinstance(scene, (str, os.PathLike)):
+        engine, name = Engine(load_model(scene)), Path(scene).stem
+    else:
+        raise TypeError(f"scene is {type(scene).__name__}; it must be a path, text or a model")
+    given.update(materials or {})
+    for geom, material in given.items():
+        engine.set_material(geom, material)
+    return name, engine, duration
+
+
+def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
+    """Compile an MJCF or URDF file, or read a ``.mjb``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it cannot be compiled; the message is MuJoCo's.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"no scene file {path}; shipped scenes are {', '.join(SCENES)}")
+    try:
+        if path.suffix == ".mjb":
+            return mujoco.MjModel.from_binary_path(str(path))
+        return mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+def _compile(xml: str) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(xml)
+
+
+def _settings(settings: Sequence[str | Setting]) -> list[str | Setting]:
+    if isinstance(settings, (str, Setting)):
+        settings = (settings,)
+    chosen = [find_setting(setting) for setting in settings]
+    names = [s if isinstance(s, str) else s.name for s in chosen]
+    if not names:
+        raise ValueError("settings is empty; name at least one")
+    if len(set(names)) != len(names):
+        raise ValueError(f"settings {names} name one of them twice")
+    return chosen
+
+
+def _positive(name: str, value: float) -> float:
+    number = float(value)
+    if not (np.isfinite(number) and number > 0):
+        raise ValueError(f"{name} is {value!r}; it must be > 0 s")
+    return number
+
+
+def start(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return data at the model's first keyframe, or at its reference pose without any."""
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    return data
+
+
+class _Recorder:
+    """Collects the measured series of one run."""
+
+    def __init__(self, observer: Observer) -> None:
+        self._observer = observer
+        self._rows: list[tuple[float, float, float, int, float, float, float]] = []
+
+    def record(self, data: mujoco.MjData, elastic: float) -> bool:
+        """Measure the state; return False, recording nothing, if it has diverged."""
+        position, velocity = np.array(data.qpos), np.array(data.qvel)
+        if not (np.abs(position) < _DIVERGED).all() or not (np.abs(velocity) < _DIVERGED).all():
+            return False
+        depths, kinetic, potential = self._observer.measure(data.time, position, velocity)
+        self._rows.append(
+            (
+                data.time,
+                float(depths.sum()),
+                float(depths.max(initial=0.0)),
+                len(depths),
+                kinetic,
+                potential,
+                elastic,
+            )
+        )
+        return True
+
+    def finish(
+        self,
+        name: str,
+        description: str,
+        data: mujoco.MjData,
+        wall_time: float,
+        unstable_at: float | None,
+    ) -> Run:
+        columns: list[NDArray[np.float64]] = list(np.array(self._rows, np.float64).T)
+        return Run(
+            name,
+            description,
+            time=columns[0],
+            penetration_sum=columns[1],
+            penetration_max=columns[2],
+            contacts=columns[3].astype(np.int64),
+            kinetic=columns[4],
+            potential=columns[5],
+            elastic=columns[6],
+            position=np.array(data.qpos),
+            wall_time=wall_time,
+            unstable_at=unstable_at,
+        )
+
+
+def _loop(
+    recorder: _Recorder,
+    data: mujoco.MjData,
+    steps: int,
+    step: Callable[[], object],
+    elastic: Callable[[], float],
+    report: Callable[[float], None],
+) -> tuple[float, float | None]:
+    """Step and record; return the wall time of stepping and when the run diverged, if it did."""
+    wall_time = 0.0
+    recorder.record(data, 0.0)
+    for index in range(steps):
+        before = data.time
+        begin = time.perf_counter()
+        step()
+        wall_time += time.perf_counter() - begin
+        if not recorder.record(data, elastic()):
+            return wall_time, before
+        if (index + 1) % max(1, steps // 100) == 0:
+            report((index + 1) / steps)
+    return wall_time, None
+
+
+def _run_dashpot(
+    engine: Engine, steps: int, observer: Observer, report: Callable[[float], None]
+) -> Run:
+    data = start(engine.model)
+    recorder = _Recorder(observer)
+    wall_time, unstable_at = _loop(
+        recorder,
+        data,
+        steps,
+        lambda: engine.step(data),
+        lambda: engine.energy(data).elastic,
+        report,
+    )
+    return recorder.finish(DASHPOT, "dashpot", data, wall_time, unstable_at)
+
+
+def _run_mujoco(
+    setting: Setting,
+    engine: Engine,
+    steps: int,
+    observer: Observer,
+    report: Callable[[float], None],
+) -> Run:
+    model = mujoco_model(setting, engine.model, engine)
+    data = start(model)
+    recorder = _Recorder(observer)
+    wall_time, unstable_at = _loop(
+        recorder, data, steps, lambda: mujoco.mj_step(model, data), lambda: float("nan"), report
+    )
+    return recorder.finish(setting.name, setting.description, data, wall_time, unstable_at)
