@@ -1,0 +1,146 @@
+"""Step a scene with dashpot or with a named MuJoCo setting and record the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import dashpot
+from scenes import Run, Scene
+
+Advance = Callable[[int], None]
+DIRECT_IMPEDANCE = 1e-4  # MuJoCo's smallest: its load-dependent part of the contact force
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A way to step: dashpot, or MuJoCo with options set on `model.opt`."""
+
+    name: str
+    dashpot: bool = False
+    direct: bool = False
+    option: Mapping[str, Any] = field(default_factory=dict)
+
+    def accepts(self, scene: Scene) -> bool:
+        """Direct stiffness is defined for scenes that say what it is."""
+        return not self.direct or scene.direct_solref is not None
+
+
+DASHPOT = Setting("dashpot", dashpot=True)
+MUJOCO = (
+    Setting("mujoco default"),
+    Setting("mujoco elliptic", option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC}),
+    Setting(
+        "mujoco elliptic impratio 100",
+        option={
+            "cone": mujoco.mjtCone.mjCONE_ELLIPTIC,
+            "impratio": 100.0,
+            "integrator": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+        },
+    ),
+    Setting(
+        "mujoco elliptic noslip",
+        option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "noslip_iterations": 20},
+    ),
+    Setting("mujoco direct", direct=True),
+)
+SETTINGS = {s.name: s for s in (DASHPOT, *MUJOCO)}
+
+
+def prepare(
+    scene: Scene, setting: Setting, timestep: float
+) -> tuple[mujoco.MjModel, mujoco.MjData, Advance]:
+    """Return model, data in the initial state, and a function that advances by n steps."""
+    model = scene.model(timestep)
+    for name, value in setting.option.items():
+        setattr(model.opt, name, value)
+    if setting.direct:
+        model.geom_solref[:] = scene.direct_solref
+        model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
+    if setting.dashpot:
+        engine = make_engine(scene, model)
+        data = engine.make_data()
+        model = engine.model
+
+        def advance(steps: int) -> None:
+            engine.step(data, nstep=steps)
+    else:
+        data = mujoco.MjData(model)
+
+        def advance(steps: int) -> None:
+            mujoco.mj_step(model, data, steps)
+
+    if scene.start is not None:
+        scene.start(model, data)
+    return model, data, advance
+
+
+def make_engine(scene: Scene, model: mujoco.MjModel, **options: Any) -> dashpot.Engine:
+    """Return an engine with the scene's materials."""
+    engine = dashpot.Engine(model, **options)
+    for geom, material in scene.materials.items():
+        engine.set_material(geom, material)
+    for (first, second), material in scene.pair_materials.items():
+        engine.set_pair_material(first, second, material)
+    return engine
+
+
+def record(scene: Scene, setting: Setting = DASHPOT, timestep: float = 0.002) -> Run:
+    """Step a scene from start to end and record it."""
+    model, data, advance = prepare(scene, setting, timestep)
+    scratch = mujoco.MjData(model)
+    total = round(scene.duration / timestep)
+    stride = 1 if scene.sample_interval is None else max(1, round(scene.sample_interval / timestep))
+    kick = round(scene.kick_time / timestep) if scene.kick is not None else -1
+    rows: list[tuple[float, np.ndarray, np.ndarray, tuple[float, float, float, int]]] = []
+    done = 0
+    while True:
+        if done == kick and scene.kick is not None:
+            scene.kick(model, data)
+        overlap = overlaps(model, data, scratch) if scene.penetration else (0.0, 0.0, 0.0, 0)
+        rows.append((done * timestep, data.qpos.copy(), data.qvel.copy(), overlap))
+        if done >= total:
+            break
+        steps = min(stride, total - done)
+        if done < kick:
+            steps = min(steps, kick - done)
+        if scene.drive is None:
+            advance(steps)
+        else:
+            for _ in range(steps):
+                scene.drive(model, data)
+                advance(1)
+        done += steps
+    times, qpos, qvel, overlap_rows = zip(*rows, strict=True)
+    penetration = np.array(overlap_rows)
+    return Run(
+        model,
+        np.array(times),
+        np.array(qpos),
+        np.array(qvel),
+        penetration[:, :3] if scene.penetration else np.empty((0, 3)),
+        penetration[:, 3] if scene.penetration else np.empty(0),
+    )
+
+
+def overlaps(
+    model: mujoco.MjModel, data: mujoco.MjData, scratch: mujoco.MjData
+) -> tuple[float, float, float, int]:
+    """Geometric overlap at the present state: sum of squares, sum, largest (m), how many."""
+    scratch.qpos[:] = data.qpos
+    mujoco.mj_kinematics(model, scratch)
+    mujoco.mj_comPos(model, scratch)
+    mujoco.mj_collision(model, scratch)
+    depth = -np.minimum(scratch.contact.dist, 0.0)
+    if not depth.size:
+        return 0.0, 0.0, 0.0, 0
+    return float(depth @ depth), float(depth.sum()), float(depth.max()), int((depth > 0).sum())
+
+
+def measure(scene: Scene, setting: Setting = DASHPOT, timestep: float = 0.002) -> dict[str, float]:
+    """Return the scene's named numbers for one setting and time step (s)."""
+    return scene.measure(record(scene, setting, timestep))

@@ -1,0 +1,108 @@
+"""A ball that bounces on a Kelvin-Voigt floor follows the exact piecewise solution at any step."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from exact import BouncingBall, damping_ratio_of, restitution_of
+from scenes import ball_drop
+from simulate import make_engine
+
+TIMESTEPS = (1e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)
+STIFFNESS, GRAVITY, RADIUS = 1e4, 9.81, 0.1
+
+
+def exact_solution(restitution: float) -> BouncingBall:
+    damping = 2 * damping_ratio_of(restitution) * STIFFNESS**0.5
+    return BouncingBall(1.0, STIFFNESS, damping, until=10.0)
+
+
+def drop(restitution: float, timestep: float):
+    scene = ball_drop(restitution=restitution, stiffness=STIFFNESS)
+    engine = make_engine(scene, scene.model(timestep))
+    return engine, engine.make_data()
+
+
+def state_at(engine, data, step: int) -> tuple[float, float]:
+    """Advance to the given step; gap and gap rate there."""
+    done = round(data.time / engine.model.opt.timestep)
+    if step > done:
+        engine.step(data, nstep=step - done)
+    return data.qpos[2] - RADIUS, data.qvel[2]
+
+
+def test_the_reference_has_the_asked_restitution():
+    for restitution in (0.9, 0.5):
+        assert restitution_of(float(damping_ratio_of(restitution))) == pytest.approx(
+            restitution, abs=1e-15
+        )
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5])
+def test_first_ten_apices(restitution, timestep):
+    engine, data = drop(restitution, timestep)
+    apices = exact_solution(restitution).apices(10)
+    assert len(apices) == 10
+    compared = 0
+    for time, height in apices:
+        if height < 0:  # the last of the slow bounces are oscillations within the contact
+            break
+        gap, rate = state_at(engine, data, round(time / timestep))
+        if gap < 0:  # the nearest step lies outside the flight
+            continue
+        # The step is exact, so 1e-9 m leaves room only for rounding over 1e5 steps.
+        assert gap + rate**2 / (2 * GRAVITY) == pytest.approx(height, abs=1e-9)
+        compared += 1
+    assert compared == (4 if restitution == 0.5 else 10)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5])
+def test_state_matches_at_every_sampled_step_in_flight_and_contact(restitution, timestep):
+    engine, data = drop(restitution, timestep)
+    exact = exact_solution(restitution)
+    rng = np.random.default_rng(1)
+    impacts = [float(p.start) for p in exact.phases if p.contact][:10]
+    # Random instants, and instants inside the first ten contacts (0.03 s long).
+    times = np.concatenate([rng.uniform(0, 9.0, 40), np.array(impacts) + 0.012])
+    for step in sorted({round(t / timestep) for t in times if t < 9.9}):
+        gap, rate = state_at(engine, data, step)
+        expected = exact.state(step * timestep)
+        assert gap == pytest.approx(expected[0], abs=1e-9)
+        assert rate == pytest.approx(expected[1], abs=1e-7)  # 100 rad/s times 1e-9 m
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_energy_is_conserved_without_damping(timestep):
+    engine, data = drop(1.0, timestep)
+    start = engine.energy(data)
+    total = start.kinetic + start.potential + start.elastic
+    exact = exact_solution(1.0)
+    contacts = [float(p.start) + 0.012 for p in exact.phases if p.contact]
+    for time in sorted([*np.linspace(0.3, 9.0, 20), *contacts]):
+        state_at(engine, data, round(time / timestep))
+        now = engine.energy(data)
+        # Relative to the energy above the floor, 9.81 J.
+        assert now.kinetic + now.potential + now.elastic - total == pytest.approx(
+            0, abs=1e-9 * GRAVITY
+        )
+
+
+def test_two_balls_in_flight_exchange_velocities():
+    """Equal masses, e = 1, head on, no gravity: velocities are exchanged, at any step."""
+    import dashpot
+
+    xml = """<mujoco><option gravity="0 0 0" timestep="0.005"/><worldbody>
+      <body name="a" pos="-0.2 0 0"><freejoint/><geom name="a" type="sphere" size="0.1" mass="1"/>
+      </body>
+      <body name="b" pos="0.2 0 0"><freejoint/><geom name="b" type="sphere" size="0.1" mass="1"/>
+      </body></worldbody></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    engine.set_pair_material("a", "b", dashpot.Material(1e5, restitution=1.0))
+    data = engine.make_data()
+    data.qvel[0], data.qvel[6] = 2.0, -1.0
+    engine.step(data, nstep=100)
+    # One contact: exact up to rounding.
+    assert data.qvel[0] == pytest.approx(-1.0, abs=1e-12)
+    assert data.qvel[6] == pytest.approx(2.0, abs=1e-12)

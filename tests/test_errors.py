@@ -1,0 +1,203 @@
+"""Bad input raises an exception that names the culprit and leaves the data untouched."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from scenes import free_body, mjcf
+
+BALL = free_body("ball", 'type="sphere" size="0.1" mass="1"', (0, 0, 0.1))
+
+
+def snapshot(data: mujoco.MjData) -> dict[str, bytes]:
+    """Every array of the data, and its time."""
+    arrays = {"time": np.float64(data.time).tobytes()}
+    for name in dir(data):
+        if not name.startswith("_"):
+            value = getattr(data, name)
+            if isinstance(value, np.ndarray):
+                arrays[name] = value.tobytes()
+    return arrays
+
+
+@pytest.fixture
+def engine() -> dashpot.Engine:
+    return dashpot.Engine(mujoco.MjModel.from_xml_string(mjcf(BALL)))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("field", ["qpos", "qvel", "qfrc_applied", "xfrc_applied"])
+def test_state_that_is_not_finite(engine, field, bad):
+    data = engine.make_data()
+    engine.step(data, nstep=3)
+    getattr(data, field).flat[2] = bad
+    before = snapshot(data)
+    with pytest.raises(ValueError, match=field):
+        engine.step(data)
+    assert snapshot(data) == before
+
+
+def test_control_that_is_not_finite():
+    xml = """<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
+      <actuator><motor joint="j"/></actuator></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    data = engine.make_data()
+    data.ctrl[0] = np.nan
+    before = snapshot(data)
+    with pytest.raises(ValueError, match="ctrl"):
+        engine.step(data)
+    assert snapshot(data) == before
+
+
+def test_data_of_another_model(engine):
+    other_model = mujoco.MjModel.from_xml_string(mjcf(BALL + BALL.replace("ball", "second")))
+    for data in (
+        mujoco.MjData(other_model),
+        dashpot.Engine(other_model).make_data(),
+        mujoco.MjData(mujoco.MjModel.from_xml_string(mjcf(BALL))),  # lacks room for the memory
+    ):
+        before = snapshot(data)
+        with pytest.raises(ValueError, match=r"(?i)model|make_data"):
+            engine.step(data)
+        assert snapshot(data) == before
+
+
+@pytest.mark.parametrize("data", [None, 3, "data", np.zeros(7)])
+def test_data_of_the_wrong_type(engine, data):
+    with pytest.raises(TypeError):
+        engine.step(data)
+
+
+@pytest.mark.parametrize("nstep", [-1, 1.5, "2", None])
+def test_bad_number_of_steps(engine, nstep):
+    data = engine.make_data()
+    before = snapshot(data)
+    with pytest.raises((ValueError, TypeError), match=r"nstep|argument"):
+        engine.step(data, nstep=nstep)
+    assert snapshot(data) == before
+
+
+@pytest.mark.parametrize("timestep", [0.0, -0.001, np.nan, np.inf])
+def test_bad_timestep(engine, timestep):
+    data = engine.make_data()
+    engine.model.opt.timestep = timestep
+    before = snapshot(data)
+    with pytest.raises(ValueError, match="timestep"):
+        engine.step(data)
+    assert snapshot(data) == before
+
+
+def test_unknown_geom_names_near_matches(engine):
+    with pytest.raises(ValueError, match=r"bal1.*ball"):
+        engine.set_material("bal1", dashpot.Material(1e4))
+    with pytest.raises(ValueError, match=r"flor.*floor"):
+        engine.set_pair_material("ball", "flor", dashpot.Material(1e4))
+    for geom in (-1, 2, 10**9):
+        with pytest.raises(ValueError, match=str(geom)):
+            engine.set_material(geom, dashpot.Material(1e4))
+    with pytest.raises(TypeError):
+        engine.set_material(0.5, dashpot.Material(1e4))
+    with pytest.raises(TypeError):
+        engine.set_material("ball", 1e4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "culprit"),
+    [
+        ({"stiffness": -1.0}, "stiffness"),
+        ({"stiffness": 0.0}, "stiffness"),
+        ({"stiffness": np.nan}, "stiffness"),
+        ({"stiffness": np.inf}, "stiffness"),
+        ({"stiffness": 1e4, "damping": -0.1}, "damping"),
+        ({"stiffness": 1e4, "damping": np.nan}, "damping"),
+        ({"stiffness": 1e4, "damping_ratio": -0.1}, "damping_ratio"),
+        ({"stiffness": 1e4, "restitution": 1.01}, "restitution"),
+        ({"stiffness": 1e4, "restitution": -0.01}, "restitution"),
+        ({"stiffness": 1e4, "restitution": np.nan}, "restitution"),
+        ({"stiffness": 1e4, "restitution": 0.5, "damping": 3.0}, "restitution"),
+        ({"stiffness": 1e4, "damping_ratio": 0.5, "damping": 3.0}, "damping_ratio"),
+        ({"friction": -0.1}, "friction"),
+        ({"friction": np.nan}, "friction"),
+        ({"friction": (0.5, 0.1)}, "friction"),
+        ({"friction": (0.5, 0.1, -1e-4)}, "friction"),
+        ({"tangential_ratio": 0.0}, "tangential_ratio"),
+        ({"tangential_ratio": np.inf}, "tangential_ratio"),
+        ({"tangential_damping_ratio": -1.0}, "tangential_damping_ratio"),
+    ],
+)
+def test_bad_material(arguments, culprit):
+    with pytest.raises(ValueError, match=culprit):
+        dashpot.Material(**arguments)
+
+
+@pytest.mark.parametrize("value", ["soft", [1e4], True])
+def test_material_of_the_wrong_type(value):
+    with pytest.raises(TypeError, match="stiffness"):
+        dashpot.Material(value)
+
+
+def test_materials_do_not_change():
+    material = dashpot.Material(1e4)
+    with pytest.raises(AttributeError):
+        material.stiffness = 2e4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "culprit"),
+    [
+        ({"law": "hertz"}, "law"),
+        ({"microsteps": 0}, "microsteps"),
+        ({"microsteps": "many"}, "microsteps"),
+        ({"max_microsteps": 0}, "max_microsteps"),
+        ({"recovery_speed": -0.1}, "recovery_speed"),
+        ({"recovery_speed": np.nan}, "recovery_speed"),
+    ],
+)
+def test_bad_engine_option(arguments, culprit):
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    with pytest.raises(ValueError, match=culprit):
+        dashpot.Engine(model, **arguments)
+
+
+def test_bad_combination_rule():
+    with pytest.raises(ValueError, match="friction"):
+        dashpot.CombinationRules(friction="sum")
+
+
+def test_engine_of_something_else():
+    with pytest.raises(TypeError):
+        dashpot.Engine("scene.xml")
+
+
+@pytest.mark.parametrize("integrator", ["RK4", "implicit", "discrete"])
+def test_integrators_that_cannot_be_split(integrator):
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL, option=f'integrator="{integrator}"'))
+    with pytest.raises(ValueError, match=rf"(?i){integrator}"):
+        dashpot.Engine(model)
+
+
+def test_integrator_changed_after_the_engine_was_made(engine):
+    data = engine.make_data()
+    engine.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    before = snapshot(data)
+    with pytest.raises(ValueError, match="RK4"):
+        engine.step(data)
+    assert snapshot(data) == before
+
+
+def test_a_flag_that_contact_memory_cannot_follow():
+    rest = '<option><flag sleep="enable"/></option>'
+    with pytest.raises(ValueError, match="sleep"):
+        dashpot.Engine(mujoco.MjModel.from_xml_string(mjcf(BALL, rest=rest)))
+
+
+def test_an_engine_does_not_touch_the_models_original():
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    margin, nuserdata = model.geom_margin.copy(), model.nuserdata
+    engine = dashpot.Engine(model)
+    engine.step(engine.make_data(), nstep=5)
+    np.testing.assert_array_equal(model.geom_margin, margin)
+    assert model.nuserdata == nuserdata
+    # Detection is widened only while a step runs.
+    np.testing.assert_array_equal(engine.model.geom_margin, margin)

@@ -1,0 +1,98 @@
+"""Static equilibrium: contact forces carry loads exactly and sags are load over stiffness."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from scenes import GRAVITY, free_body, mjcf
+
+TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
+BALL = 'type="sphere" size="0.1" mass="2"'
+
+
+def settle(xml, materials, timestep, time=3.0):
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.timestep = timestep
+    engine = dashpot.Engine(model)
+    for geom, material in materials.items():
+        engine.set_material(geom, material)
+    data = engine.make_data()
+    engine.step(data, nstep=round(time / timestep))
+    return engine, data
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("stiffness", [1e3, 1e4, 1e6])
+def test_ball_sinks_by_weight_over_stiffness(stiffness, timestep):
+    xml = mjcf(free_body("ball", BALL, (0, 0, 0.1)))
+    engine, data = settle(xml, {"ball": dashpot.Material(stiffness)}, timestep)
+    # Critically damped at >= 22 rad/s for 3 s: exp(-66), so rounding of 0.1 m is all there is.
+    assert 0.1 - data.qpos[2] == pytest.approx(2 * GRAVITY / stiffness, abs=1e-14)
+    contacts = engine.contacts(data)
+    assert contacts.force[:, 0].sum() == pytest.approx(2 * GRAVITY, rel=1e-9)
+    assert np.abs(data.qvel).max() <= 1e-12
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_box_on_four_corners(timestep):
+    box = 'type="box" size="0.1 0.06 0.05" mass="3"'
+    xml = mjcf(free_body("box", box, (0, 0, 0.05)))
+    _, data = settle(xml, {"box": dashpot.Material(2e4)}, timestep)
+    assert 0.05 - data.qpos[2] == pytest.approx(3 * GRAVITY / 8e4, rel=1e-9)
+    assert np.abs(data.qvel).max() <= 1e-10
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_rigid_contact_force_is_the_weight(timestep):
+    engine, data = settle(mjcf(free_body("ball", BALL, (0, 0, 0.1))), {}, timestep, 1.0)
+    assert engine.contacts(data).force[:, 0].sum() == pytest.approx(2 * GRAVITY, rel=1e-9)
+    # Micro-steps h of at most 0.2 ms resolve frequencies of about 0.2 / h: sag g / (0.2 / h)^2.
+    assert 0 < 0.1 - data.qpos[2] <= 1e-5
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.010])
+def test_ball_in_a_groove(timestep):
+    """Two frictionless planes at 45 deg: each carries m g / sqrt(2), the ball sinks m g / k."""
+    stiffness = 1e5
+    side = 'type="plane" size="0 0 1" condim="1"'
+    quat = np.cos(np.pi / 8), np.sin(np.pi / 8)
+    xml = f"""<mujoco><option gravity="0 0 -{GRAVITY}"/><worldbody>
+      <geom name="left" {side} quat="{quat[0]} {quat[1]} 0 0"/>
+      <geom name="right" {side} quat="{quat[0]} {-quat[1]} 0 0"/>
+      {free_body("ball", BALL + ' condim="1"', (0, 0, 0.1 * 2**0.5))}
+    </worldbody></mujoco>"""
+    engine, data = settle(xml, {"ball": dashpot.Material(stiffness)}, timestep)
+    # The two damped springs are coupled; after 3 s both have settled to rounding.
+    expected = 2 * GRAVITY / 2**0.5
+    np.testing.assert_allclose(engine.contacts(data).force[:, 0], expected, rtol=1e-7)
+    assert 0.1 * 2**0.5 - data.qpos[2] == pytest.approx(2 * GRAVITY / stiffness, rel=1e-7)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.010])
+def test_applied_force_adds_to_the_weight(timestep):
+    model = mujoco.MjModel.from_xml_string(mjcf(free_body("ball", BALL, (0, 0, 0.1))))
+    model.opt.timestep = timestep
+    engine = dashpot.Engine(model)
+    engine.set_material("ball", dashpot.Material(1e5))
+    data = engine.make_data()
+    data.xfrc_applied[1, 2] = -50.0
+    engine.step(data, nstep=round(2 / timestep))
+    assert engine.contacts(data).force[:, 0].sum() == pytest.approx(50 + 2 * GRAVITY, rel=1e-9)
+
+
+def test_two_materials_are_springs_in_series():
+    xml = mjcf(free_body("ball", BALL, (0, 0, 0.1)))
+    materials = {"ball": dashpot.Material(3e4), "floor": dashpot.Material(6e4)}
+    _, data = settle(xml, materials, 0.002)
+    assert 0.1 - data.qpos[2] == pytest.approx(2 * GRAVITY / 2e4, abs=1e-14)
+
+
+def test_a_pair_material_overrides_both():
+    model = mujoco.MjModel.from_xml_string(mjcf(free_body("ball", BALL, (0, 0, 0.1))))
+    engine = dashpot.Engine(model)
+    engine.set_material("ball", dashpot.Material(3e4))
+    engine.set_pair_material("floor", "ball", dashpot.Material(5e4))
+    data = engine.make_data()
+    engine.step(data, nstep=1500)
+    assert 0.1 - data.qpos[2] == pytest.approx(2 * GRAVITY / 5e4, abs=1e-14)

@@ -1,0 +1,60 @@
+"""Sliding boxes: exact stopping distance, and a normal force that ignores sliding speed."""
+
+import numpy as np
+import pytest
+
+from scenes import GRAVITY, rise, set_velocity, slide
+from simulate import DASHPOT, make_engine, measure
+
+TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_stopping_distance(timestep):
+    numbers = measure(slide(), DASHPOT, timestep)
+    # 0.05 mm: loading of the contacts and the pull-back of the friction springs are below 2 um.
+    assert numbers["distance error"] <= 5e-5
+    assert numbers["final speed"] <= 1e-9  # at rest to rounding
+
+
+@pytest.mark.parametrize("speed", [0.3, 2.0])
+@pytest.mark.parametrize("timestep", [0.002, 0.010])
+def test_stopping_distance_scales_with_speed_squared(speed, timestep):
+    assert measure(slide(speed=speed), DASHPOT, timestep)["distance error"] <= 5e-5
+
+
+def test_friction_is_isotropic():
+    """Thrown in any direction a box stops along it, at the same distance, without turning."""
+    scene = slide()
+    expected = 1 / (2 * 0.2 * GRAVITY)
+    for angle in (0.0, 0.4, 1.1, 2.5):
+        engine = make_engine(scene, scene.model(0.005))
+        data = engine.make_data()
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        set_velocity("box", (*direction, 0))(engine.model, data)
+        engine.step(data, nstep=220)
+        np.testing.assert_allclose(data.qpos[:2], expected * direction, atol=5e-5)
+        # It keeps its attitude up to elastic displacements, mu times 7 um of rigid contacts, over
+        # its half length of 0.1 m.
+        assert np.abs(data.qpos[4:7]).max() <= 1.4e-5
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_a_fast_cube_does_not_rise(timestep):
+    # 1e-3 mm; MuJoCo's cone lifts it by tens of millimetres.
+    assert measure(rise(), DASHPOT, timestep)["rise"] <= 1e-6
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.010])
+def test_normal_force_while_sliding_is_the_weight(timestep):
+    scene = slide(speed=3.0)
+    engine = make_engine(scene, scene.model(timestep))
+    data = engine.make_data()
+    set_velocity("box", (3.0, 0, 0))(engine.model, data)
+    engine.step(data, nstep=round(0.5 / timestep))
+    contacts = engine.contacts(data)
+    assert contacts.force[:, 0].sum() == pytest.approx(GRAVITY, rel=1e-6)
+    sliding = np.linalg.norm(contacts.force[:, 1:], axis=1)
+    # Every sliding contact is on its limit.
+    np.testing.assert_allclose(sliding, 0.2 * contacts.force[:, 0], rtol=1e-6)
+    assert not contacts.sticking.any()

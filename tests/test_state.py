@@ -1,0 +1,137 @@
+"""All memory of contact lives in MjData: saving, copying and clearing it works as in MuJoCo."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from piles import pile
+from scenes import Scene, slope
+from simulate import make_engine
+
+INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+def get_state(model, data) -> np.ndarray:
+    state = np.zeros(mujoco.mj_stateSize(model, INTEGRATION))
+    mujoco.mj_getState(model, data, state, INTEGRATION)
+    return state
+
+
+def set_state(model, data, state) -> None:
+    mujoco.mj_setState(model, data, state, INTEGRATION)
+
+
+def prepared(scene: Scene, steps: int):
+    """Engine and data in the midst of things: stretched friction springs, pressed contacts."""
+    engine = make_engine(scene, scene.model(0.002))
+    data = engine.make_data()
+    engine.step(data, nstep=steps)
+    return engine, data
+
+
+SCENES = {
+    "stiction while loading": (slope(), 5),
+    "stiction at rest": (slope(), 500),
+    "tumbling pile": (pile(count=12), 250),
+}
+
+
+@pytest.fixture(params=SCENES, scope="module")
+def midway(request):
+    scene, steps = SCENES[request.param]
+    return *prepared(scene, steps), scene, steps
+
+
+def test_saved_state_continues_to_the_bit(midway):
+    engine, data, *_ = midway
+    state = get_state(engine.model, data)
+    restored = engine.make_data()
+    set_state(engine.model, restored, state)
+    for _ in range(50):
+        engine.step(data)
+        engine.step(restored)
+        assert restored.qpos.tobytes() == data.qpos.tobytes()
+        assert restored.qvel.tobytes() == data.qvel.tobytes()
+    assert get_state(engine.model, restored).tobytes() == get_state(engine.model, data).tobytes()
+
+
+def test_the_state_holds_what_contact_remembers(midway):
+    """Were the memory outside of it, the continuation above could pass without it."""
+    engine, data, *_ = midway
+    with_memory, without = engine.make_data(), engine.make_data()
+    set_state(engine.model, with_memory, get_state(engine.model, data))
+    without.qpos[:], without.qvel[:] = data.qpos, data.qvel
+    engine.step(with_memory)
+    engine.step(without)
+    assert with_memory.qvel.tobytes() != without.qvel.tobytes()
+
+
+def test_a_copy_continues_to_the_bit(midway):
+    engine, data, *_ = midway
+    import copy
+
+    copies = [engine.make_data(), copy.copy(data)]
+    mujoco.mj_copyData(copies[0], engine.model, data)
+    engine.step(data, nstep=50)
+    for other in copies:
+        engine.step(other, nstep=50)
+        assert get_state(engine.model, other).tobytes() == get_state(engine.model, data).tobytes()
+
+
+def test_one_call_of_many_steps_equals_many_calls(midway):
+    engine, data, *_ = midway
+    other = engine.make_data()
+    mujoco.mj_copyData(other, engine.model, data)
+    engine.step(data, nstep=30)
+    for _ in range(30):
+        engine.step(other)
+    assert get_state(engine.model, other).tobytes() == get_state(engine.model, data).tobytes()
+
+
+def test_reset_forgets(midway):
+    engine, data, scene, steps = midway
+    mujoco.mj_resetData(engine.model, data)
+    engine.step(data, nstep=steps)
+    _, fresh = prepared(scene, steps)
+    assert get_state(engine.model, data).tobytes() == get_state(engine.model, fresh).tobytes()
+
+
+def test_restitution_of_saved_state_in_another_engine():
+    """A second engine of the same model and materials continues identically."""
+    first, data = prepared(slope(), 300)
+    second = make_engine(slope(), slope().model(0.002))
+    other = second.make_data()
+    set_state(second.model, other, get_state(first.model, data))
+    first.step(data, nstep=100)
+    second.step(other, nstep=100)
+    assert other.qpos.tobytes() == data.qpos.tobytes()
+
+
+def test_stiction_survives_a_restore_without_creep():
+    """Restoring every 20 steps for 4 s must not leak elastic displacement."""
+    engine, data = prepared(slope(), 500)
+    before = data.qpos.copy()
+    for _ in range(100):
+        state = get_state(engine.model, data)
+        data = engine.make_data()
+        set_state(engine.model, data, state)
+        engine.step(data, nstep=20)
+    assert np.abs(data.qpos - before).max() <= 1e-9  # 1e-6 mm
+
+
+@pytest.mark.skipif(not hasattr(dashpot, "rollout"), reason="rollout not built")
+def test_rollouts_on_any_number_of_threads_give_the_same_bits():
+    engine, data = prepared(pile(count=12), 250)
+    size = mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    rng = np.random.default_rng(0)
+    state = np.zeros(size)
+    mujoco.mj_getState(engine.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    states = np.tile(state, (9, 1))
+    velocity = slice(1 + engine.model.nq, 1 + engine.model.nq + engine.model.nv)
+    states[:, velocity] += 0.01 * rng.normal(size=(9, engine.model.nv))
+    results = [dashpot.rollout(engine, states, nstep=40, nthread=n)[0] for n in (1, 2, 8)]
+    assert results[0].shape == (9, 40, size)
+    assert np.isfinite(results[0]).all()
+    assert results[1].tobytes() == results[0].tobytes()
+    assert results[2].tobytes() == results[0].tobytes()
