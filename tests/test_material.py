@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 import kelvin_voigt_reference
-from dashpot import _core, law
+from dashpot import Engine, _core, law
 from dashpot.materials import CombinationRules, Material
 
 every_material = settings(max_examples=300, deadline=None)
@@ -456,11 +456,44 @@ def test_material_is_frozen_and_its_options_are_keywords():
 
 
 def test_unknown_rules_are_named_with_the_nearest():
-    with pytest.raises(
-        ValueError, match=r"friction must be .*did you mean 'geometric_mean'"
-    ):
+    with pytest.raises(ValueError, match=r"friction must be .*did you mean 'geometric_mean'"):
         CombinationRules(friction="geometric mean")
     with pytest.raises(ValueError, match="stiffness must be one of series, min, max, mean"):
         CombinationRules(stiffness="harder")
     with pytest.raises(TypeError, match="damping"):
         CombinationRules(damping=1)
+
+
+# --- friction that a material leaves to the MJCF --------------------------------------------------
+
+
+def spin_after_a_while(override):
+    """Return the spin of a ball on a floor after 0.1 s, its materials set by `override`."""
+    model = mujoco.MjModel.from_xml_string("""
+        <mujoco><worldbody>
+          <geom name="floor" type="plane" size="1 1 1" condim="4" friction="1 0.01 0"/>
+          <body pos="0 0 0.1"><freejoint/>
+            <geom name="ball" type="sphere" size="0.1" condim="4" friction="1 0.01 0"/></body>
+        </worldbody></mujoco>""")
+    engine = Engine(model)
+    override(engine)
+    data = engine.make_data()
+    data.qvel[5] = 10.0
+    engine.step(data, nstep=50)
+    return data.qvel[5]
+
+
+def test_sliding_friction_alone_leaves_torsion_to_the_mjcf():
+    def on_both(engine, **material):
+        for geom in ("ball", "floor"):
+            engine.set_material(geom, Material(1e5, **material))
+
+    torsion = spin_after_a_while(lambda engine: on_both(engine, friction=(0.5, 0.01, 0.0)))
+    assert 1.0 < torsion < 9.5  # torsional friction acts and is limited
+    assert spin_after_a_while(lambda engine: on_both(engine, friction=0.5)) == torsion
+    assert spin_after_a_while(on_both) == torsion
+
+    def on_pair(engine, **material):
+        engine.set_pair_material("ball", "floor", Material(5e4, **material))
+
+    assert spin_after_a_while(lambda engine: on_pair(engine, friction=0.5)) == torsion

@@ -122,11 +122,12 @@ GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
   if (side[0].from_model && side[1].from_model) return from_solref(input);
   const bool overridden = side[0].has_friction || side[1].has_friction;
   if (overridden)
-    for (int i = 0; i < 2; ++i)
-      if (!side[i].has_friction) {
-        side[i].friction = host::geom_friction(model, input.geom[i]);
-        side[i].has_friction = true;
-      }
+    for (int i = 0; i < 2; ++i) {
+      const std::array<double, 3> own = host::geom_friction(model, input.geom[i]);
+      for (size_t j = 0; j < own.size(); ++j)
+        if (!side[i].has_friction || std::isnan(side[i].friction[j])) side[i].friction[j] = own[j];
+      side[i].has_friction = true;
+    }
   Material combined = combine(side[0], side[1], parameters.options.rules);
   const int priority[2] = {host::geom_priority(model, input.geom[0]),
                            host::geom_priority(model, input.geom[1])};
@@ -148,9 +149,12 @@ void Stepper::Impl::append_contact(int index, mjData_* d) {
   const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, trees, input.tree);
   materials.push_back(material_of(input));
   const Material& material = materials.back().material;
-  const auto& f = material.friction;
-  const std::array<double, 5> friction =
-      material.has_friction ? std::array<double, 5>{f[0], f[0], f[1], f[2], f[2]} : input.friction;
+  std::array<double, 5> friction = input.friction;
+  const int coefficient[5] = {0, 0, 1, 2, 2};
+  for (int i = 0; i < 5; ++i) {
+    const double overriding = material.friction[coefficient[i]];
+    if (material.has_friction && !std::isnan(overriding)) friction[i] = overriding;
+  }
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
   host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
   whiten(rows, c, trees);
