@@ -3,7 +3,8 @@
 Errors are relative to the natural magnitude of each quantity over the interval: the speed that
 start, load and stored compression can reach, and the compression, force and impulse that follow
 from it. An impulse that comes late or is a small remainder of large terms is only defined to
-rounding of those magnitudes, because the inputs are.
+rounding of those magnitudes, because the inputs are. A contact that holds throughout is measured
+by its own amplitude, however long it lasts.
 """
 
 from __future__ import annotations
@@ -22,15 +23,17 @@ from dashpot import law
 TOLERANCE = 1e-11  # what the engine's targets need; measured errors are given in the tests
 
 
-def scales(k, d, w, g, u, b, time):
+def scales(k, d, w, g, u, b, time, *, held=False):
     """Return natural magnitudes (impulse, moment, gap, rate, force) over the interval."""
     frequency = math.sqrt(w * k)
-    speed = abs(u) + abs(b) * time + frequency * max(0.0, -g)
     within = time if frequency * time < 1.0 else 1.0 / frequency
+    stored = frequency * max(0.0, -g)
+    unsupported = abs(u) + abs(b) * time + stored
+    speed = abs(u) + abs(b) * within + stored if held else unsupported
     depth = max(0.0, -g) + speed * within
     force = k * depth + d * speed
-    impulse = min(force * time, speed / w)
-    return impulse, impulse * time, abs(g) + speed * time, speed, force
+    impulse = min(force * time, unsupported / w)
+    return impulse, impulse * time, depth if held else abs(g) + speed * time, speed, force
 
 
 def flow(k, d, w, g, u, b, time):
@@ -40,9 +43,10 @@ def flow(k, d, w, g, u, b, time):
 def natural_errors(case):
     """Return the errors of (impulse, moment, gap, rate, force) in units of `scales`."""
     result, exact = flow(*case), kelvin_voigt_reference.flow(*case)
+    natural = scales(*case, held=exact.events == 0 and exact.force > 0)
     return [
         float(abs(mpf(float(value)) - reference)) / scale if scale > 0.0 else 0.0
-        for value, reference, scale in zip(result[:5], exact[:5], scales(*case), strict=True)
+        for value, reference, scale in zip(result[:5], exact[:5], natural, strict=True)
     ]
 
 
@@ -151,17 +155,18 @@ def test_release_anywhere_in_the_interval(zeta, fraction):
 
 @pytest.mark.parametrize("damping", DAMPING)
 def test_sustained_contact_is_accurate_relative_to_the_result(damping):
-    # Nothing cancels while the contact is pressed and at rest or near: the results themselves, not
-    # only their scale, are good to 1e-12 (phase omega t up to 1e4).
+    # Nothing cancels while the contact is pressed and near rest: the results themselves, not only
+    # their scale, are good to 1e-13 and what rounding costs the phase omega t, up to 1e4.
     rng = np.random.default_rng(7)
-    for _, __, w, ___, ____, _____, time in draw(damping, resting, 20):
-        zeta, omega = DAMPING[damping](rng), 10 ** rng.uniform(-6, 4) / time
-        b = -(10 ** rng.uniform(-2, 2))
+    for exponent in np.linspace(-6, 4, 41):
+        zeta, w, time = DAMPING[damping](rng), 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-4, 1)
+        omega, b = 10**exponent / time, -(10 ** rng.uniform(-2, 2))
         case = (omega**2 / w, 2 * zeta * omega / w, w, b / omega**2 * 0.8, 0.0, b, time)
         result, exact = flow(*case), kelvin_voigt_reference.flow(*case)
         assert result.events == exact.events == 0
-        for value, reference in zip(result[:2], exact[:2], strict=True):
-            assert abs(float(value) / reference - 1) <= 1e-12, case
+        tolerance = 1e-13 + 4e-16 * omega * time
+        for i in (0, 1, 2, 4):
+            assert abs(float(result[i]) / exact[i] - 1) <= tolerance, (case, i)
 
 
 def reference_propagator(k, d, w, time):
@@ -230,7 +235,7 @@ def test_spring_matches_reference():
                     end_rate,
                     phase.force(mpf(time)),
                 ]
-            natural = scales(k, d, w, -abs(g), u, b, time)
+            natural = scales(k, d, w, -abs(g), u, b, time, held=True)
             for value, reference, scale in zip(got[:5], exact, natural, strict=True):
                 assert abs(float(mpf(float(value)) - reference)) <= TOLERANCE * scale
 
@@ -371,8 +376,8 @@ def test_every_contact_matches_reference_or_its_conditioning(case):
 def conditioning(case):
     """Change of the exact result, in natural units, under rounding of the initial state."""
     k, d, w, g, u, b, time = case
-    natural = scales(*case)
     centre = kelvin_voigt_reference.flow(*case)
+    natural = scales(*case, held=centre.events == 0 and centre.force > 0)
     spread = [0.0] * 5
     for sign in (-1.0, 1.0):
         for dg, du in ((4e-16 * natural[2], 0.0), (0.0, 4e-16 * natural[3])):

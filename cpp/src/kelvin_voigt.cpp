@@ -159,6 +159,16 @@ struct ContactPhase {
   double moment(const Propagator& e) const { return f0 * e.e2 - drive * e.e3 - k * b * e.e4; }
 };
 
+// State at the end of a contact phase. Unlike g0 + u0 t + b t^2/2 + w r this does not cancel when a
+// contact is held for many periods.
+double gap_after(const KelvinVoigt& c, const Propagator& e, double g0, double u0, double b) {
+  return g0 * (e.e0 + c.inverse_mass * c.damping * e.e1) + u0 * e.e1 + b * e.e2;
+}
+
+double rate_after(const KelvinVoigt& c, const Propagator& e, double g0, double u0, double b) {
+  return u0 * e.e0 + (b - c.inverse_mass * c.stiffness * g0) * e.e1;
+}
+
 // True if f certainly stays >= 0 up to time t, where the propagator is e. Cheap: no root is sought.
 bool holds(const ContactPhase& c, const Propagator& e, double t, double force_at_end) {
   if (force_at_end < 0.0) return false;
@@ -299,8 +309,8 @@ Flow flow_spring(const KelvinVoigt& spring, double displacement, double rate, do
   Flow flow;
   flow.impulse = phase.impulse(e);
   flow.moment = phase.moment(e);
-  flow.rate = rate + load * time + spring.inverse_mass * flow.impulse;
-  flow.gap = displacement + time * (rate + 0.5 * load * time) + spring.inverse_mass * flow.moment;
+  flow.gap = gap_after(spring, e, displacement, rate, load);
+  flow.rate = rate_after(spring, e, displacement, rate, load);
   flow.force = phase.force(e);
   flow.touched = true;
   return flow;
@@ -352,8 +362,9 @@ Flow flow_contact(const KelvinVoigt& contact, double gap, double rate, double lo
       const double r = std::max(0.0, phase.moment(e));
       flow.moment += flow.impulse * duration + r;
       flow.impulse += p;
-      g += duration * (u + 0.5 * b * duration) + w * r;
-      u += b * duration + w * p;
+      const double end_gap = gap_after(contact, e, g, u, b);
+      u = rate_after(contact, e, g, u, b);
+      g = end_gap;
       remaining -= duration;
       if (!released) {
         flow.force = std::max(0.0, force_at_end);
