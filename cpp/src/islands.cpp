@@ -14,31 +14,43 @@ constexpr int kLargeTree = 12;        // degrees of freedom above which S_T is n
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
-using Matrix = Eigen::MatrixXd;
-
-// S_T of one tree for one diagonal (stiffness, damping or unit).
+// S_T of one tree for one diagonal (stiffness, damping or unit): lower triangle, row-major.
 class CoupledBound {
  public:
-  explicit CoupledBound(int dofs) : sum_(Matrix::Zero(dofs, dofs)) {}
+  explicit CoupledBound(int dofs) : dofs_(dofs), sum_(dofs * dofs, 0.0) {}
 
   void add(const double* block, double weight) {
-    Eigen::Map<const Eigen::VectorXd> row(block, sum_.rows());
-    sum_.noalias() += weight * row * row.transpose();
     empty_ = false;
+    double* entry = sum_.data();
+    for (int i = 0; i < dofs_; ++i, entry += dofs_) {
+      const double scaled = weight * block[i];
+      for (int j = 0; j <= i; ++j) entry[j] += scaled * block[j];
+    }
   }
 
   double largest_eigenvalue_bound() const {
     if (empty_) return 0.0;
-    if (sum_.rows() > kLargeTree)
-      return std::min(sum_.norm(), sum_.cwiseAbs().rowwise().sum().maxCoeff());
-    const double scale = sum_.trace();
-    if (scale == 0.0) return 0.0;
-    const Matrix second = (sum_ / scale) * (sum_ / scale);
-    return scale * std::pow((second * second).norm(), 0.25);
+    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+    const Eigen::Map<const Matrix> lower(sum_.data(), dofs_, dofs_);
+    const double trace = lower.trace();
+    if (trace == 0.0) return 0.0;
+    if (dofs_ == 6) return fourth_power_bound<6>(lower, trace);
+    const Matrix full = lower.selfadjointView<Eigen::Lower>();
+    if (dofs_ <= kLargeTree) return fourth_power_bound<Eigen::Dynamic>(full, trace);
+    return std::min(full.norm(), full.cwiseAbs().rowwise().sum().maxCoeff());
   }
 
  private:
-  Matrix sum_;
+  template <int Size, typename Lower>
+  static double fourth_power_bound(const Lower& lower, double trace) {
+    using Matrix = Eigen::Matrix<double, Size, Size>;
+    const Matrix full = Matrix(lower.template selfadjointView<Eigen::Lower>()) / trace;
+    const Matrix square = full * full;
+    return trace * std::pow((square * square).norm(), 0.25);
+  }
+
+  int dofs_;
+  std::vector<double> sum_;
   bool empty_ = true;
 };
 
@@ -80,30 +92,38 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   }
 }
 
-// Rigid rows: k = kappa / w, d = delta / w, such that kappa c h^2 <= theta^2 and delta c h <= theta
-// with c the bound of the unit-weighted rows. A damping ratio is that of the stiffest coupled mode,
-// delta = 2 zeta sqrt(kappa / c); a restitution is that of the contact alone,
-// delta = 2 zeta sqrt(kappa).
-void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, double coupling,
+// Rigid rows: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1
+// in these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
+// resolved:
+//     kappa (c - 1) h^2 <= theta^2,   delta (c - 1) h <= theta,   kappa h^2 <= 1 .
+// A damping ratio is that of the stiffest coupled mode, delta = 2 zeta sqrt(kappa / c), as far as
+// the second bound allows; a restitution is that of the contact alone, delta = 2 zeta sqrt(kappa),
+// for which kappa gives way.
+void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, double bound,
                      double h) {
-  const auto fill = [&](int row, double zeta, bool alone) {
+  const double coupling = std::max(0.0, bound - 1.0);
+  const double stiffest =
+      std::min(1.0, coupling > 0.0 ? kResolution * kResolution / coupling : 1.0) / (h * h);
+  const double most_damped =
+      coupling > 0.0 ? kResolution / (h * coupling) : std::numeric_limits<double>::infinity();
+  const auto fill = [&](int row, double kappa, double delta) {
     const double w = rows.inverse_mass[row];
-    if (w == 0.0) {
-      // Nothing moves along this row; any positive stiffness carries its zero load.
-      rows.stiffness[row] = 1.0;
-      return;
-    }
-    const double per_mode = alone ? 1.0 : coupling;
-    const double stiffest = kResolution * kResolution / (h * h * coupling);
-    const double damped = std::pow(kResolution / (2.0 * zeta * h * coupling), 2) * per_mode;
-    const double kappa = zeta > 0.0 ? std::min(stiffest, damped) : stiffest;
-    rows.stiffness[row] = kappa / w;
-    rows.damping[row] = 2.0 * zeta * std::sqrt(kappa / per_mode) / w;
+    // Where nothing moves along a row, any positive stiffness carries its zero load.
+    rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
+    rows.damping[row] = w > 0.0 ? delta / w : 0.0;
   };
-  const bool alone = material.form == DampingForm::kRestitution;
-  double zeta = alone ? restitution_to_damping_ratio(material.damping) : material.damping;
-  fill(c.row, std::min(zeta, kRigidMaxRatio), alone);
-  for (int i = 1; i < c.dim; ++i) fill(c.row + i, material.tangential_damping_ratio, false);
+  const auto fill_coupled = [&](int row, double zeta) {
+    fill(row, stiffest, std::min(2.0 * zeta * std::sqrt(stiffest / bound), most_damped));
+  };
+  if (material.form == DampingForm::kRestitution) {
+    const double zeta = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+    const double kappa =
+        zeta > 0.0 ? std::min(stiffest, std::pow(most_damped / (2.0 * zeta), 2)) : stiffest;
+    fill(c.row, kappa, 2.0 * zeta * std::sqrt(kappa));
+  } else {
+    fill_coupled(c.row, material.damping);
+  }
+  for (int i = 1; i < c.dim; ++i) fill_coupled(c.row + i, material.tangential_damping_ratio);
 }
 
 class Planner {

@@ -1,5 +1,6 @@
 #include "dashpot/microstep.hpp"
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
@@ -9,31 +10,56 @@ namespace dashpot {
 
 namespace {
 
-double gather(const double* row, const RowGroup& c, const double* y) {
-  double sum = 0.0;
-  const double* first = y + c.dof_begin[0];
-  for (int i = 0; i < c.dof_count[0]; ++i) sum += row[i] * first[i];
-  const double* second = y + c.dof_begin[1];
-  row += c.dof_count[0];
-  for (int i = 0; i < c.dof_count[1]; ++i) sum += row[i] * second[i];
-  return sum;
+// Rows of one group against a whitened vector. Pairs of free bodies and single ones, the bulk of
+// any pile, have fixed sizes.
+template <int First, int Second>
+void gather_fixed(const double* rows, const RowGroup& c, const double* y, double* out) {
+  Eigen::Matrix<double, First + Second, 1> v;
+  v.template head<First>() = Eigen::Map<const Eigen::Matrix<double, First, 1>>(y + c.dof_begin[0]);
+  v.template tail<Second>() =
+      Eigen::Map<const Eigen::Matrix<double, Second, 1>>(y + c.dof_begin[1]);
+  for (int i = 0; i < c.dim; ++i)
+    out[i] = Eigen::Map<const Eigen::Matrix<double, First + Second, 1>>(rows + i * (First + Second))
+                 .dot(v);
 }
 
-void scatter(const double* row, const RowGroup& c, double factor, double* y) {
-  double* first = y + c.dof_begin[0];
-  for (int i = 0; i < c.dof_count[0]; ++i) first[i] += row[i] * factor;
-  double* second = y + c.dof_begin[1];
-  row += c.dof_count[0];
-  for (int i = 0; i < c.dof_count[1]; ++i) second[i] += row[i] * factor;
+void gather(const double* rows, const RowGroup& c, const double* y, double* out) {
+  if (c.dof_count[0] == 6 && c.dof_count[1] == 6) return gather_fixed<6, 6>(rows, c, y, out);
+  if (c.dof_count[0] == 6 && c.dof_count[1] == 0) return gather_fixed<6, 0>(rows, c, y, out);
+  if (c.dof_count[0] == 0 && c.dof_count[1] == 6) return gather_fixed<0, 6>(rows, c, y, out);
+  using Vector = Eigen::Map<const Eigen::VectorXd>;
+  for (int i = 0; i < c.dim; ++i, rows += c.stride)
+    out[i] = Vector(rows, c.dof_count[0]).dot(Vector(y + c.dof_begin[0], c.dof_count[0])) +
+             Vector(rows + c.dof_count[0], c.dof_count[1])
+                 .dot(Vector(y + c.dof_begin[1], c.dof_count[1]));
+}
+
+template <int First, int Second>
+void scatter_fixed(const double* rows, const RowGroup& c, const double* factor, double* y) {
+  Eigen::Matrix<double, First + Second, 1> sum;
+  sum.setZero();
+  for (int i = 0; i < c.dim; ++i)
+    sum += factor[i] *
+           Eigen::Map<const Eigen::Matrix<double, First + Second, 1>>(rows + i * (First + Second));
+  Eigen::Map<Eigen::Matrix<double, First, 1>>(y + c.dof_begin[0]) += sum.template head<First>();
+  Eigen::Map<Eigen::Matrix<double, Second, 1>>(y + c.dof_begin[1]) += sum.template tail<Second>();
+}
+
+void scatter(const double* rows, const RowGroup& c, const double* factor, double* y) {
+  if (c.dof_count[0] == 6 && c.dof_count[1] == 6) return scatter_fixed<6, 6>(rows, c, factor, y);
+  if (c.dof_count[0] == 6 && c.dof_count[1] == 0) return scatter_fixed<6, 0>(rows, c, factor, y);
+  if (c.dof_count[0] == 0 && c.dof_count[1] == 6) return scatter_fixed<0, 6>(rows, c, factor, y);
+  using Vector = Eigen::Map<const Eigen::VectorXd>;
+  using Target = Eigen::Map<Eigen::VectorXd>;
+  for (int i = 0; i < c.dim; ++i, rows += c.stride) {
+    Target(y + c.dof_begin[0], c.dof_count[0]) += factor[i] * Vector(rows, c.dof_count[0]);
+    Target(y + c.dof_begin[1], c.dof_count[1]) +=
+        factor[i] * Vector(rows + c.dof_count[0], c.dof_count[1]);
+  }
 }
 
 KelvinVoigt law_of(const Rows& rows, int row) {
   return {rows.stiffness[row], rows.damping[row], rows.inverse_mass[row]};
-}
-
-// How fast the unstressed offset shrinks during a micro-step, m/s or rad/s.
-double offset_rate(double offset, double recovery_speed, double h) {
-  return std::clamp(offset / h, -recovery_speed, recovery_speed);
 }
 
 bool is_unilateral(const RowGroup& c) {
@@ -46,7 +72,7 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
   return i == 0 ? shares.normal : shares.friction;
 }
 
-// Friction impulses are returned to the limit surface; true if the contact sticks.
+// Friction impulses or forces are returned to the limit surface; true if the contact sticks.
 bool return_to_limit(const Rows& rows, const RowGroup& c, double normal, double* friction) {
   const double* mu = rows.friction.data() + c.row + 1;
   for (int i = 0; i < c.dim - 1; ++i)
@@ -61,80 +87,83 @@ class Microstep {
  public:
   Microstep(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
             RowData& data)
-      : rows_(rows), trees_(trees), island_(island), recovery_speed_(recovery_speed), data_(data) {
+      : rows_(rows),
+        trees_(trees),
+        island_(island),
+        h_(island.duration),
+        recovery_speed_(recovery_speed),
+        data_(data) {
     for (int index : island.group) {
       const RowGroup& c = rows.group[index];
-      for (int row = c.row; row < c.row + c.dim; ++row)
-        data.propagator[row] = propagate(law_of(rows, row), island.duration);
-    }
-  }
-
-  // Gap rates, and the work that the last micro-step's impulses did on the bodies.
-  void read_rates() {
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      for (int i = 0; i < c.dim; ++i) {
-        const int row = c.row + i;
-        const double rate = gather(jacobian(c, i), c, data_.velocity.data());
-        const double work = 0.5 * data_.impulse[row] * (data_.rate[row] + rate);
-        share(data_.work, c, i) += work;
-        data_.rate[row] = rate;
+      gather(jacobian(c), c, data.smooth_acceleration.data(), data.smooth_load.data() + c.row);
+      for (int row = c.row; row < c.row + c.dim; ++row) {
+        const KelvinVoigt law = law_of(rows, row);
+        data.relaxation[row] =
+            law.damping > 0.0 ? std::exp(-law.stiffness * h_ / law.damping) : 0.0;
+        const Propagator e = propagate(law, h_);
+        if (row == c.row && is_unilateral(c))
+          data.propagator[row] = e;
+        else
+          data.linear_flow[row] = linear_flow(law, e);
       }
     }
   }
 
-  // The force of every contact in its present state, and the acceleration they cause together.
+  // Rates and deformations as the last micro-step left them, and the acceleration that the present
+  // forces of all rows cause together.
   void apply_present_forces() {
     for_each_dof([&](int i) { data_.acceleration[i] = data_.smooth_acceleration[i]; });
     for (int index : island_.group) {
       const RowGroup& c = rows_.group[index];
+      read_motion(index, c);
       double* force = data_.force.data() + c.row;
       std::fill(force, force + c.dim, 0.0);
-      present_force(index, c, force);
-      for (int i = 0; i < c.dim; ++i)
-        if (force[i] != 0.0) scatter(jacobian(c, i), c, force[i], data_.acceleration.data());
+      if (is_unilateral(c) && data_.deformation[c.row] >= 0.0) continue;
+      find_present_force(index, c, force);
+      scatter(jacobian(c), c, force, data_.acceleration.data());
     }
   }
 
-  // Impulse and moment of every row over the micro-step.
+  // Motion without the rows' impulses.
+  void advance_smooth() {
+    for_each_dof([&](int i) {
+      const double a = data_.smooth_acceleration[i];
+      data_.displacement[i] = h_ * (data_.velocity[i] + 0.5 * h_ * a);
+      data_.velocity[i] += h_ * a;
+    });
+  }
+
+  // Closed-form flow of every row under its load, and the motion its impulse causes.
   void flow() {
     for (int index : island_.group) {
       const RowGroup& c = rows_.group[index];
+      double load[kMaxRows];
+      gather(jacobian(c), c, data_.acceleration.data(), load);
+      for (int i = 0; i < c.dim; ++i)
+        load[i] -= rows_.inverse_mass[c.row + i] * data_.force[c.row + i];
       if (is_unilateral(c)) {
-        flow_normal(index, c);
-        if (c.dim > 1) flow_friction(index, c);
+        flow_normal(index, c, load[0]);
+        if (c.dim > 1) flow_friction(index, c, load);
       } else {
-        flow_bilateral(index, c);
+        flow_bilateral(index, c, load[0]);
       }
-      if (data_.impulse[c.row] != 0.0) data_.touched[index] = 1;
+      double* impulse = data_.impulse.data() + c.row;
+      if (impulse[0] == 0.0) continue;
+      data_.touched[index] = 1;
+      scatter(jacobian(c), c, impulse, data_.velocity.data());
+      scatter(jacobian(c), c, data_.moment.data() + c.row, data_.displacement.data());
+      for (int i = 0; i < c.dim; ++i) data_.total_impulse[c.row + i] += impulse[i];
     }
-  }
-
-  void advance() {
-    const double h = island_.duration;
-    for_each_dof([&](int i) {
-      const double a = data_.smooth_acceleration[i];
-      data_.displacement[i] = h * data_.velocity[i] + 0.5 * h * h * a;
-      data_.velocity[i] += h * a;
-    });
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      if (data_.impulse[c.row] == 0.0) continue;
-      for (int i = 0; i < c.dim; ++i) {
-        const int row = c.row + i;
-        scatter(jacobian(c, i), c, data_.impulse[row], data_.velocity.data());
-        scatter(jacobian(c, i), c, data_.moment[row], data_.displacement.data());
-        data_.total_impulse[row] += data_.impulse[row];
-      }
-    }
-    for (int index : island_.group) deform(index, rows_.group[index]);
     for_each_dof([&](int i) { data_.total_displacement[i] += data_.displacement[i]; });
   }
 
- private:
-  const double* jacobian(const RowGroup& c, int i) const {
-    return rows_.jacobian.data() + c.jacobian + i * c.stride;
+  // Rates and deformations after the last micro-step.
+  void read_motion() {
+    for (int index : island_.group) read_motion(index, rows_.group[index]);
   }
+
+ private:
+  const double* jacobian(const RowGroup& c) const { return rows_.jacobian.data() + c.jacobian; }
 
   template <typename Function>
   void for_each_dof(Function function) {
@@ -144,103 +173,108 @@ class Microstep {
     }
   }
 
-  void present_force(int index, const RowGroup& c, double* force) const {
-    const double x = data_.deformation[c.row];
-    if (is_unilateral(c) && x >= 0.0) return;
-    const double rate =
-        data_.rate[c.row] - offset_rate(data_.offset[index], recovery_speed_, island_.duration);
-    force[0] = -rows_.stiffness[c.row] * x - rows_.damping[c.row] * rate;
-    if (is_unilateral(c)) force[0] = std::max(0.0, force[0]);
-    if (c.kind == RowKind::kSlider) {
-      const double limit = rows_.friction[c.row];
-      force[0] = std::clamp(force[0], -limit, limit);
+  // How fast a group's unstressed offset shrinks, m/s or rad/s.
+  double offset_rate(int index) const {
+    const double offset = data_.offset[index];
+    return offset == 0.0 ? 0.0 : std::clamp(offset / h_, -recovery_speed_, recovery_speed_);
+  }
+
+  // Rates, the work of the last impulses, and deformations: springs follow the relative motion,
+  // the unstressed offset recovers, springs behind a slipping slider relax towards the limit
+  // (k s + d s' = -p/h).
+  void read_motion(int index, const RowGroup& c) {
+    double rate[kMaxRows], displacement[kMaxRows];
+    gather(jacobian(c), c, data_.velocity.data(), rate);
+    gather(jacobian(c), c, data_.displacement.data(), displacement);
+    displacement[0] -= h_ * data_.surface[index];
+    data_.offset[index] -= h_ * data_.surface[index];
+    data_.surface[index] = offset_rate(index);
+    for (int i = 0; i < c.dim; ++i) {
+      const int row = c.row + i;
+      const bool slides = i > 0 || c.kind == RowKind::kSlider;
+      const double p = data_.impulse[row];
+      double& deformation = data_.deformation[row];
+      if (slides && !data_.sticking[index]) {
+        const double limit = -p / (rows_.stiffness[row] * h_);
+        deformation = limit + data_.relaxation[row] * (deformation - limit);
+      } else {
+        deformation += displacement[i];
+      }
+      share(data_.work, c, i) += 0.5 * p * (data_.rate[row] + rate[i]) +
+                                 data_.smooth_load[row] * (0.5 * h_ * p - data_.moment[row]);
+      data_.rate[row] = rate[i];
     }
-    if (c.dim == 1) return;
-    for (int i = 1; i < c.dim; ++i) {
+  }
+
+  void find_present_force(int index, const RowGroup& c, double* force) const {
+    for (int i = 0; i < c.dim; ++i) {
       const int row = c.row + i;
       force[i] =
           -rows_.stiffness[row] * data_.deformation[row] - rows_.damping[row] * data_.rate[row];
     }
-    return_to_limit(rows_, c, force[0], force + 1);
+    force[0] += rows_.damping[c.row] * data_.surface[index];
+    if (c.kind == RowKind::kSlider) {
+      const double limit = rows_.friction[c.row];
+      force[0] = std::clamp(force[0], -limit, limit);
+    }
+    if (!is_unilateral(c)) return;
+    force[0] = std::max(0.0, force[0]);
+    if (c.dim > 1) return_to_limit(rows_, c, force[0], force + 1);
   }
 
-  // Load on a row from everything but its own present force.
-  double load(const RowGroup& c, int i) const {
-    return gather(jacobian(c, i), c, data_.acceleration.data()) -
-           rows_.inverse_mass[c.row + i] * data_.force[c.row + i];
-  }
-
-  void flow_normal(int index, const RowGroup& c) {
-    const double h = island_.duration;
-    const double surface = offset_rate(data_.offset[index], recovery_speed_, h);
-    const Flow flow =
-        flow_contact(law_of(rows_, c.row), data_.deformation[c.row], data_.rate[c.row] - surface,
-                     load(c, 0), h, &data_.propagator[c.row]);
+  void flow_normal(int index, const RowGroup& c, double load) {
+    const double surface = data_.surface[index];
+    const Flow flow = flow_contact(law_of(rows_, c.row), data_.deformation[c.row],
+                                   data_.rate[c.row] - surface, load, h_, &data_.propagator[c.row]);
     data_.impulse[c.row] = flow.impulse;
     data_.moment[c.row] = flow.moment;
     share(data_.recovery_input, c, 0) += flow.impulse * surface;
   }
 
-  void flow_bilateral(int index, const RowGroup& c) {
-    const double h = island_.duration;
-    const double surface = offset_rate(data_.offset[index], recovery_speed_, h);
-    const Flow flow =
-        flow_spring(law_of(rows_, c.row), data_.deformation[c.row], data_.rate[c.row] - surface,
-                    load(c, 0), h, &data_.propagator[c.row]);
-    data_.impulse[c.row] = flow.impulse;
-    data_.moment[c.row] = flow.moment;
-    data_.sticking[index] = 1;
-    if (c.kind == RowKind::kSlider) {
-      const double limit = rows_.friction[c.row] * h;
-      data_.sticking[index] = std::abs(flow.impulse) <= limit;
-      if (!data_.sticking[index]) {
-        data_.impulse[c.row] = std::copysign(limit, flow.impulse);
-        data_.moment[c.row] = 0.5 * h * data_.impulse[c.row];
-      }
-    }
-    data_.recovery_input.constraint += data_.impulse[c.row] * surface;
+  // Impulse and moment of a spring-damper row.
+  void flow_spring_row(int row, double rate, double load) {
+    const LinearFlow& flow = data_.linear_flow[row];
+    const double x = data_.deformation[row];
+    data_.impulse[row] = flow.impulse[0] * x + flow.impulse[1] * rate + flow.impulse[2] * load;
+    data_.moment[row] = flow.moment[0] * x + flow.moment[1] * rate + flow.moment[2] * load;
   }
 
-  void flow_friction(int index, const RowGroup& c) {
+  void flow_friction(int index, const RowGroup& c, const double* load) {
     double* impulse = data_.impulse.data() + c.row;
     double* moment = data_.moment.data() + c.row;
-    std::fill(impulse + 1, impulse + c.dim, 0.0);
-    std::fill(moment + 1, moment + c.dim, 0.0);
     data_.sticking[index] = 0;
-    if (impulse[0] == 0.0) return;
-    for (int i = 1; i < c.dim; ++i) {
-      const int row = c.row + i;
-      const Flow flow = flow_spring(law_of(rows_, row), data_.deformation[row], data_.rate[row],
-                                    load(c, i), island_.duration, &data_.propagator[row]);
-      impulse[i] = flow.impulse;
-      moment[i] = flow.moment;
+    if (impulse[0] == 0.0) {
+      std::fill(impulse + 1, impulse + c.dim, 0.0);
+      std::fill(moment + 1, moment + c.dim, 0.0);
+      return;
     }
+    for (int i = 1; i < c.dim; ++i) flow_spring_row(c.row + i, data_.rate[c.row + i], load[i]);
     data_.sticking[index] = return_to_limit(rows_, c, impulse[0], impulse + 1);
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
     if (!data_.sticking[index])
       for (int i = 1; i < c.dim; ++i) moment[i] = impulse[i] * (moment[0] / impulse[0]);
   }
 
-  // Springs follow the relative motion; the unstressed offset recovers; slipping springs carry
-  // the limit.
-  void deform(int index, const RowGroup& c) {
-    const double h = island_.duration;
-    const double recovered = offset_rate(data_.offset[index], recovery_speed_, h) * h;
-    data_.offset[index] -= recovered;
-    for (int i = 0; i < c.dim; ++i) {
-      const int row = c.row + i;
-      const bool slides = c.kind == RowKind::kSlider || i > 0;
-      if (slides && !data_.sticking[index])
-        data_.deformation[row] = -data_.impulse[row] / (rows_.stiffness[row] * h);
-      else
-        data_.deformation[row] +=
-            gather(jacobian(c, i), c, data_.displacement.data()) - (i == 0 ? recovered : 0.0);
+  void flow_bilateral(int index, const RowGroup& c, double load) {
+    const double surface = data_.surface[index];
+    flow_spring_row(c.row, data_.rate[c.row] - surface, load);
+    double& impulse = data_.impulse[c.row];
+    data_.sticking[index] = 1;
+    if (c.kind == RowKind::kSlider) {
+      const double limit = rows_.friction[c.row] * h_;
+      data_.sticking[index] = std::abs(impulse) <= limit;
+      if (!data_.sticking[index]) {
+        impulse = std::copysign(limit, impulse);
+        data_.moment[c.row] = 0.5 * h_ * impulse;
+      }
     }
+    data_.recovery_input.constraint += impulse * surface;
   }
 
   const Rows& rows_;
   const Trees& trees_;
   const Island& island_;
+  const double h_;
   const double recovery_speed_;
   RowData& data_;
 };
@@ -249,13 +283,16 @@ class Microstep {
 
 void RowData::reset(const Rows& rows, int dofs) {
   const size_t row_count = rows.inverse_mass.size();
-  const size_t contact_count = rows.group.size();
-  for (auto* array : {&deformation, &rate, &force, &impulse, &moment, &total_impulse})
+  const size_t group_count = rows.group.size();
+  for (auto* array :
+       {&deformation, &rate, &force, &impulse, &moment, &total_impulse, &smooth_load, &relaxation})
     array->assign(row_count, 0.0);
-  propagator.assign(row_count, Propagator{});
-  offset.assign(contact_count, 0.0);
-  sticking.assign(contact_count, 0);
-  touched.assign(contact_count, 0);
+  propagator.resize(row_count);
+  linear_flow.resize(row_count);
+  offset.assign(group_count, 0.0);
+  surface.assign(group_count, 0.0);
+  sticking.assign(group_count, 1);
+  touched.assign(group_count, 0);
   for (auto* array :
        {&velocity, &smooth_acceleration, &displacement, &total_displacement, &acceleration})
     array->assign(dofs, 0.0);
@@ -266,12 +303,11 @@ void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
                     double recovery_speed, RowData& data) {
   Microstep microstep(rows, trees, island, recovery_speed, data);
   for (int i = 0; i < island.microsteps; ++i) {
-    microstep.read_rates();
     microstep.apply_present_forces();
+    microstep.advance_smooth();
     microstep.flow();
-    microstep.advance();
   }
-  microstep.read_rates();
+  microstep.read_motion();
 }
 
 EnergyShares elastic_energy(const Rows& rows, const RowData& data) {

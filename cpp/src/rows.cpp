@@ -19,6 +19,21 @@ ConstFactor factor_of(const Trees& trees, int tree) {
   return ConstFactor(trees.factor.data() + t.factor, t.dof_count, t.dof_count);
 }
 
+// Forward substitution with a factor of fixed size.
+void solve_six(const double* factor, double* x) {
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < i; ++j) x[i] -= factor[6 * i + j] * x[j];
+    x[i] /= factor[6 * i + i];
+  }
+}
+
+void solve_lower(const Trees& trees, int tree, double* x) {
+  const Tree& t = trees.tree[tree];
+  if (t.dof_count == 6) return solve_six(trees.factor.data() + t.factor, x);
+  Vector block(x, t.dof_count);
+  factor_of(trees, tree).triangularView<Eigen::Lower>().solveInPlace(block);
+}
+
 }  // namespace
 
 void Rows::clear() {
@@ -67,14 +82,8 @@ void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia) 
 void whiten(Rows& rows, const RowGroup& c, const Trees& trees) {
   for (int i = 0; i < c.dim; ++i) {
     double* row = rows.jacobian.data() + c.jacobian + i * c.stride;
-    if (c.tree[0] >= 0) {
-      Vector block(row, c.dof_count[0]);
-      factor_of(trees, c.tree[0]).triangularView<Eigen::Lower>().solveInPlace(block);
-    }
-    if (c.tree[1] >= 0) {
-      Vector block(row + c.dof_count[0], c.dof_count[1]);
-      factor_of(trees, c.tree[1]).triangularView<Eigen::Lower>().solveInPlace(block);
-    }
+    if (c.tree[0] >= 0) solve_lower(trees, c.tree[0], row);
+    if (c.tree[1] >= 0) solve_lower(trees, c.tree[1], row + c.dof_count[0]);
     rows.inverse_mass[c.row + i] = ConstVector(row, c.stride).squaredNorm();
   }
 }

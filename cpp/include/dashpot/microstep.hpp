@@ -9,6 +9,11 @@
 //                                                 returned to its limit surface
 //     y += h y_a + Jw' p,   displacement = h y + h^2/2 y_a + Jw' r
 //
+// Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
+// bodies by r, change the work of the smooth forces; together row i does the work
+//     p (u_0 + u_1) / 2 + (Jw y_a) (h p / 2 - r) ,
+// which closes the ledger to rounding for a single contact.
+//
 // Statics are exact, since at rest F carries every load, and contacts know of each other through F.
 // The cost is linear in the number of contacts; nothing iterates.
 
@@ -41,12 +46,16 @@ struct RowData {
   // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
   // the strain of an equality, the elastic displacement s of a friction row; m or rad.
   std::vector<double> deformation, rate, force, impulse, moment;
-  std::vector<double> total_impulse;  // over the whole step, N s or N m s
-  std::vector<Propagator> propagator;
+  std::vector<double> total_impulse;    // over the whole step, N s or N m s
+  std::vector<double> smooth_load;      // Jw y_a, m/s^2 or rad/s^2
+  std::vector<double> relaxation;       // of a spring whose slider slips: exp(-k h / d)
+  std::vector<Propagator> propagator;   // of normals and limits
+  std::vector<LinearFlow> linear_flow;  // of all other rows
 
   // Per group: unstressed part of the position still to recover (deformation minus position; >= 0
   // for contacts and limits), whether friction last stuck, whether any impulse acted in this step.
-  std::vector<double> offset;
+  // `surface` is the rate at which the offset shrinks in the present micro-step.
+  std::vector<double> offset, surface;
   std::vector<char> sticking, touched;
 
   // Whitened, per degree of freedom.
