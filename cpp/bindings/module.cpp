@@ -13,6 +13,8 @@ void bind_residuals(pybind11::module_& module);
 PYBIND11_MODULE(_core, module) {
   using namespace dashpot::bindings;
   module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
+  module.attr("__version__") = DASHPOT_VERSION;
+  module.attr("__mujoco_version__") = DASHPOT_MUJOCO_VERSION;
   bind_law(module);
   bind_engine(module);
   bind_query(module);

@@ -6,15 +6,15 @@ import importlib
 from types import ModuleType
 from typing import TYPE_CHECKING
 
+from dashpot._load import __version__  # first: it loads MuJoCo, then the extension
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
-from dashpot.query import Closest, Distance, TimeOfImpact, closest, distance, time_of_impact
+from dashpot.query import Distance, TimeOfImpact, distance, time_of_impact
 from dashpot.rollouts import rollout
 
 __all__ = [
-    "Closest",
     "CombinationRules",
     "Contacts",
     "Distance",
@@ -25,8 +25,8 @@ __all__ = [
     "Report",
     "StepStats",
     "TimeOfImpact",
+    "__version__",
     "calibrate",
-    "closest",
     "distance",
     "rollout",
     "time_of_impact",

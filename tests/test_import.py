@@ -1,0 +1,140 @@
+"""Room _load: importing dashpot works in any order, and a broken installation names its remedy."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import pytest
+
+import dashpot
+from dashpot import _core
+
+PACKAGE = Path(dashpot.__file__).parent
+EXTENSION = Path(_core.__file__).resolve()
+
+
+def run_python(code: str, *paths: Path) -> subprocess.CompletedProcess[str]:
+    """Run code in a fresh interpreter that finds modules in `paths` before any others."""
+    environment = dict(os.environ)
+    inherited = environment.get("PYTHONPATH", "")
+    environment["PYTHONPATH"] = os.pathsep.join([*map(str, paths), inherited]).rstrip(os.pathsep)
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False
+    )
+
+
+def import_error(code: str, *paths: Path) -> str:
+    """Run code, which must raise ImportError; return the error's line."""
+    result = run_python(code, *paths)
+    assert result.returncode == 1, result.stdout + result.stderr
+    last_line = result.stderr.strip().splitlines()[-1]
+    assert last_line.startswith("ImportError: "), result.stderr
+    return last_line
+
+
+@pytest.fixture
+def package_copy(tmp_path: Path) -> Path:
+    """Return a folder with a copy of the Python sources of dashpot, without the extension."""
+    shutil.copytree(PACKAGE, tmp_path / "dashpot", ignore=shutil.ignore_patterns("*.so", "*.pyc"))
+    return tmp_path
+
+
+def copy_extension(folder: Path, library: bytes) -> None:
+    """Copy the extension into folder and make it need a library that no machine has."""
+    content = EXTENSION.read_bytes()
+    assert content.count(library) == 1
+    absent = library[:-1] + b"_"  # of the same length: the tables of an ELF file hold offsets
+    (folder / "dashpot" / EXTENSION.name).write_bytes(content.replace(library, absent))
+
+
+def test_versions_are_those_of_the_build() -> None:
+    assert _core.__mujoco_version__ == mujoco.mj_versionString()
+    assert dashpot.__version__ == _core.__version__
+
+
+def test_dashpot_can_be_imported_before_mujoco() -> None:
+    result = run_python("import dashpot, mujoco; print(mujoco.mj_versionString())")
+    assert result.stdout.strip() == _core.__mujoco_version__, result.stderr
+
+
+def test_mujoco_missing() -> None:
+    message = import_error("import sys; sys.modules['mujoco'] = None; import dashpot")
+    assert "needs the package mujoco" in message
+    assert "pip install" in message
+
+
+def test_mujoco_of_another_version(tmp_path: Path) -> None:
+    (tmp_path / "mujoco").mkdir()
+    (tmp_path / "mujoco" / "__init__.py").write_text(
+        "__version__ = '3.16.0'\ndef mj_versionString(): return __version__\n"
+    )
+    message = import_error("import dashpot", tmp_path)
+    assert "mujoco 3.16.0 is installed" in message
+    assert f"pip install mujoco=={_core.__mujoco_version__}" in message
+
+
+def test_source_tree_without_extension(package_copy: Path) -> None:
+    message = import_error("import dashpot", package_copy)
+    assert str(package_copy / "dashpot") in message
+    assert "pip install ." in message
+
+
+def test_extension_of_another_python(package_copy: Path) -> None:
+    (package_copy / "dashpot" / "_core.cpython-27-x86_64-linux-gnu.so").touch()
+    message = import_error("import dashpot", package_copy)
+    assert "built for another Python (_core.cpython-27-x86_64-linux-gnu.so)" in message
+
+
+def test_fcl_missing(package_copy: Path) -> None:
+    copy_extension(package_copy, b"libfcl.so.0.7")
+    message = import_error("import dashpot", package_copy)
+    assert "needs the shared library libfcl" in message
+    assert "apt-get install libfcl0.7" in message
+
+
+# pinocchio brings another FCL (coal) and another version of octomap, whose symbols have the names
+# of those that the system's libfcl needs. RTLD_GLOBAL is the worst case: pinocchio's symbols then
+# come first for every library that is loaded later.
+QUERY = """
+import numpy
+model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+  <body><freejoint/><geom name="box" type="box" size=".1 .2 .3"/></body>
+  <body pos="1 0 0"><freejoint/><geom name="capsule" type="capsule" size=".1 .2"/></body>
+</worldbody></mujoco>''')
+engine = dashpot.Engine(model)
+data = engine.make_data()
+mujoco.mj_forward(engine.model, data)
+distance = dashpot.distance(engine, data, "box", "capsule").distance
+assert abs(distance - 0.8) < 1e-6, distance
+"""
+PINOCCHIO = """
+import pinocchio, coal
+box, pose = coal.Box(0.2, 0.4, 0.6), coal.Transform3s()
+pose.setTranslation(numpy.array([1.0, 0.0, 0.0]))
+near = coal.DistanceResult()
+coal.distance(box, coal.Transform3s(), box, pose, coal.DistanceRequest(), near)
+assert abs(near.min_distance - 0.8) < 1e-6, near.min_distance
+print('both work')
+"""
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pinocchio") is None, reason="needs the package pin")
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import mujoco, dashpot, pinocchio",
+        "import pinocchio, mujoco, dashpot",
+        "import os, sys; sys.setdlopenflags(os.RTLD_NOW | os.RTLD_GLOBAL)\n"
+        "import pinocchio, coal, mujoco, dashpot",
+    ],
+    ids=["dashpot first", "pinocchio first", "pinocchio first and global"],
+)
+def test_beside_pinocchio(imports: str) -> None:
+    result = run_python(imports + QUERY + PINOCCHIO)
+    assert result.stdout.strip() == "both work", result.stderr
