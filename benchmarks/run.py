@@ -187,7 +187,7 @@ def main() -> None:
     if arguments.smoke:
         settings = settings[:3]
 
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else 150)
     rows: list[dict[str, Any]] = []
     for scene in scenes.values():
         console.print(f"[dim]{scene.title}")

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from dashpot.query import distance, time_of_impact
+from dashpot.query import closest, distance, time_of_impact
 
 CONVEX = ("sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh")
 SIZE = {
@@ -282,14 +282,14 @@ def test_bounds_prove_the_distance(zoo, kind1, kind2):
             assert np.linalg.norm(apart) - lower < 1e-9
             assert lower <= found.distance + 1e-9
         else:
-            # Curved pairs converge to 1e-4 rad of the normal at worst; the depth is then good to
-            # the square of it.
-            assert found.distance == pytest.approx(lower, abs=1e-7)
-            np.testing.assert_allclose(apart, found.distance * found.normal, atol=1e-4)
+            # The polytope's bounds meet to 1e-10 of the size, or to 1e-5 before refinement where
+            # a ring of directions is nearly as short; witnesses are then off by up to 1e-5.
+            assert found.distance == pytest.approx(lower, abs=1e-9)
+            np.testing.assert_allclose(apart, found.distance * found.normal, atol=1e-5)
             directions = rng.normal(size=(50, 3))
             directions /= np.linalg.norm(directions, axis=1, keepdims=True)
             others = (directional(zoo, data, name1, name2, n) for n in directions)
-            assert max(others) <= found.distance + 1e-7
+            assert max(others) <= found.distance + 1e-9
     assert signs == {True, False}
 
 
@@ -332,8 +332,8 @@ def test_symmetry_and_rigid_motion(zoo, kind1, kind2):
         random_pair(zoo, data, rng, name1, name2, 0.08)
         found = distance(zoo, data, name1, name2)
         swapped = distance(zoo, data, name2, name1)
-        # Two searches of a curved overlap end within 1e-8 m of each other.
-        assert swapped.distance == pytest.approx(found.distance, abs=1e-8)
+        # Two searches of a curved overlap end within 1e-10 of the size of each other.
+        assert swapped.distance == pytest.approx(found.distance, abs=1e-10)
         turn, shift = Rotation.random(random_state=rng), rng.normal(size=3)
         for name in (name1, name2):
             pose = data.geom(name)
@@ -345,7 +345,7 @@ def test_symmetry_and_rigid_motion(zoo, kind1, kind2):
                 turn.as_matrix() @ pose.xmat.reshape(3, 3),
             )
         moved = distance(zoo, data, name1, name2)
-        assert moved.distance == pytest.approx(found.distance, abs=1e-8)
+        assert moved.distance == pytest.approx(found.distance, abs=1e-10)
         if found.distance > 1e-3:  # apart: the direction is unique
             np.testing.assert_allclose(swapped.normal, -found.normal, atol=1e-5)
             np.testing.assert_allclose(moved.normal, turn.apply(found.normal), atol=1e-5)
@@ -367,7 +367,7 @@ def test_degenerate_poses(zoo, kind1, kind2, capfd):
             place(zoo, data, name2, offset * axis, turn.as_matrix())
             found = distance(zoo, data, name1, name2)
             lower = directional(zoo, data, name1, name2, found.normal)
-            assert found.distance == pytest.approx(lower, abs=1e-6)
+            assert found.distance == pytest.approx(lower, abs=1e-9)
     captured = capfd.readouterr()
     assert (captured.out, captured.err) == ("", "")
 
@@ -462,7 +462,8 @@ def test_spinning_box_onto_the_ground():
             )
 
         times = np.linspace(0, horizon, 4001)
-        heights = np.array([lowest(t) for t in times])
+        turns = Rotation.from_rotvec(times[:, None] * angular) * turn
+        heights = (turns.as_matrix()[:, 2] @ corners.T).min(axis=1) + start[2] + linear[2] * times
         found = time_of_impact(model, data, "box", "floor", horizon=horizon)
         assert found.hit == bool((heights <= 0).any())
         if found.hit:
@@ -563,6 +564,59 @@ def test_impact_beyond_the_horizon():
     found = time_of_impact(model, data, "floor", "ball", horizon=0.25)
     assert (found.hit, found.time) == (False, 0.25)
     assert found.distance == pytest.approx(0.75, abs=1e-14)
+
+
+# --- close pairs ---
+
+
+def test_closest_finds_what_all_pairs_find(zoo):
+    """Against the distance of every pair of geoms, for all bodies and for one."""
+    data = mujoco.MjData(zoo)
+    rng = np.random.default_rng(9)
+    names = [kind + copy for kind in CONVEX for copy in "12"]
+    for spread in (0.1, 0.5):
+        mujoco.mj_forward(zoo, data)
+        for name in names:
+            turn = Rotation.random(random_state=rng).as_matrix()
+            place(zoo, data, name, rng.normal(size=3) * spread, turn)
+        for body, radius in itertools.product((None, 4), (0.0, 0.05, 0.3)):
+            expected = {}
+            for pair in itertools.combinations(range(zoo.ngeom), 2):
+                near = distance(zoo, data, *pair).distance
+                if near <= radius and (body is None or body in zoo.geom_bodyid[list(pair)]):
+                    expected[pair] = near
+            found = closest(zoo, data, body, radius=radius)
+            assert {tuple(map(int, pair)) for pair in found.geom} == set(expected)
+            assert (np.diff(found.distance) >= 0).all()
+            for i, pair in enumerate(map(tuple, found.geom)):
+                assert found.distance[i] == expected[pair]
+                np.testing.assert_array_equal(found.normal[i], distance(zoo, data, *pair).normal)
+
+
+def test_closest_leaves_out_what_cannot_meet():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+        <geom name="wall" type="box" size="0.1 0.1 0.1"/>
+        <body name="ball"><freejoint/><geom name="ball" size="0.1"/>
+        <geom name="cap" size="0.1" pos="0 0 0.1"/>
+        <geom name="paint" size="0.3" contype="0" conaffinity="0"/>
+        </body></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = closest(model, data, "ball", radius=1.0)
+    pairs = {tuple(model.geom(i).name for i in pair) for pair in found.geom}
+    assert pairs == {("floor", "ball"), ("floor", "cap"), ("wall", "ball"), ("wall", "cap")}
+    data.qpos[2] = 5.0
+    mujoco.mj_forward(model, data)
+    nothing = closest(model, data, radius=1.0)
+    assert nothing.geom.shape == (0, 2)
+    assert nothing.normal.shape == (0, 3)
+    with pytest.raises(ValueError, match="no body named 'bal'; did you mean 'ball'"):
+        closest(model, data, "bal", radius=1.0)
+    for radius in (-1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="radius"):
+            closest(model, data, radius=radius)
 
 
 # --- callers ---

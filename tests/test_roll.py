@@ -12,15 +12,8 @@ RADIUS = 0.1
 
 SAG = 1e-5  # bound of a rigid contact's sag under gravity (test_rest): shortens friction's lever
 
-TOO_SOFT = pytest.mark.xfail(
-    strict=True, reason="rigid contacts sag 7 um in micro-steps of 0.2 ms: 2e-5 of the velocity"
-)
 
-
-@pytest.mark.parametrize(
-    "timestep",
-    [0.001, 0.002, pytest.param(0.005, marks=TOO_SOFT), pytest.param(0.010, marks=TOO_SOFT)],
-)
+@pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_terminal_velocity_is_five_sevenths(timestep):
     assert measure(roll(), DASHPOT, timestep)["velocity error"] <= 1e-5  # 1e-3 %
 

@@ -25,11 +25,15 @@ def test_a_heavy_box_on_nine_light_ones_stands(timestep):
     assert numbers["tilt"] <= 5e-3  # of a box width of 0.1 m
 
 
-@pytest.mark.xfail(
+TOO_SOFT = pytest.mark.xfail(
     strict=True,
     reason="rigid stiffness is what micro-steps resolve of the light boxes; the heavy one sways",
 )
-@pytest.mark.parametrize("timestep", TIMESTEPS)
+
+
+@pytest.mark.parametrize(
+    "timestep", [0.001, *(pytest.param(t, marks=TOO_SOFT) for t in (0.002, 0.005, 0.010))]
+)
 def test_rigid_boxes_under_a_heavy_one_do_not_sink(timestep):
     numbers = measure(
         stack(masses=(1.0,) * 9 + (100.0,), stiffness=None, duration=4.0), DASHPOT, timestep

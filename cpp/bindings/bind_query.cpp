@@ -3,9 +3,9 @@
 #include <pybind11/pybind11.h>
 
 #include <cstdint>
-#include <stdexcept>
-#include <string>
+#include <vector>
 
+#include "dashpot/closest.hpp"
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/query.hpp"
 
@@ -58,6 +58,23 @@ py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_
   return py::make_tuple(result.hit, result.time, to_tuple(result.at), result.evaluations);
 }
 
+py::list close_geoms(std::uintptr_t model_address, std::uintptr_t data_address, int body,
+                     double radius) {
+  std::vector<ClosePair> pairs;
+  {
+    py::gil_scoped_release release;
+    const auto* model = model_at(model_address);
+    const auto* data = data_at(data_address);
+    check_data_of(model, data);
+    pairs = closest_pairs(placed_shapes(model, data, body), radius);
+  }
+  py::list result;
+  for (const ClosePair& pair : pairs) {
+    result.append(py::make_tuple(pair.geom1, pair.geom2, to_tuple(pair.distance)));
+  }
+  return result;
+}
+
 }  // namespace
 
 void bind_query(py::module_& module) {
@@ -69,6 +86,10 @@ void bind_query(py::module_& module) {
              py::arg("data_address"), py::arg("geom1"), py::arg("geom2"), py::arg("horizon"),
              "First contact of two geoms along their present velocities as (hit, time, distance "
              "tuple, distances computed).");
+  module.def("close_geoms", &close_geoms, py::arg("model_address"), py::arg("data_address"),
+             py::arg("body"), py::arg("radius"),
+             "Pairs of geoms within a radius as [(geom1, geom2, distance tuple)], nearest first; "
+             "body -1 for all.");
 }
 
 }  // namespace dashpot::bindings

@@ -19,16 +19,11 @@ constexpr int kMaxProximalRounds = 64;
 // good to 1e-12 rad.
 constexpr double kRounding = 1e-15;
 constexpr double kMargin = 1e-3;
-constexpr double kStall = 1e-12;    // relative to the size: gap between the bounds of stalled GJK
+constexpr double kStall = 1e-10;    // relative to the size: gap between the bounds of stalled GJK
 constexpr double kSettled = 1e-11;  // rad, between the directions of two rounds
 
-// A point of the difference core 2 - core 1 and where it comes from.
-struct Vertex {
-  Vector3d difference, point1, point2;
-};
-
 struct Simplex {
-  std::array<Vertex, 4> vertex;
+  std::array<DifferencePoint, 4> vertex;
   std::array<double, 4> weight{};
   int size = 0;
 };
@@ -98,24 +93,19 @@ Vector3d nearest_point(Simplex& simplex) {
   return nearest_difference;
 }
 
-Vertex difference_support(const Shape& shape1, const Pose& pose1, const Shape& shape2,
-                          const Pose& pose2, const Vector3d& normal) {
-  Vertex vertex;
-  vertex.point1 = core_support(shape1, pose1, normal);
-  vertex.point2 = core_support(shape2, pose2, -normal);
-  vertex.difference = vertex.point2 - vertex.point1;
-  return vertex;
-}
-
 double pair_size(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2) {
   return core_extent(shape1) + core_extent(shape2) + (pose2.position - pose1.position).norm();
 }
 
 }  // namespace
 
-double directional_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
-                            const Pose& pose2, const Vector3d& normal) {
-  return difference_support(shape1, pose1, shape2, pose2, normal).difference.dot(normal);
+DifferencePoint difference_support(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                                   const Pose& pose2, const Vector3d& normal) {
+  DifferencePoint vertex;
+  vertex.point1 = core_support(shape1, pose1, normal);
+  vertex.point2 = core_support(shape2, pose2, -normal);
+  vertex.difference = vertex.point2 - vertex.point1;
+  return vertex;
 }
 
 std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose1,
@@ -132,7 +122,7 @@ std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose
   Vector3d normal = start.normalized();
   for (int round = 0; round < kMaxGjkRounds && upper > tolerance; ++round) {
     const Vector3d direction = nearest / upper;
-    const Vertex vertex = difference_support(shape1, pose1, shape2, pose2, direction);
+    const DifferencePoint vertex = difference_support(shape1, pose1, shape2, pose2, direction);
     const double bound = vertex.difference.dot(direction);
     if (bound > lower) {
       lower = bound;
@@ -168,7 +158,7 @@ Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& sh
   const auto height = [&](const Vector3d& normal) {
     return difference_support(shape1, pose1, shape2, pose2, normal);
   };
-  const Vertex first = height(start);
+  const DifferencePoint first = height(start);
   Distance best{first.difference.dot(start), first.point1, first.point2, start};
   Vector3d normal = start, centre = start;  // centre: where the next round moves the cores apart
   double lower = best.distance, centre_height = lower;

@@ -111,4 +111,15 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
   return motion;
 }
 
+std::vector<PlacedShape> placed_shapes(const mjModel* model, const mjData* data, int body) {
+  std::vector<PlacedShape> shapes;
+  for (int geom = 0; geom < model->ngeom; ++geom) {
+    if (model->geom_contype[geom] == 0 && model->geom_conaffinity[geom] == 0) continue;
+    const int owner = model->geom_bodyid[geom];
+    shapes.push_back({geom_shape(model, geom), geom_pose(model, data, geom), geom,
+                      model->body_weldid[owner], body < 0 || owner == body});
+  }
+  return shapes;
+}
+
 }  // namespace dashpot

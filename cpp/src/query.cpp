@@ -1,14 +1,13 @@
 #include "dashpot/query.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "dashpot/closed_forms.hpp"
-#include "dashpot/fcl_shapes.hpp"
+#include "dashpot/expanding_polytope.hpp"
 
 namespace dashpot {
 
@@ -16,11 +15,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Relative to the size of the pair: bounds closer than this need no refinement.
-constexpr double kCertain = 1e-11;
-// FCL's polytope lies inside the difference of the cores, so it never overstates a depth; a refined
-// depth that exceeds it by more than its own inaccuracy on curved faces was not the shortest.
-constexpr double kPolytopeError = 1e-4;
+// Relative to the size of the pair: a clearance whose direction the closest points give to 1e-12
+// rad; bounds so far apart that rounding has torn the polytope.
+constexpr double kClear = 1e-3;
+constexpr double kTorn = 1e-3;
 
 // Penetration without a start: the best few of many directions, refined.
 Distance search_penetration(const Shape& shape1, const Pose& pose1, const Shape& shape2,
@@ -34,7 +32,8 @@ Distance search_penetration(const Shape& shape1, const Pose& pose1, const Shape&
     const double radial = std::sqrt(1.0 - z * z);
     const Vector3d normal(radial * std::cos(golden_angle * i), radial * std::sin(golden_angle * i),
                           z);
-    candidates.emplace_back(directional_distance(shape1, pose1, shape2, pose2, normal), normal);
+    const auto point = difference_support(shape1, pose1, shape2, pose2, normal);
+    candidates.emplace_back(point.difference.dot(normal), normal);
   }
   std::partial_sort(candidates.begin(), candidates.begin() + kRefined, candidates.end(),
                     [](const auto& a, const auto& b) { return a.first > b.first; });
@@ -51,21 +50,18 @@ Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   if (const auto closed = closed_form_distance(shape1, pose1, shape2, pose2)) return *closed;
 
   const double size = core_extent(shape1) + core_extent(shape2);
-  const auto start = fcl_distance(shape1, pose1, shape2, pose2);
-  if (start) {
-    const double bound = directional_distance(shape1, pose1, shape2, pose2, start->normal);
-    if (std::abs(start->distance - bound) <= kCertain * size) return *start;
-  }
   const Vector3d between = pose2.position - pose1.position;
-  const Vector3d direction = start                  ? start->normal
-                             : between.norm() > 0.0 ? Vector3d(between.normalized())
-                                                    : Vector3d::UnitZ();
-  if (const auto apart = separated_distance(shape1, pose1, shape2, pose2, direction)) {
+  const double offset = between.norm();
+  const Vector3d ahead = offset > 0.0 ? Vector3d(between / offset) : Vector3d::UnitZ();
+  if (const auto apart = separated_distance(shape1, pose1, shape2, pose2, ahead)) {
+    if (apart->distance > kClear * size) return *apart;
     return refine_distance(shape1, pose1, shape2, pose2, apart->normal);
   }
-  if (start) {
-    const Distance refined = refine_distance(shape1, pose1, shape2, pose2, direction);
-    if (std::abs(refined.distance - start->distance) <= kPolytopeError * size) return refined;
+  if (const auto start = expand_polytope(shape1, pose1, shape2, pose2)) {
+    if (start->exact) return start->distance;
+    if (start->bound - start->distance.distance <= kTorn * size) {
+      return refine_distance(shape1, pose1, shape2, pose2, start->distance.normal);
+    }
   }
   return search_penetration(shape1, pose1, shape2, pose2);
 }

@@ -11,10 +11,11 @@ from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
-from dashpot.query import Distance, TimeOfImpact, distance, time_of_impact
+from dashpot.query import Closest, Distance, TimeOfImpact, closest, distance, time_of_impact
 from dashpot.rollouts import rollout
 
 __all__ = [
+    "Closest",
     "CombinationRules",
     "Contacts",
     "Distance",
@@ -27,6 +28,7 @@ __all__ = [
     "TimeOfImpact",
     "__version__",
     "calibrate",
+    "closest",
     "distance",
     "rollout",
     "time_of_impact",

@@ -28,9 +28,15 @@ struct Distance {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // unit, world, from shape 1 to shape 2
 };
 
-// s(n) of two cores (m), `normal` unit.
-double directional_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
-                            const Pose& pose2, const Eigen::Vector3d& normal);
+// A point of the difference core 2 - core 1 and where it comes from.
+struct DifferencePoint {
+  Eigen::Vector3d difference, point1, point2;
+};
+
+// The point of the difference that is least far along `normal` (any length but zero); along a unit
+// normal n its height n.difference is s(n).
+DifferencePoint difference_support(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                                   const Pose& pose2, const Eigen::Vector3d& normal);
 
 // Closest points of two cores that are apart (Gilbert, Johnson and Keerthi 1988), searched from
 // `start` (any length but zero). Empty where the cores overlap.

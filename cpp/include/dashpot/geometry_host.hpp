@@ -2,6 +2,9 @@
 
 #pragma once
 
+#include <vector>
+
+#include "dashpot/closest.hpp"
 #include "dashpot/shape.hpp"
 
 struct mjModel_;
@@ -24,5 +27,10 @@ Pose geom_pose(const mjModel_* model, const mjData_* data, int geom);
 // The velocity of its body, at the body's centre of mass, as the data's kinematics last left it
 // (cvel). Throws std::invalid_argument naming the geom where it is not finite.
 Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
+
+// Every geom that takes part in collisions (contype or conaffinity set), in the order of their ids,
+// grouped by the bodies they are welded to. `body` >= 0 marks the geoms of that body as of
+// interest, -1 all. Throws as geom_shape and geom_pose do.
+std::vector<PlacedShape> placed_shapes(const mjModel_* model, const mjData_* data, int body);
 
 }  // namespace dashpot

@@ -10,9 +10,9 @@ namespace dashpot {
 
 // Signed distance of two shapes: positive apart, negative by the penetration depth (the shortest
 // translation that parts them). Closed forms for planes against anything and for spheres, capsules
-// and boxes where these are short; else FCL, whose answer is checked against the bounds of
-// convex_distance.hpp and refined where it does not meet them. Where several directions are equally
-// short (concentric balls), one of them.
+// and boxes where these are short; else closest points, and the expanding polytope with refinement
+// where the shapes overlap. Where several directions are equally short (concentric balls), one of
+// them.
 // Throws std::invalid_argument for two planes.
 Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2);
 
@@ -25,7 +25,7 @@ struct TimeOfImpact {
 };
 
 // Conservative advancement: `time` is never after the first contact, and precedes it by no more
-// than the two shapes need to close `touching` times their size (1e-9). Shapes that touch or
+// than the shapes need to close 1e-9 of their size. Shapes that touch or
 // overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument for two planes,
 // or for a plane that turns.
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,

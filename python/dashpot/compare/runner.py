@@ -40,6 +40,7 @@ def run(
     settings: Sequence[str | Setting] = DEFAULT_SETTINGS,
     materials: Mapping[str, Material] | None = None,
     settled_after: float | None = None,
+    name: str | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Comparison:
     """Step a scene with dashpot and with MuJoCo, and compare penetration and energy.
@@ -63,6 +64,8 @@ def run(
         Geom name to material for dashpot (and for "solref-direct"), on top of the scene's own.
     settled_after
         s; where statistics split into "falling" and "settled"; None is three quarters through.
+    name
+        Of the scene, in tables and plots; None takes the shipped scene's or file's.
     progress
         Called with (setting, share done) about a hundred times a run.
 
@@ -74,7 +77,7 @@ def run(
     FileNotFoundError
         If a scene's file does not exist.
     """
-    name, engine, default_duration = _prepare(scene, materials)
+    own_name, engine, default_duration = _prepare(scene, materials)
     chosen = _settings(settings)
     if timestep is not None:
         engine.model.opt.timestep = _positive("timestep", timestep)
@@ -100,7 +103,7 @@ def run(
             runs.append(_run_dashpot(engine, steps, observer, report))
         else:
             runs.append(_run_mujoco(setting, engine, steps, observer, report))
-    return Comparison(name, step, steps * step, split, tuple(runs))
+    return Comparison(name or own_name, step, steps * step, split, tuple(runs))
 
 
 def _prepare(

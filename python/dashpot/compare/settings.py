@@ -9,8 +9,8 @@ so the fit of "solref-direct" to an SI stiffness k and damping d needs the mass 
 moves. A geom has one solref for all its contacts: w is taken as that of its body alone
 (``body_invweight0``), which is right against anything fixed and, between two equal bodies,
 half of what it should be. A steady load is another matter: MuJoCo's impedance takes most of it
-away, so that bodies at rest sag by ``1 - solimp`` of what the spring says. A rigid contact has no SI stiffness; it gets the stiffest
-``solref`` that MuJoCo itself deems safe, (2 timestep, 1).
+away, so that bodies at rest sag by ``1 - solimp`` of what the spring says. A rigid contact has no
+SI stiffness; it gets the stiffest ``solref`` that MuJoCo itself deems safe, (2 timestep, 1).
 """
 
 from __future__ import annotations

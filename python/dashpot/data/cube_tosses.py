@@ -63,6 +63,11 @@ class CubeToss:
     velocity: NDArray[np.float64]
     angular_velocity: NDArray[np.float64]
 
+    @property
+    def name(self) -> str:
+        """Names the toss in messages: "toss" and its number."""
+        return f"toss {self.id}"
+
     def __len__(self) -> int:
         return len(self.time)
 

@@ -1,0 +1,58 @@
+"""``dashpot calibrate``: fit the problem that a file states."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from dashpot.cli.options import count
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    from dashpot.cli.problem_file import FORMAT
+
+    parser = commands.add_parser(
+        "calibrate",
+        help="fit contact parameters to reference trajectories",
+        description="Fit the parameters of a model to observed poses, with 95 % intervals and a "
+        "plain statement for each parameter whether the data identify it.",
+        epilog=FORMAT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("problem", help="problem file, .toml or .json (format below)")
+    parser.add_argument("--out", metavar="FILE", help="write the result as JSON")
+    parser.add_argument("--threads", type=count, help="default: one per core")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    import json
+    import sys
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from dashpot.calibrate import fit
+    from dashpot.cli.problem_file import read_problem
+
+    problem, options = read_problem(arguments.problem)
+    result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
+    Console().print(result.table())
+    for estimate in result.estimates:
+        print(f"{estimate.name}: {estimate.statement}")
+    metrics = result.metrics()
+    print(
+        f"residuals: {1e3 * metrics['position_rms']:.4g} mm, "
+        f"{metrics['rotation_rms']:.4g} rad (root mean square); "
+        f"{result.evaluations} simulations in {result.seconds:.1f} s"
+    )
+    if not result.converged:
+        print(f"not converged: {result.message}")
+    if arguments.out is not None:
+        file = Path(arguments.out)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(result.to_dict(), indent=2) + "\n", encoding="utf-8")
+        print(f"wrote {file}")
+    return 0

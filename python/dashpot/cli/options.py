@@ -1,0 +1,117 @@
+"""Options that several commands share, and what they mean."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from dashpot.engine import Engine
+    from dashpot.materials import Material
+
+MATERIAL_HELP = (
+    "material of a geom, or of all with the name '*', as "
+    "GEOM:field=value,... with the fields of dashpot.Material, for example "
+    "ball:stiffness=1e5,restitution=0.8,friction=0.5 or friction=0.5/0.005/0.0001 (sliding, "
+    "torsional, rolling); may be given several times"
+)
+
+
+def positive(text: str) -> float:
+    """Return a finite number > 0, or raise what argparse reports."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number > 0")
+    return number
+
+
+def count(text: str) -> int:
+    """Return a whole number >= 1, or raise what argparse reports."""
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number >= 1")
+    return int(text)
+
+
+def material(text: str) -> tuple[str, Material]:
+    """Return (geom, material) of ``GEOM:field=value,...``, or raise what argparse reports."""
+    from dashpot.materials import Material
+
+    geom, separator, rest = text.rpartition(":")
+    known = [f.name for f in fields(Material) if f.init and f.name != "_"]
+    values: dict[str, Any] = {}
+    if not separator or not geom:
+        raise argparse.ArgumentTypeError(f"{text!r} is not GEOM:field=value,...")
+    for part in rest.split(","):
+        name, equals, value = (piece.strip() for piece in part.partition("="))
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise argparse.ArgumentTypeError(f"{name!r} is none of {', '.join(known)}{hint}")
+        if not equals or name in values:
+            raise argparse.ArgumentTypeError(f"{text!r} gives {name} twice or without '='")
+        try:
+            numbers = tuple(float(number) for number in value.split("/"))
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{name} is {value!r}, not a number") from None
+        values[name] = numbers if len(numbers) > 1 else numbers[0]
+    try:
+        return geom, Material(**values)
+    except (ValueError, TypeError) as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def add_material(parser: argparse.ArgumentParser) -> None:
+    """Add ``--material``."""
+    parser.add_argument(
+        "--material", type=material, action="append", default=[], metavar="SPEC", help=MATERIAL_HELP
+    )
+
+
+def apply_materials(engine: Engine, given: list[tuple[str, Material]]) -> None:
+    """Give an engine the materials of ``--material``, in their order."""
+    for geom, value in given:
+        for target in range(engine.model.ngeom) if geom == "*" else [geom]:
+            engine.set_material(target, value)
+
+
+def load_engine(scene: str, given: list[tuple[str, Material]]) -> Engine:
+    """Return an engine of a scene file or shipped scene, with the materials of ``--material``."""
+    import mujoco
+
+    from dashpot.compare import SCENES
+    from dashpot.compare.runner import load_model
+    from dashpot.engine import Engine
+
+    if scene in SCENES:
+        shipped = SCENES[scene]()
+        engine = Engine(mujoco.MjModel.from_xml_string(shipped.xml))
+        for geom, value in shipped.materials.items():
+            engine.set_material(geom, value)
+    else:
+        engine = Engine(load_model(scene))
+    apply_materials(engine, given)
+    return engine
+
+
+@contextmanager
+def progress_bar(description: str, total: float) -> Iterator[tuple[Progress, Any]]:
+    """Show a bar on standard error while the block runs, where that is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as progress:
+        yield progress, progress.add_task(description, total=total)

@@ -1,0 +1,227 @@
+"""Calibration problems stated in a TOML or JSON file; see `FORMAT`."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dashpot.calibrate import Parameter, Problem, Trajectory
+from dashpot.compare.runner import load_model
+from dashpot.engine import Engine
+from dashpot.materials import Material
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+FORMAT = """\
+Problem file, TOML shown, JSON with the same keys; paths are relative to the file:
+
+model = "scene.xml"              # MJCF, URDF or MJB
+position_sigma = 0.001           # m, standard deviation of an observed coordinate
+rotation_sigma = 0.01            # rad
+initial_state = "velocity"       # or "given", "pose_and_velocity"; optional, as are
+substeps = 4                     #   steps per frame, and
+window = 0.5                     #   seconds of each trajectory that are used
+
+[materials.ball]                 # starting materials, fields of dashpot.Material; optional
+stiffness = 1e4
+friction = 0.5
+
+[[parameters]]                   # unknowns
+kind = "material"                # of geoms; "pair": of two geoms with each other;
+geoms = ["ball"]                 # "model": attribute, elements, index of the MuJoCo model
+quantity = "stiffness"           # damping, damping_ratio, restitution, sliding_friction ...
+start = 1e4
+bounds = [1e2, 1e6]
+
+[[trajectories]]                 # observations
+file = "throw.npz"               # arrays time, position, quaternion, and if known
+bodies = ["ball"]                #   initial_qpos, initial_qvel, control; or a .csv file with
+                                 #   columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for several)
+
+[fit]                            # options of dashpot.calibrate.fit; optional
+method = "least_squares"
+starts = 16
+"""
+"""What a problem file looks like, as the command's help says it."""
+
+_POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+_FIT_OPTIONS = (
+    "method",
+    "loss",
+    "loss_scale",
+    "windows",
+    "starts",
+    "local_searches",
+    "max_evaluations",
+    "errors",
+    "confidence",
+    "seed",
+)
+_PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference")
+_PARAMETER_KINDS = {
+    "material": ("geoms", "quantity"),
+    "pair": ("geoms", "quantity"),
+    "model": ("attribute", "elements", "index"),
+}
+
+
+def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]:
+    """Return the calibration problem that a file states, and options for the fit.
+
+    Raises
+    ------
+    ValueError
+        Naming the file and the table or key at fault: unknown, missing or refused.
+    FileNotFoundError
+        If the file, its model or a trajectory is not there.
+    """
+    file = Path(path)
+    try:
+        content = _parse(file)
+        return _problem(content, file.parent)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{file}: {error}") from error
+
+
+def _parse(file: Path) -> dict[str, Any]:
+    text = file.read_text(encoding="utf-8")
+    if file.suffix == ".toml":
+        return tomllib.loads(text)
+    if file.suffix == ".json":
+        content = json.loads(text)
+        if not isinstance(content, dict):
+            raise ValueError("the file holds no table of keys")
+        return content
+    raise ValueError(f"a problem file ends in .toml or .json, not {file.suffix!r}")
+
+
+def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[str, Any]]:
+    optional = ("initial_state", "substeps", "window", "materials", "fit")
+    required = ("model", "position_sigma", "rotation_sigma", "parameters", "trajectories")
+    _check_keys("the problem", content, required, optional)
+    engine = Engine(load_model(folder / _typed("model", content["model"], str)))
+    for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
+        _check_keys(f"materials.{geom}", fields, (), tuple(Material.__dataclass_fields__))
+        engine.set_material(geom, Material(**fields))
+    options = _typed("fit", content.get("fit", {}), dict)
+    _check_keys("fit", options, (), _FIT_OPTIONS)
+    chosen = {key: content[key] for key in optional[:3] if key in content}
+    problem = Problem(
+        engine,
+        [
+            _parameter(f"parameters[{index}]", entry)
+            for index, entry in enumerate(_typed("parameters", content["parameters"], list))
+        ],
+        [
+            _trajectory(f"trajectories[{index}]", entry, folder)
+            for index, entry in enumerate(_typed("trajectories", content["trajectories"], list))
+        ],
+        _typed("position_sigma", content["position_sigma"], (int, float)),
+        _typed("rotation_sigma", content["rotation_sigma"], (int, float)),
+        **chosen,
+    )
+    return problem, dict(options)
+
+
+def _parameter(label: str, entry: Any) -> Parameter:
+    kind = _typed(label, entry, dict).get("kind")
+    if kind not in _PARAMETER_KINDS:
+        raise ValueError(f"{label}: kind is {kind!r}, none of {', '.join(_PARAMETER_KINDS)}")
+    own = _PARAMETER_KINDS[kind]
+    required = tuple(key for key in own if key != "index")
+    _check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
+    values = {key: value for key, value in entry.items() if key not in ("kind", *own)}
+    values["bounds"] = tuple(_typed(f"{label}.bounds", entry["bounds"], list))
+    try:
+        if kind == "model":
+            index = entry.get("index")
+            return Parameter.model(entry["attribute"], entry["elements"], index=index, **values)
+        geoms = _names(f"{label}.geoms", entry["geoms"])
+        if kind == "material":
+            return Parameter.material(geoms, entry["quantity"], **values)
+        if len(geoms) != 2:
+            raise ValueError(f"a pair has two geoms, not {len(geoms)}")
+        return Parameter.pair(geoms[0], geoms[1], entry["quantity"], **values)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{label}: {error}") from error
+
+
+def _trajectory(label: str, entry: Any, folder: Path) -> Trajectory:
+    _check_keys(label, _typed(label, entry, dict), ("file", "bodies"), ("name",))
+    file = folder / _typed(f"{label}.file", entry["file"], str)
+    bodies = _names(f"{label}.bodies", entry["bodies"])
+    if not file.is_file():
+        raise FileNotFoundError(f"{label}: no file {file}")
+    try:
+        arrays = _read_csv(file, bodies) if file.suffix == ".csv" else _read_npz(file)
+    except (KeyError, OSError, ValueError) as error:
+        raise ValueError(f"{label}: {file}: {error}") from error
+    return Trajectory(name=str(entry.get("name", file.stem)), bodies=bodies, **arrays)
+
+
+def _read_npz(file: Path) -> dict[str, Any]:
+    required = ("time", "position", "quaternion")
+    optional = ("initial_qpos", "initial_qvel", "control")
+    with np.load(file, allow_pickle=False) as archive:
+        if not isinstance(archive, np.lib.npyio.NpzFile):
+            raise ValueError("it holds one array; an .npz archive of named arrays is needed")
+        arrays = {key: archive[key] for key in archive.files}
+    _check_keys("the arrays", arrays, required, optional)
+    return arrays
+
+
+def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
+    with file.open(newline="", encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))
+    if len(rows) < 3:
+        raise ValueError("a header and at least two rows are needed")
+    header = [name.strip() for name in rows[0]]
+    prefixes = [""] if len(bodies) == 1 and "x" in header else [f"{body}." for body in bodies]
+    wanted = ["time", *(prefix + name for prefix in prefixes for name in _POSE)]
+    missing = [name for name in wanted if name not in header]
+    if missing:
+        raise ValueError(f"no column {missing[0]!r}; there are {', '.join(header)}")
+    for number, row in enumerate(rows[1:], start=2):
+        if len(row) != len(header):
+            raise ValueError(f"line {number} has {len(row)} values, the header {len(header)}")
+    table = np.array(rows[1:], dtype=np.float64)[:, [header.index(name) for name in wanted]]
+    poses = table[:, 1:].reshape(len(table), len(bodies), 7)
+    return {"time": table[:, 0], "position": poses[..., :3], "quaternion": poses[..., 3:]}
+
+
+def _names(label: str, value: Any) -> tuple[str, ...]:
+    names = [value] if isinstance(value, str) else _typed(label, value, list)
+    return tuple(_typed(label, name, str) for name in names)
+
+
+def _typed(label: str, value: Any, kind: type | tuple[type, ...]) -> Any:
+    if not isinstance(value, kind) or isinstance(value, bool):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        expected = " or ".join(k.__name__ for k in kinds)
+        raise ValueError(f"{label} is {value!r}, not of type {expected}")
+    return value
+
+
+def _check_keys(
+    label: str, table: Mapping[str, Any], required: Sequence[str], optional: Sequence[str]
+) -> None:
+    known = [*required, *optional]
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
+            raise ValueError(f"{label}: unknown key {key!r}{hint}")
+    for key in required:
+        if key not in table:
+            raise ValueError(f"{label}: {key!r} is missing")
