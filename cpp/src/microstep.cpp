@@ -173,10 +173,16 @@ class Microstep {
     }
   }
 
-  // How fast a group's unstressed offset shrinks, m/s or rad/s.
-  double offset_rate(int index) const {
+  // How fast a group's unstressed offset shrinks, m/s or rad/s. Recovery moves bodies, it does not
+  // squeeze what cannot move: it pauses while the spring stores more than the kinetic energy of its
+  // apparent mass at the recovery speed, k x^2 > v^2 / w.
+  double offset_rate(int index, const RowGroup& c) const {
     const double offset = data_.offset[index];
-    return offset == 0.0 ? 0.0 : std::clamp(offset / h_, -recovery_speed_, recovery_speed_);
+    if (offset == 0.0) return 0.0;
+    const double x = data_.deformation[c.row];
+    const double v = recovery_speed_;
+    if (rows_.stiffness[c.row] * rows_.inverse_mass[c.row] * x * x > v * v) return 0.0;
+    return std::clamp(offset / h_, -v, v);
   }
 
   // Rates, the work of the last impulses, and deformations: springs follow the relative motion,
@@ -188,7 +194,6 @@ class Microstep {
     gather(jacobian(c), c, data_.displacement.data(), displacement);
     displacement[0] -= h_ * data_.surface[index];
     data_.offset[index] -= h_ * data_.surface[index];
-    data_.surface[index] = offset_rate(index);
     for (int i = 0; i < c.dim; ++i) {
       const int row = c.row + i;
       const bool slides = i > 0 || c.kind == RowKind::kSlider;
@@ -204,6 +209,7 @@ class Microstep {
                                  data_.smooth_load[row] * (0.5 * h_ * p - data_.moment[row]);
       data_.rate[row] = rate[i];
     }
+    data_.surface[index] = offset_rate(index, c);
   }
 
   void find_present_force(int index, const RowGroup& c, double* force) const {
