@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+import dashpot
 from dashpot.query import closest, distance, time_of_impact
 
 CONVEX = ("sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh")
@@ -653,6 +654,19 @@ def test_bad_input(zoo):
     other_data.cvel[1] = np.nan
     with pytest.raises(ValueError, match="velocity of the body of geom 'a' is not finite"):
         time_of_impact(other, other_data, "a", "b", horizon=1.0)
+
+
+def test_engine_and_its_model_answer_alike():
+    model, _ = scene(geom("floor", "plane", "1 1 1"), geom("ball", "sphere", "0.1"))
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qpos[2], data.qvel[2] = 0.5, -2.0
+    mujoco.mj_forward(engine.model, data)
+    assert dashpot.distance(engine, data, "floor", "ball").distance == pytest.approx(0.4)
+    impact = dashpot.time_of_impact(engine, data, "floor", "ball", horizon=1.0)
+    assert impact.time == pytest.approx(0.2, rel=1e-8)
+    assert dashpot.closest(engine, data, radius=0.5).distance == pytest.approx([0.4])
+    assert dashpot.distance(engine.model, data, 0, 1).distance == pytest.approx(0.4)
 
 
 def test_two_planes_and_height_fields_are_refused():
