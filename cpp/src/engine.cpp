@@ -38,8 +38,8 @@ struct Stepper::Impl {
 
   // The stages of a step (DESIGN section 2).
   void read_state(const mjData_* d);
+  void find_smooth_acceleration(mjData_* d);
   void build_rows(mjData_* d);
-  void find_smooth_acceleration(const mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
   void report_forces(mjData_* d);
@@ -71,7 +71,7 @@ struct Stepper::Impl {
   RowData data;
   std::vector<Island> islands;
   std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
-  std::vector<double> smooth_acceleration;  // generalized; meaningful for active trees
+  std::vector<double> smooth_acceleration;  // generalized
   std::vector<double> contact_impulse;      // whitened, over the whole step
   std::vector<char> touched;                // by tree
   EnergyLedger ledger;
@@ -95,9 +95,9 @@ StepStats Stepper::Impl::step(mjData_* d) {
   read_state(d);
 
   host::smooth_stage(model, d);
-  host::detect(model, d, contacts, constraints);
-  build_rows(d);
   find_smooth_acceleration(d);
+  host::detect(model, d, smooth_acceleration, contacts, constraints);
+  build_rows(d);
   plan_and_recall(d);
   run_islands();
   report_forces(d);
@@ -160,6 +160,29 @@ void Stepper::Impl::append_contact(int index, mjData_* d) {
   whiten(rows, c, trees);
 }
 
+// Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
+void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
+  host::prepare_effective_inertia(model, d);
+  data.reset_motion(host::dof_count(model));
+  free_motion.resize(trees.tree.size());
+  smooth_acceleration.assign(start_velocity.size(), 0.0);
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    host::factor_tree(model, d, trees, index);
+    const int begin = trees.tree[index].dof_begin;
+    double* acceleration = smooth_acceleration.data() + begin;
+    double* whitened = data.smooth_acceleration.data() + begin;
+    whiten_force(trees, index, host::smooth_force(d) + begin, whitened);
+    unwhiten_velocity(trees, index, whitened, acceleration);
+    if (host::is_free_body(model, index)) {
+      FreeMotion& motion = free_motion[index];
+      motion = predict_free_motion(host::read_free_body(model, d, index, acceleration), length);
+      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+      whiten_velocity(trees, index, acceleration, whitened);
+    }
+    whiten_velocity(trees, index, start_velocity.data() + begin, data.velocity.data() + begin);
+  }
+}
+
 void Stepper::Impl::build_rows(mjData_* d) {
   if (static_cast<int>(contacts.size()) > memory_layout.contacts)
     throw std::runtime_error(std::to_string(contacts.size()) + " contacts exceed the memory for " +
@@ -167,46 +190,12 @@ void Stepper::Impl::build_rows(mjData_* d) {
                              " contacts that data reserve");
   rows.clear();
   materials.clear();
-  for (Tree& tree : trees.tree) tree.active = false;
-  const auto activate = [&](const std::array<int, 2>& pair) {
-    for (int tree : pair)
-      if (tree >= 0) trees.tree[tree].active = true;
-  };
-  for (const ContactInput& input : contacts) activate(input.tree);
-  for (const ConstraintInput& input : constraints) activate(input.tree);
-  host::prepare_effective_inertia(model, d);
-  for (int tree = 0; tree < static_cast<int>(trees.tree.size()); ++tree)
-    if (trees.tree[tree].active || host::is_free_body(model, tree))
-      host::factor_tree(model, d, trees, tree);
   for (size_t i = 0; i < constraints.size(); ++i) append_constraint(static_cast<int>(i), d);
   for (size_t i = 0; i < contacts.size(); ++i) append_contact(static_cast<int>(i), d);
 }
 
-// Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
-void Stepper::Impl::find_smooth_acceleration(const mjData_* d) {
-  data.reset(rows, host::dof_count(model));
-  free_motion.resize(trees.tree.size());
-  smooth_acceleration.assign(start_velocity.size(), 0.0);
-  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
-    const Tree& tree = trees.tree[index];
-    const bool is_free = host::is_free_body(model, index);
-    if (!tree.active && !is_free) continue;
-    double* acceleration = smooth_acceleration.data() + tree.dof_begin;
-    double* whitened = data.smooth_acceleration.data() + tree.dof_begin;
-    whiten_force(trees, index, host::smooth_force(d) + tree.dof_begin, whitened);
-    unwhiten_velocity(trees, index, whitened, acceleration);
-    if (is_free) {
-      FreeMotion& motion = free_motion[index];
-      motion = predict_free_motion(host::read_free_body(model, d, index, acceleration), length);
-      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
-      whiten_velocity(trees, index, acceleration, whitened);
-    }
-    whiten_velocity(trees, index, start_velocity.data() + tree.dof_begin,
-                    data.velocity.data() + tree.dof_begin);
-  }
-}
-
 void Stepper::Impl::plan_and_recall(mjData_* d) {
+  data.reset_rows(rows);
   islands = find_islands(rows, trees);
   for (Island& island : islands)
     plan_microsteps(island, rows, trees, materials, length, parameters.options);

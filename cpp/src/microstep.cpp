@@ -287,7 +287,13 @@ class Microstep {
 
 }  // namespace
 
-void RowData::reset(const Rows& rows, int dofs) {
+void RowData::reset_motion(int dofs) {
+  for (auto* array :
+       {&velocity, &smooth_acceleration, &displacement, &total_displacement, &acceleration})
+    array->assign(dofs, 0.0);
+}
+
+void RowData::reset_rows(const Rows& rows) {
   const size_t row_count = rows.inverse_mass.size();
   const size_t group_count = rows.group.size();
   for (auto* array :
@@ -299,9 +305,6 @@ void RowData::reset(const Rows& rows, int dofs) {
   surface.assign(group_count, 0.0);
   sticking.assign(group_count, 1);
   touched.assign(group_count, 0);
-  for (auto* array :
-       {&velocity, &smooth_acceleration, &displacement, &total_displacement, &acceleration})
-    array->assign(dofs, 0.0);
   work = recovery_input = EnergyShares{};
 }
 

@@ -52,7 +52,7 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
 // Widens the detection distance of every geom and limit by how far it can move in this step.
 class WidenedReach {
  public:
-  WidenedReach(mjModel* m, const mjData* d)
+  WidenedReach(mjModel* m, const mjData* d, const std::vector<double>& acceleration)
       : m_(m),
         geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
         pair_gap_(m->pair_gap, m->pair_gap + m->npair),
@@ -60,7 +60,7 @@ class WidenedReach {
         tendon_margin_(m->tendon_margin, m->tendon_margin + m->ntendon) {
     const double h = m->opt.timestep;
     std::vector<double> now, later, end_velocity(m->nv);
-    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * d->qacc_smooth[i];
+    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
     body_velocities(m, d, d->qvel, now);
     body_velocities(m, d, end_velocity.data(), later);
     std::vector<double> reach(m->ngeom, 0.0);
@@ -175,10 +175,10 @@ void smooth_stage(const mjModel_* m, mjData_* d) {
   mj_fwdAcceleration(m, d);
 }
 
-void detect(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts,
-            std::vector<ConstraintInput>& constraints) {
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   {
-    WidenedReach reach(m, d);
+    WidenedReach reach(m, d, acceleration);
     mj_collision(m, d);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];

@@ -64,8 +64,9 @@ struct RowData {
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;
 
-  // Sizes every array for `rows` and `dofs` degrees of freedom and zeroes it.
-  void reset(const Rows& rows, int dofs);
+  // Size and zero the arrays per degree of freedom, and those per row and group.
+  void reset_motion(int dofs);
+  void reset_rows(const Rows& rows);
 };
 
 void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,

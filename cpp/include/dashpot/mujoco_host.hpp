@@ -56,8 +56,9 @@ void smooth_stage(const mjModel_* m, mjData_* d);
 // Collision and limits with a reach that covers the motion of every body and joint in this step,
 // and MuJoCo's own constraint rows for what was found, so that its sensors and force queries see
 // them. The model's gaps and margins are widened during the call and restored.
-void detect(mjModel_* m, mjData_* d, std::vector<ContactInput>& contacts,
-            std::vector<ConstraintInput>& constraints);
+// `acceleration` is the smooth generalized acceleration over the step (nv).
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
 // Scalar constraints of the last detection, with the margins that the model sets.
 void read_constraints(const mjModel_* m, const mjData_* d,

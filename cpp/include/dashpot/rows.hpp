@@ -24,8 +24,7 @@ inline constexpr int kMaxRows = 6;
 struct Tree {
   int dof_begin = 0;
   int dof_count = 0;
-  int factor = 0;       // offset of the row-major lower factor L in Trees::factor
-  bool active = false;  // has rows in this step
+  int factor = 0;  // offset of the row-major lower factor L in Trees::factor
 };
 
 struct Trees {
