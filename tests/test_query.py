@@ -656,6 +656,22 @@ def test_bad_input(zoo):
         time_of_impact(other, other_data, "a", "b", horizon=1.0)
 
 
+def test_mesh_that_takes_no_part_in_collisions():
+    """MuJoCo computes no hull for it; its vertices have the same hull."""
+    corners = " ".join(
+        str(x) for corner in itertools.product((-0.1, 0.1), repeat=3) for x in corner
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset><mesh name="cube" vertex="{corners} 0 0 0.05"/></asset><worldbody>
+        <geom name="seen" type="mesh" mesh="cube" contype="0" conaffinity="0"/>
+        <geom name="ball" size="0.1" pos="0 0 0.5"/></worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    # Vertices are single precision.
+    assert distance(model, data, "seen", "ball").distance == pytest.approx(0.3, abs=1e-7)
+
+
 def test_engine_and_its_model_answer_alike():
     model, _ = scene(geom("floor", "plane", "1 1 1"), geom("ball", "sphere", "0.1"))
     engine = dashpot.Engine(model)

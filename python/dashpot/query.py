@@ -168,6 +168,8 @@ def time_of_impact(
     ValueError
         As `distance`; also a `horizon` that is not positive and finite, a velocity that is not
         finite, a plane on a turning body.
+    RuntimeError
+        No decision in 10,000 distances: the geoms hover about 1e-9 of their size apart.
     """
     model = _model(engine)
     id1, id2 = _geom_pair(model, data, geom1, geom2)
