@@ -27,6 +27,7 @@ __all__: list[str] = [
     "Stepper",
     "StiffnessRule",
     "check_supported",
+    "close_geoms",
     "combine",
     "contacts",
     "damping_of",
@@ -367,6 +368,16 @@ class ObservedTrajectory:
     def residuals(self) -> int: ...
 
 def check_supported(model_address: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+def close_geoms(
+    model_address: typing.SupportsInt | typing.SupportsIndex,
+    data_address: typing.SupportsInt | typing.SupportsIndex,
+    body: typing.SupportsInt | typing.SupportsIndex,
+    radius: typing.SupportsFloat | typing.SupportsIndex,
+) -> list:
+    """
+    Pairs of geoms within a radius as [(geom1, geom2, distance tuple)], nearest first; body -1 for all.
+    """
+
 def combine(a: Material, b: Material, rules: CombinationRules) -> Material:
     """
     Combines two materials; equations at the top of material.cpp.
