@@ -130,7 +130,8 @@ def _twin_section(seed: int, threads: int | None, screen: Console) -> Section:
                 "twin",
                 _twin_figure(experiment),
                 "Left: estimates and 95 % intervals in thousandths of the truth. Right: the cost "
-                "as the search goes on.",
+                "as the search goes on, first on short windows after the start, then on longer "
+                "ones, which cost more.",
             ),
         ],
     )

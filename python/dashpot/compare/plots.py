@@ -13,6 +13,8 @@ COLOURS = ("#0072b2", "#d55e00", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#0
 
 # m; what a logarithmic axis shows as "none".
 _DEPTH_FLOOR = 1e-9
+# The energy axis spans this part of the energy at the start.
+_ENERGY_SPAN = 1e-3
 
 
 def plot_comparison(comparison: Comparison) -> Figure:
@@ -21,6 +23,8 @@ def plot_comparison(comparison: Comparison) -> Figure:
     penetration, energy = figure.subplots(1, 2)
     draw_penetration(penetration, comparison)
     draw_energy(energy, comparison)
+    for axes in (penetration, energy):
+        axes.set_xlim(0, comparison.duration)
     figure.suptitle(
         f"{comparison.scene}, time step {1e3 * comparison.timestep:g} ms", fontsize="medium"
     )
@@ -51,27 +55,32 @@ def draw_penetration(axes: Axes, comparison: Comparison) -> None:
             alpha=0.5,
             zorder=1 + above,
         )
+    # Contacts that just begin or end are arbitrarily shallow: the axis follows the bulk.
+    bulk = [run.penetration_mean[run.contacts > 0] for run in comparison.runs]
+    shallowest = [1e3 * float(np.percentile(depths, 5)) for depths in bulk if len(depths)]
+    if shallowest:
+        axes.set_ylim(bottom=max(0.3 * min(shallowest), 1e3 * _DEPTH_FLOOR))
     _finish(axes, "penetration [mm], mean (thick) and max (thin)")
 
 
 def draw_energy(axes: Axes, comparison: Comparison) -> None:
     """Draw kinetic plus potential energy of each run, above the lowest that any run reached."""
-    finite = [run.energy[np.isfinite(run.energy)] for run in comparison.runs]
-    lowest = min(float(energy.min()) for energy in finite)
+    lowest = min(float(run.energy.min()) for run in comparison.runs)
+    start = max(float(run.energy[0]) for run in comparison.runs) - lowest
+    floor = _ENERGY_SPAN * start if start > 0 else 1.0
     for index, run in enumerate(comparison.runs):
-        axes.plot(
+        axes.semilogy(
             run.time,
-            run.energy - lowest,
+            np.maximum(run.energy - lowest, floor),
             color=COLOURS[index % len(COLOURS)],
             label=run.name,
             linewidth=1.6 if index == 0 else 1.1,
             zorder=3 if index == 0 else 2,
         )
     # A diverging run must not hide the others.
-    start = max(float(energy[0]) for energy in finite) - lowest
-    axes.set_ylim(-0.03 * start, 1.25 * start if start > 0 else None)
+    axes.set_ylim(floor, 3 * max(start, floor))
     _finish(axes, "kinetic + potential energy [J]")
-    axes.legend(fontsize="small", frameon=False)
+    axes.legend(fontsize="small", loc="upper right", framealpha=0.85, edgecolor="none")
 
 
 def _finish(axes: Axes, label: str) -> None:
