@@ -333,8 +333,7 @@ def falling_cubes(count: int) -> CubeTosses:
 def _small_demo(monkeypatch):
     monkeypatch.setattr(twin, "THROWS", 1)
     monkeypatch.setattr(demo, "FITTED_TOSSES", 3)
-    monkeypatch.setattr(demo, "TOSS_STARTS", 0)
-    monkeypatch.setattr(demo, "TOSS_EVALUATIONS", 8)
+    monkeypatch.setattr(demo, "TOSS_EVALUATIONS", {"dashpot": 8, "MuJoCo": 8})
     monkeypatch.setattr(demo, "PILE_SETTINGS", ("dashpot", "elliptic"))
 
 

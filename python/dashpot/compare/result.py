@@ -59,6 +59,8 @@ class Run:
         s, spent stepping; recording is not counted.
     unstable_at
         s, the time at which the run diverged, or None. Recording ends there.
+    warnings
+        What MuJoCo warned of, kind by kind.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Run:
     position: NDArray[np.float64]
     wall_time: float
     unstable_at: float | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def energy(self) -> NDArray[np.float64]:
@@ -221,6 +224,7 @@ class Comparison:
                     "name": run.name,
                     "description": run.description,
                     "unstable_at": run.unstable_at,
+                    "warnings": list(run.warnings),
                     "statistics": {
                         key: _plain(value)
                         for key, value in asdict(run.statistics(self.settled_after)).items()

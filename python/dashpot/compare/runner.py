@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -218,6 +219,7 @@ class _Recorder:
         data: mujoco.MjData,
         wall_time: float,
         unstable_at: float | None,
+        warnings: tuple[str, ...] = (),
     ) -> Run:
         columns: list[NDArray[np.float64]] = list(np.array(self._rows, np.float64).T)
         return Run(
@@ -233,6 +235,7 @@ class _Recorder:
             position=np.array(data.qpos),
             wall_time=wall_time,
             unstable_at=unstable_at,
+            warnings=warnings,
         )
 
 
@@ -285,7 +288,22 @@ def _run_mujoco(
     model = mujoco_model(setting, engine.model, engine)
     data = start(model)
     recorder = _Recorder(observer)
-    wall_time, unstable_at = _loop(
-        recorder, data, steps, lambda: mujoco.mj_step(model, data), lambda: float("nan"), report
+    with _collected_warnings() as warnings:
+        wall_time, unstable_at = _loop(
+            recorder, data, steps, lambda: mujoco.mj_step(model, data), lambda: float("nan"), report
+        )
+    return recorder.finish(
+        setting.name, setting.description, data, wall_time, unstable_at, tuple(warnings)
     )
-    return recorder.finish(setting.name, setting.description, data, wall_time, unstable_at)
+
+
+@contextmanager
+def _collected_warnings() -> Iterator[list[str]]:
+    """Collect MuJoCo's warnings, which it else prints and writes to a file where it runs."""
+    warnings: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warnings.append)
+    try:
+        yield warnings
+    finally:
+        mujoco.set_mju_user_warning(before)

@@ -124,16 +124,16 @@ def pile(*, bodies: int = 40, seed: int = 0, timestep: float = 0.002) -> Scene:
         raise ValueError(f"bodies is {bodies}; it must be >= 1")
     rng = np.random.default_rng(seed)
     colours = [".16 .47 .71", ".89 .53 .16", ".30 .60 .35", ".76 .25 .27", ".52 .41 .66"]
-    spacing, columns = 0.2, 9
+    spacing, columns = 0.17, 9
     items = []
     for i in range(bodies):
         layer, cell = divmod(i, columns)
         x, y = (cell % 3 - 1) * spacing, (cell // 3 - 1) * spacing
-        jitter = rng.uniform(-0.01, 0.01, 3)
-        x, y, z = np.array([x, y, 0.25 + 0.2 * layer]) + jitter
+        jitter = rng.uniform(-0.005, 0.005, 3)
+        x, y, z = np.array([x, y, 0.2 + spacing * layer]) + jitter
         quaternion = rng.normal(size=4)
         quaternion /= np.linalg.norm(quaternion)
-        a, b, c = rng.uniform(0.03, 0.05, 3)
+        a, b, c = rng.uniform(0.03, 0.046, 3)
         kind = ("box", "sphere", "capsule", "cylinder", "ellipsoid")[i % 5]
         size = {
             "box": f"{a:.4f} {b:.4f} {c:.4f}",
@@ -152,13 +152,13 @@ def pile(*, bodies: int = 40, seed: int = 0, timestep: float = 0.002) -> Scene:
         )
     walls = "".join(
         f"""
-    <geom name="wall{i}" type="box" pos="{x} {y} .2" size="{sx} {sy} .2" rgba=".6 .7 .8 .25"/>"""
+    <geom name="wall{i}" type="box" pos="{x} {y} .2" size="{sx} {sy} .2" rgba=".6 .7 .8 .15"/>"""
         for i, (x, y, sx, sy) in enumerate(
             [
-                (0.34, 0, 0.02, 0.36),
-                (-0.34, 0, 0.02, 0.36),
-                (0, 0.34, 0.32, 0.02),
-                (0, -0.34, 0.32, 0.02),
+                (0.28, 0, 0.02, 0.3),
+                (-0.28, 0, 0.02, 0.3),
+                (0, 0.28, 0.26, 0.02),
+                (0, -0.28, 0.26, 0.02),
             ]
         )
     )
