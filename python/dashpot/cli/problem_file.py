@@ -97,7 +97,8 @@ def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]
 def _parse(file: Path) -> dict[str, Any]:
     text = file.read_text(encoding="utf-8")
     if file.suffix == ".toml":
-        return tomllib.loads(text)
+        table: dict[str, Any] = tomllib.loads(text)
+        return table
     if file.suffix == ".json":
         content = json.loads(text)
         if not isinstance(content, dict):

@@ -87,8 +87,9 @@ def run(arguments: argparse.Namespace) -> int:
             bar.advance(task)
     file = Path(arguments.out)
     file.parent.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, Any] = {name: np.array(column) for name, column in rows.items()}
     with file.open("wb") as stream:
-        np.savez_compressed(stream, **{name: np.array(column) for name, column in rows.items()})
+        np.savez_compressed(stream, **arrays)
     print(
         f"{steps} steps of {1e3 * step:g} ms: {rows['contacts'][-1]} contacts at the end, "
         f"deepest penetration {1e3 * max(rows['penetration']):.3g} mm, "

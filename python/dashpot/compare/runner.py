@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
@@ -27,7 +28,7 @@ from dashpot.compare.settings import (
 from dashpot.engine import Engine
 from dashpot.materials import Material
 
-SceneLike = str | os.PathLike[str] | Scene | mujoco.MjModel | Engine
+SceneLike: TypeAlias = "str | os.PathLike[str] | Scene | mujoco.MjModel | Engine"
 
 # Beyond this a state is no longer physics, m, m/s or rad/s.
 _DIVERGED = 1e6
