@@ -139,6 +139,7 @@ void Stepper::Impl::append_constraint(int index, mjData_* d) {
   const ConstraintInput& input = constraints[index];
   const RowGroup& c = rows.append(input.kind, index, 1, trees, input.tree);
   rows.friction[c.row] = input.limit;
+  host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
   host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
   whiten(rows, c, trees);
   materials.push_back(from_solref(input));
@@ -147,6 +148,7 @@ void Stepper::Impl::append_constraint(int index, mjData_* d) {
 void Stepper::Impl::append_contact(int index, mjData_* d) {
   const ContactInput& input = contacts[index];
   const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, trees, input.tree);
+  host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
   materials.push_back(material_of(input));
   const Material& material = materials.back().material;
   std::array<double, 5> friction = input.friction;

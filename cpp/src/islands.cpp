@@ -11,6 +11,7 @@ namespace dashpot {
 namespace {
 
 constexpr int kLargeTree = 12;        // degrees of freedom above which S_T is not squared
+constexpr double kSingular = 0.01;    // part of the typical inverse mass that counts as singular
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
@@ -63,6 +64,13 @@ struct TreeBounds {
   double rigid_share() const { return mixed() ? 0.5 : 1.0; }
 };
 
+// Inverse mass that mass-normalised rows divide by. Near a singular configuration w falls by orders
+// of magnitude within a step, and k = kappa / w would turn the frozen geometry's error there into
+// arbitrary forces.
+double bounded_inverse_mass(const Rows& rows, int row) {
+  return std::max(rows.inverse_mass[row], kSingular * rows.typical_inverse_mass[row]);
+}
+
 // Stiffness and damping of a group's rows, before clipping. Rotational rows get the stiffness that
 // gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) {
@@ -70,8 +78,9 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
   if (given.mass_normalised) {
-    rows.stiffness[n] = w_normal > 0.0 ? given.normalised_stiffness / w_normal : 1.0;
-    rows.damping[n] = w_normal > 0.0 ? given.normalised_damping / w_normal : 0.0;
+    const double w = bounded_inverse_mass(rows, n);
+    rows.stiffness[n] = w > 0.0 ? given.normalised_stiffness / w : 1.0;
+    rows.damping[n] = w > 0.0 ? given.normalised_damping / w : 0.0;
   } else {
     rows.stiffness[n] = material.stiffness;
     const double damping =
@@ -103,11 +112,12 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
                      double h) {
   const double coupling = std::max(0.0, bound - 1.0);
   const double stiffest =
-      std::min(1.0, coupling > 0.0 ? kResolution * kResolution / coupling : 1.0) / (h * h);
+      std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0) /
+      (h * h);
   const double most_damped =
-      coupling > 0.0 ? kResolution / (h * coupling) : std::numeric_limits<double>::infinity();
+      coupling > 0.0 ? kRigidResolution / (h * coupling) : std::numeric_limits<double>::infinity();
   const auto fill = [&](int row, double kappa, double delta) {
-    const double w = rows.inverse_mass[row];
+    const double w = bounded_inverse_mass(rows, row);
     // Where nothing moves along a row, any positive stiffness carries its zero load.
     rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
     rows.damping[row] = w > 0.0 ? delta / w : 0.0;

@@ -296,6 +296,15 @@ void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& inpu
   }
 }
 
+void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical) {
+  *typical = d->efc_diagA[input.source];
+}
+
+void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical) {
+  const int address = d->contact[input.source].efc_address;
+  for (int i = 0; i < input.dim; ++i) typical[i] = address < 0 ? 0.0 : d->efc_diagA[address + i];
+}
+
 bool is_free_body(const mjModel_* m, int tree) {
   const int joint = m->dof_jntid[m->tree_dofadr[tree]];
   return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;

@@ -40,6 +40,7 @@ void Rows::clear() {
   group.clear();
   jacobian.clear();
   inverse_mass.clear();
+  typical_inverse_mass.clear();
   stiffness.clear();
   damping.clear();
   friction.clear();
@@ -63,7 +64,7 @@ RowGroup& Rows::append(RowKind kind, int input, int dim, const Trees& trees,
   }
   c.stride = c.dof_count[0] + c.dof_count[1];
   jacobian.resize(jacobian.size() + dim * c.stride, 0.0);
-  for (auto* array : {&inverse_mass, &stiffness, &damping, &friction})
+  for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
     array->resize(array->size() + dim, 0.0);
   group.push_back(c);
   return group.back();

@@ -25,6 +25,7 @@
 namespace dashpot {
 
 inline constexpr double kResolution = 0.5;         // theta
+inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows, see fill_rigid_rows
 inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
 inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
 

@@ -94,6 +94,10 @@ void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& i
 void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                    const RowGroup& contact, const Trees& trees, double* rows);
 
+// MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
+void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);
+void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical);
+
 // Trees that are one free body without children.
 bool is_free_body(const mjModel_* m, int tree);
 // `acceleration` is the smooth generalized acceleration of the tree.

@@ -88,6 +88,9 @@ struct Rows {
   std::vector<RowGroup> group;
   std::vector<double> jacobian;      // whitened, packed
   std::vector<double> inverse_mass;  // w, diagonal of J inv(H) J'
+  // MuJoCo's estimate of w from the reference configuration: what w is like away from singular
+  // ones.
+  std::vector<double> typical_inverse_mass;
 
   // Per row: stiffness (N/m, N m/rad), damping (N s/m, N m s/rad), and limit: the friction
   // coefficient (1 or m) of a contact's friction row, the force (N, N m) of a slider.
