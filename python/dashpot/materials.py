@@ -195,7 +195,7 @@ class CombinationRules:
         return core
 
 
-_RULES = {
+_RULES: dict[str, type[_core.StiffnessRule | _core.DampingRule | _core.FrictionRule]] = {
     "stiffness": _core.StiffnessRule,
     "damping": _core.DampingRule,
     "friction": _core.FrictionRule,
