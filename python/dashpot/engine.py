@@ -234,9 +234,7 @@ class Engine:
         self._check_data(data)
         if self._scratch is None:
             self._scratch = mujoco.MjData(self.model)
-        return Energy(
-            **_core.energy(self.model._address, data._address, self._scratch._address)
-        )
+        return Energy(**_core.energy(self.model._address, data._address, self._scratch._address))
 
     def report(self) -> Report:
         """Which MJCF options and features of the model are honoured, mapped or refused."""
@@ -263,9 +261,7 @@ class Engine:
             material.from_model = geom not in self._geom_material
             geom_material.append(material)
         parameters.geom_material = geom_material
-        parameters.pair_material = {
-            pair: m._to_core() for pair, m in self._pair_material.items()
-        }
+        parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
         return parameters
 
     def _check_data(self, data: mujoco.MjData) -> None:

@@ -75,7 +75,7 @@ def covariance(
     residuals: Array,
     *,
     weights: Array | None = None,
-    offsets: Array | None = None,
+    offsets: NDArray[np.intp] | None = None,
 ) -> Covariance:
     """Return the covariance of a least-squares estimate.
 

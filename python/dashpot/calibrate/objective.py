@@ -8,6 +8,7 @@ the initial position (nv, a tangent vector as ``mj_integratePos`` takes it).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -194,7 +195,7 @@ class Objective:
             rotation_weight=1.0 / problem.rotation_sigma,
         )
 
-    def _variants(self, points: Array) -> tuple[Sequence[tuple[int, object]], Array, Array]:
+    def _variants(self, points: Array) -> tuple[Sequence[tuple[int, Any]], Array, Array]:
         """Build systems, one for each different set of parameters, and initial states."""
         systems: dict[bytes, System] = {}
         variants = []
@@ -218,7 +219,7 @@ class Objective:
         return variants, qpos, qvel
 
 
-def _variant(system: System) -> tuple[int, object]:
+def _variant(system: System) -> tuple[int, Any]:
     """Address of the model and parameters of the engine, None for MuJoCo's own step."""
     if isinstance(system, mujoco.MjModel):
         return system._address, None

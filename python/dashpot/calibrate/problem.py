@@ -164,7 +164,7 @@ class Problem:
         if self.substeps is not None:
             return int(self.substeps)
         # The slack keeps rounding in the times from adding a step.
-        return max(1, math.ceil(trajectory.spacing / model.opt.timestep - 1e-6))
+        return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"

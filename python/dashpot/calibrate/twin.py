@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.fit import fit
-from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.parameters import MaterialField, Parameter
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.trajectory import Trajectory
@@ -131,7 +131,7 @@ def throws(truth: dict[str, float], rng: np.random.Generator) -> list[Trajectory
         result.append(
             Trajectory(
                 name=f"throw {throw}",
-                time=FRAME_SPACING * np.arange(FRAMES),
+                time=FRAME_SPACING * np.arange(FRAMES, dtype=np.float64),
                 position=position,
                 quaternion=quaternion,
                 bodies=("body",),
@@ -153,7 +153,7 @@ def run(*, seed: int = 0, nthread: int | None = None, progress: bool = False) ->
     rng = np.random.default_rng(seed)
     truth, start = draw(rng)
     trajectories = throws(truth, rng)
-    names = ("stiffness", "damping", "sliding_friction")
+    names: tuple[MaterialField, ...] = ("stiffness", "damping", "sliding_friction")
     problem = Problem(
         engine(start),
         [
