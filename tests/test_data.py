@@ -92,6 +92,16 @@ def write_archive(path: Path, array: np.ndarray, pickled: bytes | None = None) -
     return path
 
 
+def write_first_archive(path: Path, array: np.ndarray) -> Path:
+    """Write what torch.save wrote in 1.6: addresses as keys, no byte order."""
+    key = "94340341289312"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        archive.writestr("archive/data.pkl", tensor_pickle(array, key, legacy=False))
+        archive.writestr(f"archive/data/{key}", array.tobytes())
+        archive.writestr("archive/version", "3\n")
+    return path
+
+
 def write_legacy(path: Path, array: np.ndarray) -> Path:
     """Write what torch.save wrote before 1.6."""
     system = {
@@ -107,12 +117,23 @@ def write_legacy(path: Path, array: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize("write", [write_archive, write_legacy])
+@pytest.mark.parametrize("write", [write_archive, write_first_archive, write_legacy])
 @pytest.mark.parametrize("dtype", ["<f8", "<f4", "<i8"])
 def test_reader_returns_the_stored_numbers(tmp_path, write, dtype):
     array = (np.arange(2 * 5 * 3).reshape(2, 5, 3) * 0.7 - 3).astype(dtype)
     read = read_tensor(write(tmp_path / "t.pt", array))
     assert read.dtype == array.dtype
+    np.testing.assert_array_equal(read, array)
+
+
+def test_reader_takes_the_strings_of_python_2(tmp_path):
+    array = np.arange(6.0)
+    pickled = tensor_pickle(array, "0", legacy=False)
+    for text in ("storage", "cpu"):
+        new = pickle.BINUNICODE + struct.pack("<I", len(text)) + text.encode()
+        assert new in pickled
+        pickled = pickled.replace(new, pickle.SHORT_BINSTRING + bytes([len(text)]) + text.encode())
+    read = read_tensor(write_archive(tmp_path / "t.pt", array, pickled))
     np.testing.assert_array_equal(read, array)
 
 

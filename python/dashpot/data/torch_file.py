@@ -36,6 +36,18 @@ _ORDERED_DICT = "collections OrderedDict"
 _LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
 _LEGACY_PROTOCOL = 1001
 
+# Opcodes whose argument is the value; strings of Python 2 are there for files that it wrote.
+_CONSTANTS = {
+    "BINUNICODE",
+    "SHORT_BINUNICODE",
+    "BINSTRING",
+    "SHORT_BINSTRING",
+    "BININT",
+    "BININT1",
+    "BININT2",
+    "LONG1",
+}
+
 _MAX_ELEMENTS = 10_000_000
 _MAX_BYTES = 100_000_000
 
@@ -180,7 +192,7 @@ def _interpret(stream: BinaryIO) -> Any:
             memo[argument] = stack[-1]
         elif name in ("BINGET", "LONG_BINGET"):
             stack.append(memo[argument])
-        elif name in ("BINUNICODE", "SHORT_BINUNICODE", "BININT", "BININT1", "BININT2", "LONG1"):
+        elif name in _CONSTANTS:
             stack.append(argument)
         elif name in ("NONE", "NEWTRUE", "NEWFALSE"):
             stack.append({"NONE": None, "NEWTRUE": True, "NEWFALSE": False}[name])
