@@ -15,6 +15,7 @@ import pytest
 import dashpot
 from dashpot import cli, demo
 from dashpot.calibrate import twin
+from dashpot.cli import view
 from dashpot.cli.problem_file import FORMAT, read_problem
 from dashpot.data import CubeTosses, save_cube_tosses
 from dashpot.data.cube_tosses import make_toss
@@ -169,6 +170,44 @@ def test_view_without_a_display_says_so(capsys, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     assert "no display" in fails(capsys, "view", "ball")
+
+
+class FakeViewer:
+    """Stands in for MuJoCo's viewer; keeps the simulated time of every picture."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.data = data
+        self.times: list[float] = []
+        FakeViewer.last = self
+
+    def __enter__(self) -> FakeViewer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def is_running(self) -> bool:
+        return len(self.times) < 1000
+
+    def lock(self) -> FakeViewer:
+        return self
+
+    def sync(self) -> None:
+        self.times.append(self.data.time)
+
+
+def test_view_steps_in_real_time(monkeypatch):
+    import mujoco.viewer
+
+    monkeypatch.setattr(mujoco.viewer, "launch_passive", FakeViewer)
+    monkeypatch.setattr(view, "require_display", lambda: None)
+    assert cli.main(["view", "ball", "--duration", "0.3"]) == 0
+    times = FakeViewer.last.times
+    # A loaded machine shows fewer pictures and may lag; it never runs ahead by more than a step.
+    assert 2 <= len(times) < 1000
+    # A picture shows at most a frame of simulated time, 8 steps of 2 ms, more than the last.
+    assert all(0 <= step <= 0.016 + 1e-9 for step in np.diff(times))
+    assert 0 < times[-1] <= 0.3 + 0.002
 
 
 def test_an_interrupt_ends_with_code_130(capsys, monkeypatch):
