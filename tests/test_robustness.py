@@ -2,10 +2,15 @@
 
 import pytest
 
-from random_scenes import check, random_scene
+from random_scenes import check, random_articulated_scene, random_scene
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_random_scene(seed):
+def test_random_free_bodies(seed):
     """Finite, energy at most 1 % above the start's, forces inside their cones."""
     assert check(random_scene(seed, steps=300)) == []
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_trees_with_limits_dry_friction_and_equalities(seed):
+    assert check(random_articulated_scene(seed, steps=300)) == []
