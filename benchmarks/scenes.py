@@ -394,7 +394,7 @@ def stack(
         numbers = {
             "tilt": float(np.abs(position[:, :, :2]).max()),
             "bottom sag": float(sag[0]),
-            "height loss": float((rest - tops).max()),
+            "height loss": float((rest[-1] - position[-1, run.time > run.time[-1] - 1, 2]).max()),
             "speed": float(np.abs(run.qvel[-1]).max()),
         }
         if stiffness is not None:
