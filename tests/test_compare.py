@@ -238,7 +238,9 @@ def test_comparison_can_be_shown_and_stored(tmp_path):
     console = Console(width=200, file=(tmp_path / "t.txt").open("w"), force_terminal=False)
     console.print(comparison.table())
     console.file.close()
-    assert "mujoco-default" in (tmp_path / "t.txt").read_text()
+    shown = (tmp_path / "t.txt").read_text()
+    assert "mujoco-default" in shown
+    assert "settled max [mm]" in shown
     comparison.plot(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
     stored = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))

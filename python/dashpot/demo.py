@@ -65,7 +65,7 @@ def run_demo(
     ValueError
         If the data are damaged.
     """
-    screen = Console() if console is None else console
+    screen = Console(markup=False) if console is None else console
     begin = time.perf_counter()
     tosses = _find_tosses(data)
 

@@ -188,13 +188,15 @@ class Comparison:
     def table(self) -> Table:
         """Return the statistics as a rich table."""
         from rich.table import Table
+        from rich.text import Text
 
         header, cells = self.rows()
-        table = Table(title=f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms")
+        title = f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms"
+        table = Table(title=Text(title))
         for index, name in enumerate(header):
-            table.add_column(name, justify="left" if index == 0 else "right")
+            table.add_column(Text(name), justify="left" if index == 0 else "right")
         for row in cells:
-            table.add_row(*row)
+            table.add_row(*(Text(cell) for cell in row))
         return table
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
