@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
@@ -16,6 +16,7 @@ from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import (
+    Budget,
     LossName,
     Search,
     cma_es,
@@ -34,6 +35,11 @@ _MIN_CLUSTERS = 20
 # than the interval by this factor.
 _WIDEST_DIFFERENCE = 0.2
 _WIDTH_SLACK = 2.0
+# Residual variance below which a minimum counts as explained by the stated noise, so that no
+# further start is searched from.
+_EXPLAINED = 1.3
+# Of one local search; those that need more are lost in a bad valley.
+_MOST_ITERATIONS = 40
 
 
 def fit(
@@ -44,7 +50,7 @@ def fit(
     loss_scale: float = 1.0,
     windows: Sequence[float] = (),
     starts: int = 0,
-    local_searches: int = 2,
+    local_searches: int = 4,
     max_evaluations: int = 1000,
     errors: Errors = "auto",
     confidence: float = 0.95,
@@ -77,7 +83,9 @@ def fit(
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
         in one batch.
     local_searches
-        How many of the best starts are searched from, >= 1.
+        At most how many of the best starts are searched from, >= 1; one after the other until the
+        stated noise explains the residuals. The next window starts from the best end, and from the
+        others only where that does not lead to residuals that the noise explains.
     max_evaluations
         Budget of simulated sets of trajectories, those for derivatives included.
     errors
@@ -103,28 +111,12 @@ def fit(
     if not 0 < confidence < 1:
         raise ValueError(f"confidence must be in (0, 1), got {confidence!r}")
     began = time.perf_counter()
-    threads = 0 if nthread is None else nthread
     stages = [problem.with_window(w) for w in _earlier(windows, problem.window)] + [problem]
-    history: list[float] = []
-    spent = 0
-    point: Array | None = None
+    objectives = [Objective(stage, nthread=nthread or 0) for stage in stages]
     with _Bar(progress, max_evaluations) as bar:
-        for index, stage in enumerate(stages):
-            objective = Objective(stage, nthread=threads)
-            budget = (max_evaluations - spent) // (len(stages) - index)
-            search = Search(objective, loss, loss_scale, budget, bar.reporter(spent))
-            _search(
-                search,
-                objective.start() if point is None else point,
-                method,
-                starts if index == 0 else 0,
-                local_searches,
-                seed,
-            )
-            point = search.best_point
-            spent += objective.evaluations
-            history += search.history
-        search_evaluations = objective.evaluations
+        budget = Budget(max_evaluations, bar.report)
+        search = _search(objectives, budget, loss, loss_scale, method, starts, local_searches, seed)
+        objective, point = objectives[-1], search.best_point
         residuals = objective.residuals(point)[0]
         errors_kind = _errors_kind(errors, problem, objective)
         estimate_covariance = _covariance(
@@ -137,8 +129,7 @@ def fit(
         residuals,
         estimate_covariance,
         search,
-        history=np.array(history),
-        evaluations=spent + objective.evaluations - search_evaluations,
+        evaluations=sum(o.evaluations for o in objectives),
         seconds=time.perf_counter() - began,
         method=method,
         errors=errors_kind,
@@ -147,23 +138,41 @@ def fit(
 
 
 def _search(
-    search: Search, start: Array, method: Method, starts: int, local_searches: int, seed: int
-) -> None:
-    points = spread_starts(search, start, starts, seed, local_searches)
-    total = search.max_evaluations
-    if method != "least_squares":
-        if method == "cma+least_squares":
-            search.max_evaluations = search.objective.evaluations + search.left // 2
-        cma_es(search, points[0], seed)
-        search.max_evaluations = total
-        points = [search.best_point]
-    if method != "cma":
-        for remaining, point in zip(range(len(points), 0, -1), points, strict=True):
-            search.max_evaluations = search.objective.evaluations + (
-                max(0, total - search.objective.evaluations) // remaining
-            )
-            least_squares(search, point)
-        search.max_evaluations = total
+    objectives: list[Objective],
+    budget: Budget,
+    loss: LossName,
+    loss_scale: float,
+    method: Method,
+    starts: int,
+    local_searches: int,
+    seed: int,
+) -> Search:
+    """Search one window after the other, from the best ends in the last one."""
+    final = Search(objectives[-1], loss, loss_scale, budget)
+    first = Search(objectives[0], loss, loss_scale, budget) if len(objectives) > 1 else final
+    begin = objectives[0].start()
+    if method == "least_squares":
+        points = spread_starts(first, begin, starts, seed, local_searches)
+    else:
+        with budget.share(2 if method == "cma+least_squares" else 1):
+            cma_es(first, spread_starts(first, begin, starts, seed, 1)[0], seed)
+        points = [first.best_point]
+    if method == "cma":
+        if final is not first:
+            with budget.share(1):
+                cma_es(final, points[0], seed)
+        return final
+    for objective in objectives:
+        search = final if objective is objectives[-1] else Search(objective, loss, loss_scale, budget)
+        ends = []
+        for point in points:
+            end, cost = least_squares(search, point, _MOST_ITERATIONS)
+            ends.append((cost, end))
+            if search.best_variance < _EXPLAINED or budget.left == 0:
+                break
+        ends.sort(key=lambda pair: pair[0])
+        points = [end for _, end in ends]
+    return final
 
 
 def _covariance(
@@ -187,7 +196,7 @@ def _covariance(
     widths = np.maximum(own, _WIDEST_DIFFERENCE)
     while True:
         estimated = covariance(
-            objective.jacobian(point, widths), residuals, weights=weights, offsets=offsets
+            objective.jacobian(point, widths=widths), residuals, weights=weights, offsets=offsets
         )
         implied = estimated.half_width(confidence)[: objective.parameters]
         wanted = np.clip(implied, own, widths)
@@ -204,7 +213,6 @@ def _result(
     estimated: Covariance,
     search: Search,
     *,
-    history: Array,
     evaluations: int,
     seconds: float,
     method: str,
@@ -238,7 +246,7 @@ def _result(
         correlation=correlation,
         residuals=by_trajectory,
         cost=float(search.costs(residuals)),
-        cost_history=history,
+        cost_history=np.array(search.budget.history),
         residual_variance=estimated.residual_variance,
         evaluations=evaluations,
         seconds=seconds,
@@ -320,11 +328,7 @@ class _Bar:
         if self._progress:
             self._progress.stop()
 
-    def reporter(self, already: int) -> Callable[[int, float], None]:
-        """Return the function that a search calls with its evaluations and lowest cost."""
-
-        def report(evaluations: int, cost: float) -> None:
-            if self._progress:
-                self._progress.update(self._task, completed=already + evaluations, cost=cost)
-
-        return report
+    def report(self, evaluations: int, cost: float) -> None:
+        """Show the evaluations spent and the lowest cost of the present search."""
+        if self._progress:
+            self._progress.update(self._task, completed=evaluations, cost=cost)

@@ -108,12 +108,14 @@ class Objective:
         except ValueError as error:
             raise ValueError(f"{error}; points: {[self.values(p) for p in points]}") from error
 
-    def jacobian(self, point: Array, widths: Array | None = None) -> Array:
-        """Return the Jacobian (residual_count, size) by central differences in one batch.
+    def jacobian(
+        self, point: Array, *, widths: Array | None = None, base: Array | None = None
+    ) -> Array:
+        """Return the Jacobian (residual_count, size) by finite differences in one batch.
 
         Perturbing one component of all trajectories' initial states takes one variant, since a
-        trajectory's residuals depend on its own initial state only. At a bound the difference is
-        one-sided.
+        trajectory's residuals depend on its own initial state only. Differences of parameters are
+        central, at a bound one-sided.
 
         Parameters
         ----------
@@ -121,31 +123,40 @@ class Objective:
             (size,).
         widths
             (parameters,) half-widths of the differences; None: the parameters' own.
+        base
+            (residual_count,) residuals at `point`, where known: differences of initial states are
+            then forward and need half the simulations.
         """
         count = self.parameters
         if widths is None:
             widths = np.array([p.difference for p in self.problem.parameters])
         lower, upper = self.bounds()
-        directions = count + self.initial_size
-        pairs = np.repeat(point[None, :], 2 * directions, axis=0)
+        up = np.repeat(point[None, :], count + self.initial_size, axis=0)
+        down = up.copy()
         for i in range(count):
-            pairs[2 * i, i] = min(point[i] + widths[i], upper[i])
-            pairs[2 * i + 1, i] = max(point[i] - widths[i], lower[i])
+            up[i, i] = min(point[i] + widths[i], upper[i])
+            down[i, i] = max(point[i] - widths[i], lower[i])
         steps = self._initial_differences()
         for j in range(self.initial_size):
             columns = count + j + self.initial_size * np.arange(len(self._observed))
-            pairs[2 * (count + j), columns] += steps[j]
-            pairs[2 * (count + j) + 1, columns] -= steps[j]
-        residuals = self.residuals(pairs)
-        difference = residuals[0::2] - residuals[1::2]
+            up[count + j, columns] += steps[j]
+            down[count + j, columns] -= steps[j]
+        if base is None:
+            residuals = self.residuals(np.concatenate([up, down]))
+            difference = residuals[: len(up)] - residuals[len(up) :]
+            steps = 2 * steps
+        else:
+            residuals = self.residuals(np.concatenate([up, down[:count]]))
+            difference = residuals[: len(up)] - base
+            difference[:count] = residuals[:count] - residuals[len(up) :]
         jacobian = np.zeros((self.residual_count, self.size))
         for i in range(count):
-            jacobian[:, i] = difference[i] / (pairs[2 * i, i] - pairs[2 * i + 1, i])
+            jacobian[:, i] = difference[i] / (up[i, i] - down[i, i])
         for j in range(self.initial_size):
             for t in range(len(self._observed)):
                 rows = slice(self.offsets[t], self.offsets[t + 1])
                 column = count + t * self.initial_size + j
-                jacobian[rows, column] = difference[count + j, rows] / (2 * steps[j])
+                jacobian[rows, column] = difference[count + j, rows] / steps[j]
         return jacobian
 
     def poses(self, point: Array) -> list[tuple[Array, Array]]:

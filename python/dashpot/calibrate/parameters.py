@@ -70,7 +70,7 @@ class Parameter:
     start: float
     bounds: tuple[float, float]
     transform: TransformName = "log"
-    difference: float = 1e-3
+    difference: float = 1e-4
     apply: Callable[[System, float], None] | None = field(default=None, repr=False, compare=False)
     changes_model: bool = False
 
@@ -110,7 +110,7 @@ class Parameter:
         bounds: tuple[float, float],
         name: str | None = None,
         transform: TransformName | None = None,
-        difference: float = 1e-3,
+        difference: float = 1e-4,
     ) -> Parameter:
         """Vary one quantity of the material of one geom, or of several geoms alike.
 
@@ -149,7 +149,7 @@ class Parameter:
         bounds: tuple[float, float],
         name: str | None = None,
         transform: TransformName | None = None,
-        difference: float = 1e-3,
+        difference: float = 1e-4,
     ) -> Parameter:
         """Vary one quantity of the material that two geoms have with each other.
 
@@ -176,7 +176,7 @@ class Parameter:
         index: int | Sequence[int] | None = None,
         name: str | None = None,
         transform: TransformName = "log",
-        difference: float = 1e-3,
+        difference: float = 1e-4,
     ) -> Parameter:
         """Vary an array of the MuJoCo model, for example a mass.
 

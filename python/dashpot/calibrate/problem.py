@@ -19,6 +19,9 @@ from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 Builder: TypeAlias = Callable[[Mapping[str, float]], System]
+# Frames from which the search starts an initial velocity.
+_START_FRAMES = 5
+
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
 
@@ -208,7 +211,11 @@ def _free_joint(model: mujoco.MjModel, body: int) -> int | None:
 
 
 def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array, Array]:
-    """Return the initial state of a trajectory; missing parts come from its first two frames."""
+    """Return the initial state of a trajectory; missing parts come from its first frames.
+
+    Velocities are least-squares fits over `_START_FRAMES` frames in free fall with a constant
+    rotation rate: a start for their estimation.
+    """
     qpos = np.array(model.qpos0)
     qvel = np.zeros(model.nv)
     if trajectory.initial_qpos is not None:
@@ -225,10 +232,12 @@ def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array
             qpos[q : q + 3] = position[0]
             qpos[q + 3 : q + 7] = quaternion[0]
         if trajectory.initial_qvel is None:
-            interval = trajectory.time[1] - trajectory.time[0]
-            # Mean velocity of the interval, brought back to its start under gravity.
-            qvel[v : v + 3] = (position[1] - position[0]) / interval
-            qvel[v : v + 3] -= 0.5 * interval * model.opt.gravity
-            mujoco.mju_subQuat(qvel[v + 3 : v + 6], quaternion[1], quaternion[0])
-            qvel[v + 3 : v + 6] /= interval
+            frames = min(_START_FRAMES, trajectory.frames)
+            t = trajectory.time[:frames] - trajectory.time[0]
+            turn = np.zeros((frames, 3))
+            for k in range(frames):
+                mujoco.mju_subQuat(turn[k], quaternion[k], quaternion[0])
+            fall = position[:frames] - 0.5 * model.opt.gravity * t[:, None] ** 2
+            slope = np.polynomial.polynomial.polyfit(t, np.hstack([fall, turn]), 1)[1]
+            qvel[v : v + 6] = slope
     return qpos, qvel

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,11 @@ from scipy.stats import qmc
 from dashpot.calibrate.objective import Objective
 
 Array = NDArray[np.float64]
+# Relative changes at which least squares stops: of the cost, far below the half unit by which one
+# standard error changes it, and of the point.
+_COST_TOLERANCE = 1e-7
+_STEP_TOLERANCE = 1e-8
+
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
 
@@ -44,29 +49,60 @@ def loss_weights(loss: LossName, squares: Array) -> Array | None:
     return 1.0 / (1.0 + squares**2)
 
 
-@dataclass
-class Search:
-    """A search in progress: the best point so far, its cost and the budget.
+class Budget:
+    """Simulated sets of trajectories that searches may still spend, and what they reached.
 
-    `max_evaluations` bounds the simulated sets of trajectories, those for derivatives included,
-    to within one Jacobian.
+    Derivatives count too. A search may overrun its share by one Jacobian.
     """
 
-    objective: Objective
-    loss: LossName
-    loss_scale: float
-    max_evaluations: int
-    report: Callable[[int, float], None]
-    best_point: Array = field(default_factory=lambda: np.empty(0))
-    best_cost: float = np.inf
-    history: list[float] = field(default_factory=list)
-    converged: bool = False
-    message: str = ""
+    def __init__(self, total: int, report: Callable[[int, float], None]) -> None:
+        self.spent = 0
+        self.history: list[float] = []
+        self._limit = total
+        self._report = report
 
     @property
     def left(self) -> int:
-        """Evaluations left in the budget."""
-        return max(0, self.max_evaluations - self.objective.evaluations)
+        """Evaluations left in the present share."""
+        return max(0, self._limit - self.spent)
+
+    @contextmanager
+    def share(self, parts: int) -> Iterator[None]:
+        """Allow one of `parts` equal shares of what is left."""
+        limit = self._limit
+        self._limit = self.spent + self.left // parts
+        try:
+            yield
+        finally:
+            self._limit = limit
+
+    def note(self, evaluations: int, cost: float) -> None:
+        """Record evaluations and the lowest cost of the search that made them."""
+        self.spent += evaluations
+        self.history.append(cost)
+        self._report(self.spent, cost)
+
+
+class Search:
+    """A search over one objective: the best point so far and its cost."""
+
+    def __init__(
+        self, objective: Objective, loss: LossName, loss_scale: float, budget: Budget
+    ) -> None:
+        self.objective = objective
+        self.loss = loss
+        self.loss_scale = loss_scale
+        self.budget = budget
+        self.best_point: Array = objective.start()
+        self.best_cost = np.inf
+        self.converged = False
+        self.message = ""
+        self._last: tuple[Array, Array] = np.empty(0), np.empty(0)
+
+    @property
+    def best_variance(self) -> float:
+        """Twice the lowest cost per degree of freedom: 1 where the stated noise explains it."""
+        return 2.0 * self.best_cost / max(1, self.objective.residual_count - self.objective.size)
 
     def costs(self, residuals: Array) -> Array:
         """Return the cost of each row of `residuals`."""
@@ -79,12 +115,20 @@ class Search:
         """Return the residuals of `points`, keeping the best point."""
         residuals = self.objective.residuals(points)
         costs = self.costs(residuals)
-        for point, cost in zip(points, costs, strict=True):
-            if cost < self.best_cost:
-                self.best_cost, self.best_point = float(cost), point.copy()
-            self.history.append(self.best_cost)
-        self.report(self.objective.evaluations, self.best_cost)
+        best = int(np.argmin(costs))
+        if costs[best] < self.best_cost:
+            self.best_cost, self.best_point = float(costs[best]), points[best].copy()
+        self._last = points[-1].copy(), residuals[-1]
+        self.budget.note(len(points), self.best_cost)
         return residuals
+
+    def jacobian(self, point: Array) -> Array:
+        """Return the Jacobian at `point`, reusing its residuals if they were the last evaluated."""
+        before = self.objective.evaluations
+        base = self._last[1] if np.array_equal(self._last[0], point) else None
+        jacobian = self.objective.jacobian(point, base=base)
+        self.budget.note(self.objective.evaluations - before, self.best_cost)
+        return jacobian
 
 
 def spread_starts(search: Search, start: Array, count: int, seed: int, keep: int) -> list[Array]:
@@ -104,31 +148,34 @@ def spread_starts(search: Search, start: Array, count: int, seed: int, keep: int
     return [points[i] for i in np.argsort(costs, kind="stable")[:keep]]
 
 
-def least_squares(search: Search, start: Array) -> None:
-    """Trust-region least squares (scipy, reflective, with bounds) from `start`."""
+def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, float]:
+    """Trust-region least squares (scipy, reflective, with bounds): return its end and cost."""
     objective = search.objective
-    per_iteration = 2 * (objective.parameters + objective.initial_size) + 1
-    # The search stops by evaluations of the residuals; each usually comes with a Jacobian.
-    iterations = max(1, search.left // per_iteration)
+    per_iteration = 2 * objective.parameters + objective.initial_size + 1
+    # scipy counts evaluations of the residuals; each usually comes with a Jacobian.
+    iterations = min(max(1, search.budget.left // per_iteration), most_iterations)
     lower, upper = objective.bounds()
     # The reflective method needs a start inside; a thousandth of the range is inside.
     margin = np.where(np.isfinite(upper - lower), 1e-3 * (upper - lower), 0.0)
+    before = search.best_cost
     result = optimize.least_squares(
         lambda point: search.evaluate(point[None, :])[0],
         np.clip(start, lower + margin, upper - margin),
-        jac=objective.jacobian,
+        jac=search.jacobian,
         bounds=(lower, upper),
         method="trf",
         x_scale="jac",
         loss=search.loss,
         f_scale=search.loss_scale,
         max_nfev=iterations,
-        ftol=1e-8,
-        xtol=1e-7,
-        gtol=1e-10,
+        ftol=_COST_TOLERANCE,
+        xtol=_STEP_TOLERANCE,
+        gtol=None,
     )
-    search.converged = bool(result.status > 0)
-    search.message = str(result.message)
+    if search.best_cost < before:
+        search.converged = bool(result.status > 0)
+        search.message = str(result.message)
+    return np.asarray(result.x), float(result.cost)
 
 
 def cma_es(search: Search, start: Array, seed: int, sigma: float = 0.2) -> None:
@@ -157,7 +204,7 @@ def cma_es(search: Search, start: Array, seed: int, sigma: float = 0.2) -> None:
     first = np.full(len(low), 0.5)
     first[:count] = np.clip((start[:count] - low[:count]) / width[:count], 0.02, 0.98)
     strategy = cma.CMAEvolutionStrategy(first, sigma, options)
-    while search.left >= strategy.popsize and not strategy.stop():
+    while search.budget.left >= strategy.popsize and not strategy.stop():
         candidates = strategy.ask()
         points = np.repeat(start[None, :], len(candidates), axis=0)
         for i, candidate in enumerate(candidates):

@@ -39,7 +39,7 @@ class Trajectory:
     initial_qvel
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
-        from the first two frames.
+        from the first five frames.
     control
         (n - 1, nu) controls held constant between successive frames. None: zero.
 

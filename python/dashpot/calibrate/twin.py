@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 POSITION_NOISE = 2e-4  # m
 ROTATION_NOISE = 2e-3  # rad
 FRAME_SPACING = 0.01  # s
-FRAMES = 60
+FRAMES = 40
 THROWS = 4
-SUBSTEPS = 5
+SUBSTEPS = 2
 
 _XML = """
 <mujoco>
@@ -168,10 +168,9 @@ def run(*, seed: int = 0, nthread: int | None = None, progress: bool = False) ->
     )
     result = fit(
         problem,
-        windows=(0.2, 0.35),
+        windows=(0.2,),
         starts=31,
-        local_searches=2,
-        max_evaluations=1500,
+        max_evaluations=4000,
         seed=seed,
         nthread=nthread,
         progress=progress,
