@@ -163,7 +163,9 @@ def _search(
                 cma_es(final, points[0], seed)
         return final
     for objective in objectives:
-        search = final if objective is objectives[-1] else Search(objective, loss, loss_scale, budget)
+        search = (
+            final if objective is objectives[-1] else Search(objective, loss, loss_scale, budget)
+        )
         ends = []
         for point in points:
             end, cost = least_squares(search, point, _MOST_ITERATIONS)

@@ -127,12 +127,12 @@ class Problem:
             system = self.system(dict(values))
             if not isinstance(system, mujoco.MjModel | Engine):
                 raise TypeError(
-                    "the function that builds the system must return a Engine or a "
+                    "the function that builds the system must return a dashpot.Engine or a "
                     f"mujoco.MjModel, got {type(system).__name__}"
                 )
         else:
             raise TypeError(
-                "system must be a Engine, a mujoco.MjModel or a function that returns "
+                "system must be a dashpot.Engine, a mujoco.MjModel or a function that returns "
                 f"one, got {type(self.system).__name__}"
             )
         changed = False
@@ -147,7 +147,13 @@ class Problem:
             changed = changed or parameter.changes_model
         if changed:
             model = model_of(system)
-            mujoco.mj_setConst(model, mujoco.MjData(model))
+            try:
+                mujoco.mj_setConst(model, mujoco.MjData(model))
+            except mujoco.FatalError as error:
+                names = ", ".join(p.name for p in self.parameters if p.changes_model)
+                raise ValueError(
+                    f"the model does not take the values of {names}: {error}"
+                ) from error
         return system
 
     def with_window(self, window: float | None) -> Problem:

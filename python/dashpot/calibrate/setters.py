@@ -123,7 +123,7 @@ def with_quantity(
 def _engine(system: System, quantity: str) -> Engine:
     if isinstance(system, mujoco.MjModel):
         raise TypeError(
-            f"{quantity} is a material of a Engine; the problem was given a mujoco.MjModel"
+            f"{quantity} is a material of a dashpot.Engine; the problem was given a mujoco.MjModel"
         )
     return system
 

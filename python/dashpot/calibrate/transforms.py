@@ -41,8 +41,11 @@ class Transform:
 
     def to_value(self, z: float) -> float:
         """Map a search coordinate to the parameter, clipped to the bounds against rounding."""
+        low, high = self.search_bounds
+        if z <= low or z >= high:
+            return self.lower if z <= low else self.upper
         if self.kind == "log":
-            x = math.exp(min(max(z, math.log(self.lower)), math.log(self.upper)))
+            x = math.exp(z)
         elif self.kind == "linear":
             x = self.lower + z * (self.upper - self.lower)
         else:
