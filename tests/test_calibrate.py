@@ -244,7 +244,7 @@ def test_model_properties_bring_derived_constants_along():
         ),
     ]
     compiled_simple = mujoco.MjModel.from_xml_string(BALL)
-    with pytest.raises(ValueError, match="does not take the values of .*body_ipos.*simple"):
+    with pytest.raises(ValueError, match=r"does not take the values of .*body_ipos.*simple"):
         Problem(compiled_simple, parameters, [make()], 1e-3, 1e-2)
     model = mujoco.MjModel.from_xml_string(BALL.replace("<body ", '<body simple="false" '))
     built = Problem(model, parameters, [make()], 1e-3, 1e-2).build(
