@@ -112,6 +112,8 @@ data = engine.make_data()
 mujoco.mj_forward(engine.model, data)
 distance = dashpot.distance(engine, data, "box", "capsule").distance
 assert abs(distance - 0.8) < 1e-6, distance
+pairs = dashpot.closest(engine, data, radius=1.0)  # by a tree of libfcl
+assert pairs.distance.shape == (1,), pairs
 """
 PINOCCHIO = """
 import pinocchio, coal
