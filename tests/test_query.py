@@ -716,3 +716,88 @@ def test_queries_from_several_threads_are_bit_equal(zoo):
     alone = [ask(pair) for pair in pairs]
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(ask, pairs * 5)) == alone * 5
+
+
+def test_distances_over_a_trajectory_equal_single_ones_for_any_number_of_threads(zoo):
+    rng = np.random.default_rng(3)
+    qpos = rng.normal(scale=0.1, size=(4, 25, zoo.nq))
+    data = mujoco.MjData(zoo)
+    for first, second in (("box1", "mesh2"), ("plane", "cylinder1"), ("capsule2", "ellipsoid1")):
+        many = dashpot.distances(zoo, first, second, qpos, nthread=1)
+        for threads in (2, 3, None):
+            again = dashpot.distances(zoo, first, second, qpos, nthread=threads)
+            for name in ("distance", "point1", "point2", "normal"):
+                assert getattr(many, name).tobytes() == getattr(again, name).tobytes()
+        assert many.normal.shape == (4, 25, 3)
+        for index in ((0, 0), (3, 24), (1, 13)):
+            data.qpos[:] = qpos[index]
+            mujoco.mj_kinematics(zoo, data)
+            single = distance(zoo, data, first, second)
+            assert many.distance[index] == single.distance
+            assert many.point1[index].tobytes() == single.point1.tobytes()
+            assert many.point2[index].tobytes() == single.point2.tobytes()
+            assert many.normal[index].tobytes() == single.normal.tobytes()
+
+
+def test_distances_of_no_and_of_one_configuration(zoo):
+    assert dashpot.distances(zoo, "box1", "box2", np.zeros((0, zoo.nq))).point1.shape == (0, 3)
+    one = dashpot.distances(zoo, "plane", "sphere1", zoo.qpos0)
+    assert one.distance.shape == ()
+    assert one.distance == pytest.approx(-SIZE["sphere"][0], abs=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"qpos": np.zeros((3, 2))}, ValueError, r"nq = \d+, got \(3, 2\)"),
+        ({"qpos": 1.0}, ValueError, r"got \(\)"),
+        ({"qpos": "no numbers"}, TypeError, "qpos"),
+        ({"qpos": "nan"}, ValueError, r"qpos\[2, 5\] is nan"),
+        ({"nthread": 0}, ValueError, "nthread"),
+        ({"nthread": 1.5}, TypeError, "nthread"),
+        ({"geom2": "box1"}, ValueError, "same geom"),
+        ({"geom2": "bax2"}, ValueError, "did you mean 'box2'"),
+    ],
+)
+def test_distances_refuses_by_name(zoo, change, error, message):
+    qpos = np.tile(zoo.qpos0, (4, 1))
+    given = {"geom1": "box1", "geom2": "box2", "qpos": qpos, "nthread": None} | change
+    if isinstance(given["qpos"], str) and given["qpos"] == "nan":
+        qpos[2, 5] = np.nan
+        given["qpos"] = qpos
+    with pytest.raises(error, match=message):
+        dashpot.distances(
+            zoo, given["geom1"], given["geom2"], given["qpos"], nthread=given["nthread"]
+        )
+
+
+def test_contacts_filtered_by_geom_body_and_pair():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+        <body name="low" pos="0 0 .05"><freejoint/><geom name="low" type="box" size=".1 .1 .05"/>
+        </body>
+        <body name="high" pos="0 0 .15"><freejoint/><geom name="high" type="box" size=".1 .1 .05"/>
+        </body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    engine.step(data, nstep=50)
+    everything = engine.contacts(data)
+    assert len(everything) == 8
+    assert len(engine.contacts(data, geom="floor")) == 4
+    assert len(engine.contacts(data, geom="low")) == 8
+    assert len(engine.contacts(data, body="high")) == 4
+    assert len(engine.contacts(data, body="low", geom="floor")) == 4
+    assert len(engine.contacts(data, pair=("floor", "high"))) == 0
+    between = engine.contacts(data, pair=("high", "low"))
+    names = [{model.geom(g).name for g in pair} for pair in between.geom]
+    assert names == [{"low", "high"}] * 4
+    # Each interface carries the weight above it; statics settle to far better than 1e-3.
+    weight = model.body_mass[2] * 9.81
+    assert between.force[:, 0].sum() == pytest.approx(weight, rel=1e-3)
+    assert engine.contacts(data, geom="floor").force[:, 0].sum() == pytest.approx(
+        2 * weight, rel=1e-3
+    )
+    for bad in ({"geom": "flor"}, {"body": "mid"}, {"pair": ("low", "low")}, {"pair": ("low",)}):
+        with pytest.raises(ValueError, match=r"did you mean|no body|same geom|two geoms"):
+            engine.contacts(data, **bad)

@@ -1,11 +1,15 @@
 // Signed distance and time of impact between geoms of a model.
 
+#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
+#include <algorithm>
 #include <cstdint>
+#include <stdexcept>
 #include <vector>
 
 #include "dashpot/closest.hpp"
+#include "dashpot/distances.hpp"
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/query.hpp"
 
@@ -40,6 +44,29 @@ py::tuple geom_distance(std::uintptr_t model_address, std::uintptr_t data_addres
     result = distance(shape1, pose1, shape2, pose2);
   }
   return to_tuple(result);
+}
+
+using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+py::tuple distances_at(std::uintptr_t model_address, int geom1, int geom2, const Array& qpos,
+                       int nthread) {
+  if (qpos.ndim() != 2) throw std::invalid_argument("qpos must be 2-D");
+  const py::ssize_t n = qpos.shape(0);
+  std::vector<Distance> found;
+  {
+    py::gil_scoped_release release;
+    found = geom_distances(model_at(model_address), geom1, geom2, qpos.data(), static_cast<int>(n),
+                           nthread);
+  }
+  Array value(n), point1({n, py::ssize_t(3)}), point2({n, py::ssize_t(3)}),
+      normal({n, py::ssize_t(3)});
+  for (py::ssize_t i = 0; i < n; ++i) {
+    value.mutable_at(i) = found[i].distance;
+    std::copy_n(found[i].point1.data(), 3, point1.mutable_data(i));
+    std::copy_n(found[i].point2.data(), 3, point2.mutable_data(i));
+    std::copy_n(found[i].normal.data(), 3, normal.mutable_data(i));
+  }
+  return py::make_tuple(value, point1, point2, normal);
 }
 
 py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
@@ -82,6 +109,10 @@ void bind_query(py::module_& module) {
              py::arg("geom1"), py::arg("geom2"),
              "Signed distance of two geoms as (distance, point1, point2, normal). The addresses "
              "are those of a live MjModel and MjData; geom ids in range.");
+  module.def("geom_distances", &distances_at, py::arg("model_address"), py::arg("geom1"),
+             py::arg("geom2"), py::arg("qpos"), py::arg("nthread"),
+             "Signed distances at configurations qpos (n, nq) as arrays (distance, point1, point2, "
+             "normal), GIL released.");
   module.def("geom_time_of_impact", &geom_time_of_impact, py::arg("model_address"),
              py::arg("data_address"), py::arg("geom1"), py::arg("geom2"), py::arg("horizon"),
              "First contact of two geoms along their present velocities as (hit, time, distance "

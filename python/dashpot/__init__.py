@@ -11,7 +11,16 @@ from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
-from dashpot.query import Closest, Distance, TimeOfImpact, closest, distance, time_of_impact
+from dashpot.query import (
+    Closest,
+    Distance,
+    Distances,
+    TimeOfImpact,
+    closest,
+    distance,
+    distances,
+    time_of_impact,
+)
 from dashpot.rollouts import rollout
 
 __all__ = [
@@ -19,6 +28,7 @@ __all__ = [
     "CombinationRules",
     "Contacts",
     "Distance",
+    "Distances",
     "Energy",
     "Engine",
     "Feature",
@@ -30,6 +40,7 @@ __all__ = [
     "calibrate",
     "closest",
     "distance",
+    "distances",
     "rollout",
     "time_of_impact",
 ]

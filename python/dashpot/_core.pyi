@@ -37,6 +37,7 @@ __all__: list[str] = [
     "flow_contact",
     "flow_spring",
     "geom_distance",
+    "geom_distances",
     "geom_time_of_impact",
     "poses",
     "propagate",
@@ -443,6 +444,17 @@ def geom_distance(
 ) -> tuple:
     """
     Signed distance of two geoms as (distance, point1, point2, normal). The addresses are those of a live MjModel and MjData; geom ids in range.
+    """
+
+def geom_distances(
+    model_address: typing.SupportsInt | typing.SupportsIndex,
+    geom1: typing.SupportsInt | typing.SupportsIndex,
+    geom2: typing.SupportsInt | typing.SupportsIndex,
+    qpos: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    nthread: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple:
+    """
+    Signed distances at configurations qpos (n, nq) as arrays (distance, point1, point2, normal), GIL released.
     """
 
 def geom_time_of_impact(

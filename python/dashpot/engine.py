@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import mujoco
+import numpy as np
 
 from dashpot import _core
 from dashpot.contacts import Contacts, Energy
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
+from dashpot.query import object_id
 
 __all__ = ["Engine", "StepStats"]
 
@@ -224,10 +226,49 @@ class Engine:
             self._stepper = _core.Stepper(self.model._address, self._parameters())
         return self._stepper.step(data._address, nstep)
 
-    def contacts(self, data: mujoco.MjData) -> Contacts:
-        """Contacts of the last step of ``data``."""
+    def contacts(
+        self,
+        data: mujoco.MjData,
+        *,
+        geom: str | int | None = None,
+        body: str | int | None = None,
+        pair: tuple[str | int, str | int] | None = None,
+    ) -> Contacts:
+        """Contacts of the last step of ``data``, all or those that every given filter passes.
+
+        Parameters
+        ----------
+        data
+            Made by :meth:`make_data`.
+        geom
+            Name or id: contacts of that geom.
+        body
+            Name or id: contacts of that body's own geoms (not its children's).
+        pair
+            Two geoms by name or id, in either order: contacts between them.
+
+        Raises
+        ------
+        ValueError
+            If a geom or body is unknown, a pair has not two different geoms, or ``data`` was made
+            from another model.
+        """
         self._check_data(data)
-        return Contacts(**_core.contacts(self.model._address, data._address))
+        found = Contacts(**_core.contacts(self.model._address, data._address))
+        chosen = np.ones(len(found), dtype=np.bool_)
+        if geom is not None:
+            chosen &= (found.geom == object_id(self.model, geom, "geom", "geom")).any(axis=1)
+        if body is not None:
+            index = object_id(self.model, body, "body", "body")
+            chosen &= (self.model.geom_bodyid[found.geom] == index).any(axis=1)
+        if pair is not None:
+            if not isinstance(pair, tuple | list) or len(pair) != 2:
+                raise ValueError(f"pair is {pair!r}; it must be two geoms")
+            first, second = (object_id(self.model, g, "geom", "pair") for g in pair)
+            if first == second:
+                raise ValueError(f"pair is {pair!r}: the same geom twice")
+            chosen &= (found.geom == first).any(axis=1) & (found.geom == second).any(axis=1)
+        return found if chosen.all() else found[chosen]
 
     def energy(self, data: mujoco.MjData) -> Energy:
         """Mechanical energy of the present state, and what contact has dissipated so far."""

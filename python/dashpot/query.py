@@ -1,4 +1,4 @@
-"""Contact queries between geoms: signed distance, time of impact, close pairs."""
+"""Contact queries between geoms: signed distances, time of impact, close pairs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
 
@@ -39,6 +39,26 @@ class Distance:
     """
 
     distance: float
+    point1: NDArray[np.float64]
+    point2: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distances:
+    """Signed distances of two geoms at many configurations; ``...`` is the shape of these.
+
+    Attributes
+    ----------
+    distance
+        Shape (...), m, as in `Distance`.
+    point1, point2
+        Shape (..., 3), m, world.
+    normal
+        Shape (..., 3), unit, world, from the first geom to the second.
+    """
+
+    distance: NDArray[np.float64]
     point1: NDArray[np.float64]
     point2: NDArray[np.float64]
     normal: NDArray[np.float64]
@@ -127,6 +147,69 @@ def distance(
     model = _model(engine)
     id1, id2 = _geom_pair(model, data, geom1, geom2)
     return _distance(_core.geom_distance(model._address, data._address, id1, id2))
+
+
+def distances(
+    engine: Engine | mujoco.MjModel,
+    geom1: Geom,
+    geom2: Geom,
+    qpos: ArrayLike,
+    *,
+    nthread: int | None = None,
+) -> Distances:
+    """Signed distance of two geoms at many configurations, in parallel C++ threads.
+
+    Every entry is what `distance` gives after ``mujoco.mj_kinematics`` at that configuration, bit
+    for bit, whatever the number of threads. Bodies moved by mocap are where the model has them.
+
+    Parameters
+    ----------
+    engine
+        The engine, or a plain model; it is only read.
+    geom1, geom2
+        Names or ids, of the kinds that `distance` takes.
+    qpos
+        Shape (..., nq): configurations, such as (n, nq) or a trajectory's (nbatch, nstep, nq).
+        Those of a `rollout` with full-physics states are ``state[..., 1 : 1 + nq]``.
+    nthread
+        Number of threads, >= 1. None: one per core.
+
+    Raises
+    ------
+    TypeError
+        Arguments that are not numbers.
+    ValueError
+        As `distance`; also a `qpos` of another shape or that is not finite, naming the index, and
+        an `nthread` below 1.
+    """
+    model = _model(engine)
+    id1, id2 = _distinct_geoms(model, geom1, geom2)
+    try:
+        positions = np.ascontiguousarray(qpos, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"qpos must be an array of numbers: {error}") from None
+    if np.ndim(qpos) == 0 or positions.shape[-1] != model.nq:
+        raise ValueError(f"qpos must be (..., nq) with nq = {model.nq}, got {np.shape(qpos)}")
+    bad = np.argwhere(~np.isfinite(positions))
+    if bad.size:
+        index = tuple(int(i) for i in bad[0])
+        raise ValueError(f"qpos{list(index)} is {positions[index]}")
+    if nthread is not None:
+        if isinstance(nthread, bool) or not isinstance(nthread, int | np.integer):
+            raise TypeError(f"nthread must be an integer, got {nthread!r}")
+        if nthread < 1:
+            raise ValueError(f"nthread must be >= 1, got {nthread}")
+    shape = positions.shape[:-1]
+    rows = positions.reshape(math.prod(shape), model.nq)
+    value, point1, point2, normal = _core.geom_distances(
+        model._address, id1, id2, rows, 0 if nthread is None else int(nthread)
+    )
+    return Distances(
+        distance=value.reshape(shape),
+        point1=point1.reshape(*shape, 3),
+        point2=point2.reshape(*shape, 3),
+        normal=normal.reshape(*shape, 3),
+    )
 
 
 def time_of_impact(
@@ -222,7 +305,7 @@ def closest(
     radius = float(radius)
     if not (math.isfinite(radius) and radius >= 0.0):
         raise ValueError(f"radius = {radius} m must be finite and not negative")
-    index = -1 if body is None else _object_id(model, body, "body", "body")
+    index = -1 if body is None else object_id(model, body, "body", "body")
     found = _core.close_geoms(model._address, data._address, index, radius)
     return Closest(
         geom=np.array([pair[:2] for pair in found], dtype=np.int64).reshape(-1, 2),
@@ -263,8 +346,12 @@ def _geom_pair(
     model: mujoco.MjModel, data: mujoco.MjData, geom1: Geom, geom2: Geom
 ) -> tuple[int, int]:
     _check_data(data)
+    return _distinct_geoms(model, geom1, geom2)
+
+
+def _distinct_geoms(model: mujoco.MjModel, geom1: Geom, geom2: Geom) -> tuple[int, int]:
     id1, id2 = (
-        _object_id(model, geom, "geom", argument)
+        object_id(model, geom, "geom", argument)
         for geom, argument in ((geom1, "geom1"), (geom2, "geom2"))
     )
     if id1 == id2:
@@ -272,7 +359,7 @@ def _geom_pair(
     return id1, id2
 
 
-def _object_id(model: mujoco.MjModel, key: str | int, kind: str, argument: str) -> int:
+def object_id(model: mujoco.MjModel, key: str | int, kind: str, argument: str) -> int:
     """Id of the geom or body that `argument` names."""
     count: int = getattr(model, f"n{kind}")
     if isinstance(key, str):
