@@ -307,6 +307,15 @@ def test_download_checks_the_pin_of_a_toss(tmp_path, server, monkeypatch):
     assert not (tmp_path / "changed").exists(), "nothing is stored when a check fails"
 
 
+def test_download_asks_the_second_revision_where_the_first_is_gone(tmp_path, server, monkeypatch):
+    url, folder = server
+    (folder / "second").mkdir()
+    write_archive(folder / "second" / "7.pt", synthetic_states())
+    monkeypatch.setattr(download_module, "BASE_URLS", (url + "first/", url + "second/"))
+    file = download_cube_tosses(tmp_path / "store", tosses=[7])
+    assert list(load_cube_tosses(file).ids) == [7]
+
+
 def test_download_says_what_it_could_not_fetch(tmp_path, server):
     url, _ = server
     with pytest.raises(ConnectionError, match=r"7\.pt"):

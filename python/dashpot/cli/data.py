@@ -19,7 +19,7 @@ def add_to(commands: Any) -> None:
     tosses = sets.add_parser(
         "cube-tosses",
         help="real tosses of a cube onto a table (ContactNets, 148 Hz, BSD-3-Clause)",
-        description="Download the cube tosses that ContactNets published, from one fixed commit of "
+        description="Download the cube tosses that ContactNets published, from a fixed commit of "
         "its repository, without executing the pickles that they are. The converted poses of 400 "
         "tosses are pinned by SHA-256 and refused if they differ; the other 170 have no pin and "
         "come only with --all, checked for structure.",
@@ -35,12 +35,11 @@ def add_to(commands: Any) -> None:
 def run_cube_tosses(arguments: argparse.Namespace) -> int:
     """Run ``dashpot data cube-tosses``."""
     from dashpot.data import download_cube_tosses, load_cube_tosses
-    from dashpot.data.download import BASE_URL
 
     with progress_bar("downloading", 1.0) as (bar, task):
         file = download_cube_tosses(
             arguments.out,
-            base_url=arguments.base_url or BASE_URL,
+            base_url=arguments.base_url,
             tosses="all" if arguments.all else "pinned",
             progress=lambda done, total: bar.update(task, completed=done / total),
         )

@@ -1,6 +1,6 @@
 """Download the published cube tosses and convert them to SI units.
 
-What is pinned. The files are fetched at one fixed commit of the authors' repository. Of 400 of
+What is pinned. The files are fetched at a fixed commit of the authors' repository. Of 400 of
 the 570 tosses, ``cube_tosses_sha256.json`` holds the SHA-256 of the *converted poses*
 (:meth:`CubeToss.content_sha256`): what is written to disk is refused unless it is the data
 this package was tested with, whatever container or mirror it came from. The other 170 have no
@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Literal
@@ -33,9 +33,11 @@ from .cube_tosses import (
 from .torch_file import read_tensor
 
 PUBLISHED_TOSSES = 570
-BASE_URL = (
-    "https://raw.githubusercontent.com/DAIRLab/contact-nets/"
-    "3357ba1300b91f27a7d7077d161b05ad54f10dec/data/tosses_processed/"
+# Two commits that hold the same files; the second is asked where the first is gone.
+REVISIONS = ("3357ba1300b91f27a7d7077d161b05ad54f10dec", "c3dc21c")
+BASE_URLS = tuple(
+    f"https://raw.githubusercontent.com/DAIRLab/contact-nets/{revision}/data/tosses_processed/"
+    for revision in REVISIONS
 )
 
 # m/s. Published velocities are backward differences of the positions through a 3-sample median
@@ -100,7 +102,7 @@ def _check_velocity(toss: CubeToss) -> None:
 def download_cube_tosses(
     destination: str | os.PathLike[str] | None = None,
     *,
-    base_url: str = BASE_URL,
+    base_url: str | None = None,
     tosses: Literal["pinned", "all"] | Iterable[int] = "pinned",
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -112,7 +114,7 @@ def download_cube_tosses(
         Folder for the converted file; None is the user's cache, where
         :func:`load_cube_tosses` finds it.
     base_url
-        Folder of the published ``N.pt`` files.
+        Folder of the published ``N.pt`` files, for a mirror; None is the authors' repository.
     tosses
         "pinned" for the 400 whose content is pinned, "all" for the 570 published (the other 170
         are checked for structure only), or some published numbers.
@@ -135,8 +137,9 @@ def download_cube_tosses(
     folder = default_folder() if destination is None else Path(destination)
     converted = []
     with tempfile.TemporaryDirectory() as scratch:
+        source = _source(BASE_URLS if base_url is None else (base_url,), numbers[0], Path(scratch))
         for done, toss_id in enumerate(numbers, start=1):
-            file = _fetch(f"{base_url.rstrip('/')}/{toss_id}.pt", Path(scratch))
+            file = _fetch(source, toss_id, Path(scratch))
             converted.append(convert_toss(toss_id, file))
             if progress is not None:
                 progress(done, len(numbers))
@@ -160,16 +163,28 @@ def _numbers(tosses: Literal["pinned", "all"] | Iterable[int]) -> list[int]:
     return numbers
 
 
-def _fetch(url: str, folder: Path) -> Path:
+def _source(base_urls: Sequence[str], toss_id: int, folder: Path) -> str:
+    """Return the first folder that gives the toss, or the last."""
+    for base_url in base_urls[:-1]:
+        try:
+            _fetch(base_url, toss_id, folder)
+            return base_url
+        except ConnectionError:
+            continue
+    return base_urls[-1]
+
+
+def _fetch(base_url: str, toss_id: int, folder: Path) -> Path:
     import pooch
     import requests
 
+    url = f"{base_url.rstrip('/')}/{toss_id}.pt"
     logger = pooch.get_logger()
     level = logger.level
     logger.setLevel("ERROR")
     try:
         # The file itself has no pin: its converted content does, and is checked by the caller.
-        fetched = pooch.retrieve(url, known_hash=None, fname=url.rsplit("/", 1)[1], path=folder)
+        fetched = pooch.retrieve(url, known_hash=None, fname=f"{toss_id}.pt", path=folder)
     except (OSError, requests.RequestException) as error:
         raise ConnectionError(f"cannot download {url}: {error}") from error
     finally:
