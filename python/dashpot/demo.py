@@ -232,7 +232,8 @@ def _toss_section(
                 "A 0.37 kg cube thrown by hand onto a table and tracked at 148 Hz (ContactNets). "
                 "Each toss is simulated from the last frame before the cube can touch the table, "
                 "with the velocity fitted to its flight. Both simulators are tuned on the same "
-                "tosses by the same search; body properties are the published ones."
+                "tosses by the same search, MuJoCo with twice the budget; body properties are the "
+                "published ones."
             ),
             table,
             Picture(
