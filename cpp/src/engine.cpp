@@ -128,7 +128,19 @@ GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
         if (!side[i].has_friction || std::isnan(side[i].friction[j])) side[i].friction[j] = own[j];
       side[i].has_friction = true;
     }
+  // A side that nobody set has no damping of its own to mix in.
+  for (int i = 0; i < 2; ++i)
+    if (side[i].from_model) {
+      side[i].form = side[1 - i].form;
+      side[i].damping = side[1 - i].damping;
+    }
   Material combined = combine(side[0], side[1], parameters.options.rules);
+  // Rigid rows tell a restitution, of one contact, from a damping ratio, of a coupled mode.
+  if (combined.rigid && side[0].form == DampingForm::kRestitution &&
+      side[1].form == DampingForm::kRestitution) {
+    combined.form = DampingForm::kRestitution;
+    combined.damping = damping_ratio_to_restitution(combined.damping);
+  }
   const int priority[2] = {host::geom_priority(model, input.geom[0]),
                            host::geom_priority(model, input.geom[1])};
   if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;

@@ -73,6 +73,19 @@ class WidenedReach {
     for (int pair = 0; pair < m->npair; ++pair)
       m->pair_gap[pair] =
           std::max(pair_gap_[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+
+    const auto dof_reach = [&](int dof) {
+      return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
+    };
+    for (int joint = 0; joint < m->njnt; ++joint) {
+      // A ball joint's angle changes no faster than its angular velocity.
+      const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
+      for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
+    }
+    for (int tendon = 0; tendon < m->ntendon; ++tendon)
+      for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
+           ++k)
+        m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
   }
   ~WidenedReach() {
     std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
@@ -179,6 +192,7 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   {
     WidenedReach reach(m, d, acceleration);
+    const int lost = d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number;
     mj_collision(m, d);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
@@ -186,6 +200,9 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
       if (contact.exclude == 1) contact.exclude = 0;
     }
     mj_makeConstraint(m, d);
+    if (d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number > lost)
+      throw std::runtime_error(
+          "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
   read_contacts(m, d, contacts);
   read_constraints(m, d, constraints);

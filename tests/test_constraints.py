@@ -1,0 +1,176 @@
+"""Limits, equalities and dry friction: rows of the same micro-steps as contacts."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+TIMESTEPS = (1e-3, 2e-3, 5e-3)
+
+
+def engine_of(xml: str, timestep: float) -> tuple[dashpot.Engine, mujoco.MjData]:
+    model = mujoco.MjModel.from_xml_string(f"<mujoco>{xml}</mujoco>")
+    model.opt.timestep = timestep
+    engine = dashpot.Engine(model)
+    return engine, engine.make_data()
+
+
+def advance(engine: dashpot.Engine, data: mujoco.MjData, duration: float) -> None:
+    engine.step(data, round(duration / engine.model.opt.timestep))
+
+
+PENDULUM = """<worldbody><body><joint name="hinge" type="hinge" axis="0 1 0" {joint}/>
+  <geom type="sphere" size=".05" pos=".5 0 0" mass="1" contype="0" conaffinity="0"/>
+</body></worldbody>"""
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_a_pendulum_rests_on_its_joint_limit(timestep):
+    engine, data = engine_of(PENDULUM.format(joint='range="-30 30"'), timestep)
+    advance(engine, data, 2.0)
+    angle = np.deg2rad(30)
+    # A rigid limit sags by less than a milliradian and comes to rest.
+    assert data.qpos[0] == pytest.approx(angle, abs=1e-3)
+    assert abs(data.qvel[0]) < 1e-9
+    # The limit carries the whole torque of gravity, m g l cos(angle), at the angle it has.
+    torque = 9.81 * 0.5 * np.cos(data.qpos[0])
+    assert -data.qfrc_constraint[0] == pytest.approx(torque, rel=1e-9)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_a_limit_reached_inside_a_step_stops_the_joint_at_it(timestep):
+    slide = """<option gravity="0 0 0"/><worldbody><body>
+      <joint type="slide" axis="1 0 0" range="-1 0.5"/>
+      <geom type="sphere" size=".05" mass="1" contype="0" conaffinity="0"/></body></worldbody>"""
+    engine, data = engine_of(slide, timestep)
+    data.qvel[0] = 3.0
+    overshoot = 0.0
+    for _ in range(round(0.5 / timestep)):
+        engine.step(data)
+        overshoot = max(overshoot, data.qpos[0] - 0.5)
+    # Unseen until the next step it would overshoot by up to v dt: 3 mm at 1 ms, 15 mm at 5 ms.
+    assert overshoot < 1.5e-3
+    # Critically damped without load: it comes back slower than it went, and nothing holds it.
+    assert -3.0 < data.qvel[0] <= 0.0
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_dry_friction_above_the_torque_holds_for_good(timestep):
+    engine, data = engine_of(PENDULUM.format(joint='frictionloss="5"'), timestep)
+    advance(engine, data, 1.0)
+    held = data.qpos[0]
+    advance(engine, data, 5.0)
+    # 4.905 N m of gravity against 5 N m: elastic give, then nothing, to rounding.
+    assert abs(held) < 1e-3
+    assert data.qpos[0] == pytest.approx(held, abs=1e-12)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_dry_friction_below_the_force_takes_its_limit_off(timestep):
+    slide = """<worldbody><body><joint type="slide" axis="0 0 1" frictionloss="5"/>
+      <geom type="sphere" size=".05" mass="1" contype="0" conaffinity="0"/></body></worldbody>"""
+    engine, data = engine_of(slide, timestep)
+    advance(engine, data, 1.0)
+    # (g - 5 N / 1 kg) t^2 / 2; the friction spring takes a moment to reach the limit, a part of a
+    # step of 5 m/s^2.
+    assert data.qvel[0] == pytest.approx(-4.81, abs=5.0 * timestep)
+    assert data.qpos[0] == pytest.approx(-2.405, abs=5.0 * timestep)
+
+
+def test_dry_friction_dissipates_its_limit_times_the_way():
+    slide = """<worldbody><body><joint type="slide" axis="0 0 1" frictionloss="5"/>
+      <geom type="sphere" size=".05" mass="1" contype="0" conaffinity="0"/></body></worldbody>"""
+    engine, data = engine_of(slide, 1e-3)
+    advance(engine, data, 0.5)
+    way = -data.qpos[0]
+    # Once its spring is loaded; loading takes less than the first millimetre.
+    assert engine.energy(data).dissipated_constraint == pytest.approx(5.0 * way, abs=5e-3)
+
+
+def hinge_pendulum_reference(duration: float) -> float:
+    """Angle of a rod hinged at its end, from MuJoCo's fourth-order integrator at 0.1 ms."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option integrator="RK4" timestep="1e-4"/>
+      <worldbody><body pos="0 0 1.3"><joint type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.6" size=".02" mass="1"/></body></worldbody>
+      </mujoco>""")
+    data = mujoco.MjData(model)
+    data.qvel[0] = 2.0
+    mujoco.mj_step(model, data, round(duration / 1e-4))
+    return float(data.qpos[0])
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_a_connected_rod_swings_like_a_hinged_one(timestep):
+    rod = """<worldbody><body name="rod" pos="0 0 1"><freejoint/>
+      <geom type="capsule" size=".02 .3" mass="1" contype="0" conaffinity="0"/></body></worldbody>
+      <equality><connect body1="rod" anchor="0 0 .3"/></equality>"""
+    engine, data = engine_of(rod, timestep)
+    # The hinge's rate of 2 rad/s about +y moves the centre, 0.3 m below, at -0.6 m/s.
+    data.qvel[:] = (-0.6, 0.0, 0.0, 0.0, 2.0, 0.0)
+    advance(engine, data, 1.0)
+    w, _, y, _ = data.qpos[3:7]
+    angle = 2.0 * np.arctan2(y, w)
+    # The frozen geometry of a step turns velocity with an error of order timestep.
+    assert angle == pytest.approx(hinge_pendulum_reference(1.0), abs=5.0 * timestep)
+    top = data.qpos[:3] + 0.3 * np.array([np.sin(angle), 0.0, np.cos(angle)])
+    assert np.linalg.norm(top - (0, 0, 1.3)) < 2e-4
+
+
+def test_a_weld_carries_a_body_without_drift():
+    scene = """<worldbody><body name="load" pos="0 0 1"><freejoint/>
+      <geom type="box" size=".1 .1 .1" mass="2" pos=".2 0 0" contype="0" conaffinity="0"/></body>
+      </worldbody><equality><weld body1="load"/></equality>"""
+    engine, data = engine_of(scene, 2e-3)
+    advance(engine, data, 4.0)
+    settled = data.qpos.copy()
+    assert np.abs(settled - (0, 0, 1, 1, 0, 0, 0)).max() < 1e-4
+    advance(engine, data, 4.0)
+    assert np.abs(data.qpos - settled).max() < 1e-9
+    # It carries the weight and its moment about the body frame.
+    assert data.qfrc_constraint[2] == pytest.approx(2 * 9.81, rel=1e-6)
+    assert data.qfrc_constraint[4] == pytest.approx(-2 * 9.81 * 0.2, rel=1e-4)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_coupled_joints_share_their_acceleration(timestep):
+    scene = """<option gravity="0 0 0"/><worldbody>
+      <body><joint name="a" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body>
+      <body pos="0 1 0"><joint name="b" type="slide" axis="1 0 0"/><geom size=".1" mass="3"/></body>
+      </worldbody><equality><joint joint1="a" joint2="b" polycoef="0 2 0 0 0"/></equality>
+      <actuator><motor joint="b"/></actuator>"""
+    engine, data = engine_of(scene, timestep)
+    data.ctrl[0] = 7.0
+    advance(engine, data, 1.0)
+    # x_a = 2 x_b: 7 N move 3 kg + 2^2 * 1 kg, one metre per second squared.
+    assert data.qvel[1] == pytest.approx(1.0, abs=2e-3)
+    assert data.qpos[1] == pytest.approx(0.5, abs=2e-3)
+    assert data.qpos[0] == pytest.approx(2.0 * data.qpos[1], abs=1e-5)
+
+
+def test_a_tendon_limit_holds_the_load():
+    scene = """<worldbody><site name="top" pos="0 0 2"/><body pos="0 0 1.2">
+      <joint type="slide" axis="0 0 1"/><geom size=".05" mass="1"/><site name="load"/></body>
+      </worldbody><tendon><spatial limited="true" range="0 1"><site site="top"/>
+      <site site="load"/></spatial></tendon>"""
+    engine, data = engine_of(scene, 2e-3)
+    advance(engine, data, 3.0)
+    # The load drops 0.2 m until the tendon is 1 m long, and hangs.
+    assert data.qpos[0] == pytest.approx(-0.2, abs=1e-4)
+    assert data.qfrc_constraint[0] == pytest.approx(9.81, rel=1e-9)
+
+
+@pytest.mark.parametrize("timestep", (1e-3, 1e-2))
+@pytest.mark.parametrize("restitution", (1.0, 0.8, 0.5, 0.1))
+def test_rigid_material_bounces_with_its_restitution(restitution, timestep):
+    scene = """<worldbody><geom type="plane" size="0 0 1"/><body pos="0 0 1.1"><freejoint/>
+      <geom name="ball" type="sphere" size=".1" mass="1"/></body></worldbody>"""
+    engine, data = engine_of(scene, timestep)
+    engine.set_material("ball", dashpot.Material(restitution=restitution))
+    while data.qvel[2] <= 0.0:
+        engine.step(data)
+    engine.step(data, 2)
+    speed = np.sqrt(data.qvel[2] ** 2 + 2 * 9.81 * (data.qpos[2] - 0.1))
+    # Gravity acts during the contact, which a rigid material makes about a millisecond long: g times
+    # that, relative to an impact at 4.43 m/s.
+    assert speed / np.sqrt(2 * 9.81) == pytest.approx(restitution, abs=2e-3)
