@@ -87,6 +87,7 @@ py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t s
 void bind_engine(py::module_& module) {
   py::native_enum<Law>(module, "Law", "enum.Enum")
       .value("kelvin_voigt", Law::kKelvinVoigt)
+      .value("comfree", Law::kComFree)
       .finalize();
 
   py::class_<Options>(module, "Options", "Options of the engine; see dashpot.Engine.")
@@ -95,7 +96,9 @@ void bind_engine(py::module_& module) {
       .def_readwrite("microsteps", &Options::microsteps)
       .def_readwrite("max_microsteps", &Options::max_microsteps)
       .def_readwrite("recovery_speed", &Options::recovery_speed)
-      .def_readwrite("rules", &Options::rules);
+      .def_readwrite("rules", &Options::rules)
+      .def_readwrite("comfree_stiffness", &Options::comfree_stiffness)
+      .def_readwrite("comfree_damping", &Options::comfree_damping);
 
   py::class_<Parameters>(module, "Parameters", "Options and materials of a model.")
       .def(py::init<>())
@@ -137,18 +140,19 @@ void bind_engine(py::module_& module) {
              py::arg("scratch_address"));
   module.def(
       "features",
-      [](std::uintptr_t model) {
+      [](std::uintptr_t model, Law law) {
         py::list result;
-        for (const host::Feature& f : host::features(model_at(model))) {
+        for (const host::Feature& f : host::features(model_at(model), law)) {
           static const char* const kNames[] = {"honoured", "mapped", "refused"};
           result.append(py::make_tuple(f.name, kNames[static_cast<int>(f.treatment)], f.note));
         }
         return result;
       },
-      py::arg("model_address"));
+      py::arg("model_address"), py::arg("law"));
   module.def(
-      "check_supported", [](std::uintptr_t model) { host::check_supported(model_at(model)); },
-      py::arg("model_address"));
+      "check_supported",
+      [](std::uintptr_t model, Law law) { host::check_supported(model_at(model), law); },
+      py::arg("model_address"), py::arg("law"));
 }
 
 }  // namespace dashpot::bindings

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/comfree.hpp"
 #include "dashpot/contacts.hpp"
 #include "dashpot/free_body.hpp"
 #include "dashpot/islands.hpp"
@@ -23,7 +24,7 @@ GroupMaterial from_solref(const Input& input) {
   GroupMaterial given;
   if (!input.has_solref) return given;
   const auto [stiffness, damping] =
-      solref_to_spring(input.solref[0], input.solref[1], input.impedance);
+      solref_to_spring(input.solref[0], input.solref[1], input.solimp[1]);
   given.mass_normalised = true;
   given.normalised_stiffness = stiffness;
   given.normalised_damping = damping;
@@ -42,6 +43,7 @@ struct Stepper::Impl {
   void build_rows(mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
+  void update_complementarity_free(mjData_* d);
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
   void remember(mjData_* d);
@@ -49,6 +51,8 @@ struct Stepper::Impl {
   GroupMaterial material_of(const ContactInput& input) const;
   void append_constraint(int index, mjData_* d);
   void append_contact(int index, mjData_* d);
+  bool moves_as_free_body(int tree) const;
+  void collect_impulses(const std::vector<double>& start);
   void check_finite() const;
   void update_ledger(const EnergyShares& before, const EnergyShares& after);
   void advance_tree(mjData_* d, int tree);
@@ -78,7 +82,7 @@ struct Stepper::Impl {
 };
 
 Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) {
-  host::check_supported(m);
+  host::check_supported(m, p.options.law);
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
@@ -89,7 +93,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
 }
 
 StepStats Stepper::Impl::step(mjData_* d) {
-  host::check_options(model);
+  host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
   length = host::timestep(model);
   read_state(d);
@@ -98,8 +102,12 @@ StepStats Stepper::Impl::step(mjData_* d) {
   find_smooth_acceleration(d);
   host::detect(model, d, smooth_acceleration, contacts, constraints);
   build_rows(d);
-  plan_and_recall(d);
-  run_islands();
+  if (parameters.options.law == Law::kComFree) {
+    update_complementarity_free(d);
+  } else {
+    plan_and_recall(d);
+    run_islands();
+  }
   report_forces(d);
   advance_state(d);
   remember(d);
@@ -174,6 +182,11 @@ void Stepper::Impl::append_contact(int index, mjData_* d) {
   whiten(rows, c, trees);
 }
 
+// The complementarity-free law leaves every tree to MuJoCo's semi-implicit integrator.
+bool Stepper::Impl::moves_as_free_body(int tree) const {
+  return parameters.options.law != Law::kComFree && host::is_free_body(model, tree);
+}
+
 // Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
 void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
   host::prepare_effective_inertia(model, d);
@@ -187,7 +200,7 @@ void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
     double* whitened = data.smooth_acceleration.data() + begin;
     whiten_force(trees, index, host::smooth_force(d) + begin, whitened);
     unwhiten_velocity(trees, index, whitened, acceleration);
-    if (host::is_free_body(model, index)) {
+    if (moves_as_free_body(index)) {
       FreeMotion& motion = free_motion[index];
       motion = predict_free_motion(host::read_free_body(model, d, index, acceleration), length);
       Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
@@ -223,8 +236,36 @@ void Stepper::Impl::run_islands() {
   const std::vector<double> start = data.velocity;
   for (const Island& island : islands)
     run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
-  check_finite();
+  collect_impulses(start);
   update_ledger(before, elastic_energy(rows, data));
+}
+
+// Nothing is remembered but the ledger, and no spring stores energy.
+void Stepper::Impl::update_complementarity_free(mjData_* d) {
+  data.reset_rows(rows);
+  islands = find_islands(rows, trees);
+  ledger = memory(d).ledger();
+  std::vector<double> gap, mass;
+  for (const RowGroup& c : rows.group) {
+    // Equalities and dry friction loss can enter by edits of the model.
+    if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
+      host::check_supported(model, parameters.options.law);
+    const bool contact = c.kind == RowKind::kContact;
+    gap.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
+    mass.push_back(effective_mass(
+        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gap.back()),
+        rows.typical_inverse_mass[c.row]));
+  }
+  const std::vector<double> start = data.velocity;
+  const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
+  dashpot::update_complementarity_free(law, rows, gap, mass, length, data);
+  collect_impulses(start);
+  update_ledger({}, {});
+}
+
+// The motion that rows caused, and the trees it reached.
+void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
+  check_finite();
   contact_impulse.resize(start.size());
   for (size_t i = 0; i < start.size(); ++i)
     contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
@@ -270,6 +311,7 @@ void Stepper::Impl::report_forces(mjData_* d) {
 
 void Stepper::Impl::advance_state(mjData_* d) {
   host::integrate(model, d);
+  if (parameters.options.law == Law::kComFree) return;
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index)
     if (touched[index] || host::is_free_body(model, index)) advance_tree(d, index);
 }

@@ -1,62 +1,14 @@
 #include "dashpot/microstep.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
 #include "dashpot/friction.hpp"
+#include "dashpot/row_products.hpp"
 
 namespace dashpot {
 
 namespace {
-
-// Rows of one group against a whitened vector. Pairs of free bodies and single ones, the bulk of
-// any pile, have fixed sizes.
-template <int First, int Second>
-void gather_fixed(const double* rows, const RowGroup& c, const double* y, double* out) {
-  Eigen::Matrix<double, First + Second, 1> v;
-  v.template head<First>() = Eigen::Map<const Eigen::Matrix<double, First, 1>>(y + c.dof_begin[0]);
-  v.template tail<Second>() =
-      Eigen::Map<const Eigen::Matrix<double, Second, 1>>(y + c.dof_begin[1]);
-  for (int i = 0; i < c.dim; ++i)
-    out[i] = Eigen::Map<const Eigen::Matrix<double, First + Second, 1>>(rows + i * (First + Second))
-                 .dot(v);
-}
-
-void gather(const double* rows, const RowGroup& c, const double* y, double* out) {
-  if (c.dof_count[0] == 6 && c.dof_count[1] == 6) return gather_fixed<6, 6>(rows, c, y, out);
-  if (c.dof_count[0] == 6 && c.dof_count[1] == 0) return gather_fixed<6, 0>(rows, c, y, out);
-  if (c.dof_count[0] == 0 && c.dof_count[1] == 6) return gather_fixed<0, 6>(rows, c, y, out);
-  using Vector = Eigen::Map<const Eigen::VectorXd>;
-  for (int i = 0; i < c.dim; ++i, rows += c.stride)
-    out[i] = Vector(rows, c.dof_count[0]).dot(Vector(y + c.dof_begin[0], c.dof_count[0])) +
-             Vector(rows + c.dof_count[0], c.dof_count[1])
-                 .dot(Vector(y + c.dof_begin[1], c.dof_count[1]));
-}
-
-template <int First, int Second>
-void scatter_fixed(const double* rows, const RowGroup& c, const double* factor, double* y) {
-  Eigen::Matrix<double, First + Second, 1> sum;
-  sum.setZero();
-  for (int i = 0; i < c.dim; ++i)
-    sum += factor[i] *
-           Eigen::Map<const Eigen::Matrix<double, First + Second, 1>>(rows + i * (First + Second));
-  Eigen::Map<Eigen::Matrix<double, First, 1>>(y + c.dof_begin[0]) += sum.template head<First>();
-  Eigen::Map<Eigen::Matrix<double, Second, 1>>(y + c.dof_begin[1]) += sum.template tail<Second>();
-}
-
-void scatter(const double* rows, const RowGroup& c, const double* factor, double* y) {
-  if (c.dof_count[0] == 6 && c.dof_count[1] == 6) return scatter_fixed<6, 6>(rows, c, factor, y);
-  if (c.dof_count[0] == 6 && c.dof_count[1] == 0) return scatter_fixed<6, 0>(rows, c, factor, y);
-  if (c.dof_count[0] == 0 && c.dof_count[1] == 6) return scatter_fixed<0, 6>(rows, c, factor, y);
-  using Vector = Eigen::Map<const Eigen::VectorXd>;
-  using Target = Eigen::Map<Eigen::VectorXd>;
-  for (int i = 0; i < c.dim; ++i, rows += c.stride) {
-    Target(y + c.dof_begin[0], c.dof_count[0]) += factor[i] * Vector(rows, c.dof_count[0]);
-    Target(y + c.dof_begin[1], c.dof_count[1]) +=
-        factor[i] * Vector(rows + c.dof_count[0], c.dof_count[1]);
-  }
-}
 
 KelvinVoigt law_of(const Rows& rows, int row) {
   return {rows.stiffness[row], rows.damping[row], rows.inverse_mass[row]};
@@ -64,12 +16,6 @@ KelvinVoigt law_of(const Rows& rows, int row) {
 
 bool is_unilateral(const RowGroup& c) {
   return c.kind == RowKind::kContact || c.kind == RowKind::kUnilateral;
-}
-
-// Where the energy of row i of a group belongs.
-double& share(EnergyShares& shares, const RowGroup& c, int i) {
-  if (c.kind != RowKind::kContact) return shares.constraint;
-  return i == 0 ? shares.normal : shares.friction;
 }
 
 // Friction impulses or forces are returned to the limit surface; true if the contact sticks.
@@ -286,6 +232,11 @@ class Microstep {
 };
 
 }  // namespace
+
+double& share(EnergyShares& shares, const RowGroup& c, int i) {
+  if (c.kind != RowKind::kContact) return shares.constraint;
+  return i == 0 ? shares.normal : shares.friction;
+}
 
 void RowData::reset_motion(int dofs) {
   for (auto* array :

@@ -106,7 +106,7 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.position = source.kind == RowKind::kSlider ? 0.0 : d->efc_pos[row] - source.margin;
     input.limit = d->efc_frictionloss[row];
     std::copy_n(source.solref, 2, input.solref.begin());
-    input.impedance = source.solimp[1];
+    std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());
     input.has_solref = !is_default_impedance(source.solref, source.solimp);
     constraints.push_back(input);
   }

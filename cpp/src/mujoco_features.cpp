@@ -16,11 +16,12 @@ std::string named(const mjModel* m, int type, int id) {
   return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
 }
 
-class Report {
- public:
+struct Report {
+  bool comfree() const { return law == Law::kComFree; }
   void add(const std::string& name, Treatment treatment, const std::string& note) {
     features.push_back({name, treatment, note});
   }
+  Law law = Law::kKelvinVoigt;
   std::vector<Feature> features;
 };
 
@@ -28,7 +29,19 @@ void report_solref(Report& report, const std::string& name, const mjtNum* solref
                    const mjtNum* solimp) {
   if (!is_default_impedance(solref, solimp))
     report.add(name + " solref/solimp", Treatment::kMapped,
-               "mass-normalised spring-damper, where no material is set");
+               report.comfree()
+                   ? "solimp sets the effective mass; stiffness and damping are the law's"
+                   : "mass-normalised spring-damper, where no material is set");
+}
+
+// Dry friction loss of a joint or tendon.
+void report_friction_loss(Report& report, const std::string& name, const mjtNum* solref,
+                          const mjtNum* solimp) {
+  if (report.comfree())
+    report.add(name + " frictionloss", Treatment::kRefused,
+               "law comfree pushes one way only; use law kelvin_voigt");
+  else
+    report_solref(report, name + " frictionloss", solref, solimp);
 }
 
 void report_options(const mjModel* m, Report& report) {
@@ -53,7 +66,8 @@ void report_options(const mjModel* m, Report& report) {
     report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
   report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
              Treatment::kMapped, "contact is solved in closed form; nothing iterates");
-  report.add("option cone", Treatment::kMapped, "friction cones are elliptic");
+  report.add("option cone", Treatment::kMapped,
+             report.comfree() ? "friction cones are pyramids" : "friction cones are elliptic");
 }
 
 void report_contacts(const mjModel* m, Report& report) {
@@ -74,7 +88,11 @@ void report_constraints(const mjModel* m, Report& report) {
   for (int i = 0; i < m->neq; ++i) {
     const std::string name = "equality " + named(m, mjOBJ_EQUALITY, i);
     const int type = m->eq_type[i];
-    if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT || type == mjEQ_TENDON) {
+    if (report.comfree()) {
+      report.add(name, Treatment::kRefused,
+                 "law comfree pushes one way only; use law kelvin_voigt");
+    } else if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT ||
+               type == mjEQ_TENDON) {
       report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
       report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i);
     } else {
@@ -86,19 +104,21 @@ void report_constraints(const mjModel* m, Report& report) {
     if (m->jnt_limited[i])
       report_solref(report, name + " range", m->jnt_solref + mjNREF * i,
                     m->jnt_solimp + mjNIMP * i);
-    if (m->dof_frictionloss[m->jnt_dofadr[i]] > 0)
-      report_solref(report, name + " frictionloss", m->dof_solref + mjNREF * m->jnt_dofadr[i],
-                    m->dof_solimp + mjNIMP * m->jnt_dofadr[i]);
   }
+  for (int dof = 0; dof < m->nv; ++dof)
+    if (m->dof_frictionloss[dof] > 0)
+      report_friction_loss(report, "joint " + named(m, mjOBJ_JOINT, m->dof_jntid[dof]),
+                           m->dof_solref + mjNREF * dof, m->dof_solimp + mjNIMP * dof);
   for (int i = 0; i < m->ntendon; ++i) {
     const std::string name = "tendon " + named(m, mjOBJ_TENDON, i);
+    if (m->tendon_frictionloss[i] > 0)
+      report_friction_loss(report, name, m->tendon_solref_fri + mjNREF * i,
+                           m->tendon_solimp_fri + mjNIMP * i);
     if (m->tendon_limited[i] || m->tendon_frictionloss[i] > 0) {
       if (m->tendon_treenum[i] > 2)
         report.add(name, Treatment::kRefused, "its limit or friction couples more than two trees");
       report_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
                     m->tendon_solimp_lim + mjNIMP * i);
-      report_solref(report, name + " frictionloss", m->tendon_solref_fri + mjNREF * i,
-                    m->tendon_solimp_fri + mjNIMP * i);
     }
   }
   for (int i = 0; i < m->nu; ++i)
@@ -109,7 +129,7 @@ void report_constraints(const mjModel* m, Report& report) {
 
 }  // namespace
 
-void check_options(const mjModel_* m) {
+void check_options(const mjModel_* m, Law law) {
   const mjOption& o = m->opt;
   if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
     throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
@@ -118,20 +138,20 @@ void check_options(const mjModel_* m) {
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
   const bool integrator_known = o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST;
   if (!integrator_known || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
-    check_supported(m);
+    check_supported(m, law);
 }
 
-std::vector<Feature> features(const mjModel_* m) {
-  Report report;
+std::vector<Feature> features(const mjModel_* m, Law law) {
+  Report report{law, {}};
   report_options(m, report);
   report_contacts(m, report);
   report_constraints(m, report);
   return report.features;
 }
 
-void check_supported(const mjModel_* m) {
+void check_supported(const mjModel_* m, Law law) {
   std::string refused;
-  for (const Feature& feature : features(m))
+  for (const Feature& feature : features(m, law))
     if (feature.treatment == Treatment::kRefused)
       refused += (refused.empty() ? "" : "; ") + feature.name + " (" + feature.note + ")";
   if (!refused.empty()) throw std::invalid_argument("model uses what dashpot refuses: " + refused);

@@ -119,7 +119,7 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
   std::copy(contact.friction, contact.friction + 5, input.friction.begin());
   std::copy_n(contact.solref, 2, input.solref.begin());
-  input.impedance = contact.solimp[1];
+  std::copy_n(contact.solimp, input.solimp.size(), input.solimp.begin());
   input.has_solref = !is_default_impedance(contact.solref, contact.solimp);
   for (int side = 0; side < 2; ++side) {
     const int geom = contact.geom[side];

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import difflib
+import math
+import numbers
 from dataclasses import dataclass
 from typing import Literal
 
@@ -21,6 +23,14 @@ __all__ = ["Engine", "StepStats"]
 StepStats = _core.StepStats
 
 
+_KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
+    "microsteps": "auto",
+    "max_microsteps": 64,
+    "recovery_speed": 0.1,
+    "rules": CombinationRules(),
+}
+
+
 @dataclass(frozen=True)
 class _Options:
     """Validated options of an engine."""
@@ -30,11 +40,23 @@ class _Options:
     max_microsteps: int
     recovery_speed: float
     rules: CombinationRules
+    comfree_stiffness: float | None
+    comfree_damping: float | None
 
     def __post_init__(self) -> None:
         laws = list(_core.Law.__members__)
         if self.law not in laws:
             raise ValueError(f"law is {self.law!r}; it must be one of {laws}")
+        self._check_owner()
+        for name, lowest in (("comfree_stiffness", "> 0"), ("comfree_damping", ">= 0")):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, numbers.Real):
+                raise TypeError(f"{name} is {type(value).__name__}; it must be a number")
+            number = float(value)
+            if not math.isfinite(number) or number < 0.0 or (number == 0.0 and lowest == "> 0"):
+                raise ValueError(f"{name} is {value!r}; it must be finite and {lowest}")
         if not _is_count(self.max_microsteps):
             raise ValueError(f"max_microsteps is {self.max_microsteps!r}; it must be an int >= 1")
         if self.microsteps != "auto" and not _is_count(self.microsteps):
@@ -50,6 +72,20 @@ class _Options:
         if not isinstance(self.rules, CombinationRules):
             raise TypeError(f"rules is {type(self.rules).__name__}; it must be CombinationRules")
 
+    def _check_owner(self) -> None:
+        """Raise ValueError for an option of another law than the one chosen."""
+        owned: dict[str, dict[str, object]] = {
+            "kelvin_voigt": _KELVIN_VOIGT_DEFAULTS,
+            "comfree": {"comfree_stiffness": None, "comfree_damping": None},
+        }
+        for owner, defaults in owned.items():
+            for name, default in defaults.items():
+                value = getattr(self, name)
+                if owner != self.law and value != default:
+                    raise ValueError(
+                        f"{name} is {value!r}, but only law {owner!r} has it; law is {self.law!r}"
+                    )
+
     def to_core(self) -> _core.Options:
         options = _core.Options()
         options.law = _core.Law[self.law]
@@ -57,6 +93,10 @@ class _Options:
         options.max_microsteps = self.max_microsteps
         options.recovery_speed = float(self.recovery_speed)
         options.rules = self.rules._to_core()
+        if self.comfree_stiffness is not None:
+            options.comfree_stiffness = float(self.comfree_stiffness)
+        if self.comfree_damping is not None:
+            options.comfree_damping = float(self.comfree_damping)
         return options
 
 
@@ -65,7 +105,7 @@ def _is_count(value: object) -> bool:
 
 
 class Engine:
-    """Steps an unmodified MuJoCo model with closed-form Kelvin-Voigt contact.
+    """Steps an unmodified MuJoCo model with dashpot's own contact solver.
 
     The engine works on a private copy of the model, :attr:`model`, whose user data it enlarges by
     the contact memory and whose friction cone it sets to elliptic. Data made by
@@ -80,7 +120,12 @@ class Engine:
         Compiled model. Every geom starts as a rigid material with its MJCF friction, or, where the
         model sets ``solref`` or ``solimp`` itself, as the mass-normalised spring-damper they mean.
     law
-        Contact law: ``"kelvin_voigt"``.
+        Contact law: ``"kelvin_voigt"``, closed-form Kelvin-Voigt contact with true stiction, or
+        ``"comfree"``, the published complementarity-free update of ComFree-Sim (arXiv 2603.12185),
+        for comparison: one update per step, no memory, no materials (effective masses come from
+        ``solimp``, friction from the model), no stiction (what rests on a slope creeps). Its
+        contacts store no energy, so what they give back on rebound counts as negative dissipation.
+        It refuses equalities and dry friction loss, and moves every body by MuJoCo's integrator.
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
         stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.
@@ -92,14 +137,22 @@ class Engine:
         is pushed out; ``inf`` makes every overlap a compressed spring at once.
     rules
         How the materials of two geoms combine.
+    comfree_stiffness
+        Stiffness k of law ``"comfree"`` in 1/s, > 0; 0.2 where None. A facet of effective mass m
+        pushes with m k / timestep per metre of overlap. The options above belong to law
+        ``"kelvin_voigt"``, this and the next to law ``"comfree"``.
+    comfree_damping
+        Damping d of law ``"comfree"``, >= 0, no unit; 0.001 where None. A facet pushes with
+        m d / timestep per m/s of approach.
 
     Raises
     ------
     TypeError
-        If ``model`` is no ``mujoco.MjModel`` or ``rules`` no ``CombinationRules``.
+        If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, or an option of
+        law ``"comfree"`` no number.
     ValueError
-        If an option is out of range, or the model uses a feature that the engine refuses; the
-        message names it.
+        If an option is out of range or belongs to the other law, or the model uses a feature that
+        the engine refuses; the message names it.
     """
 
     def __init__(
@@ -111,13 +164,21 @@ class Engine:
         max_microsteps: int = 64,
         recovery_speed: float = 0.1,
         rules: CombinationRules | None = None,
+        comfree_stiffness: float | None = None,
+        comfree_damping: float | None = None,
     ) -> None:
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
         self._options = _Options(
-            law, microsteps, max_microsteps, recovery_speed, rules or CombinationRules()
+            law,
+            microsteps,
+            max_microsteps,
+            recovery_speed,
+            rules or CombinationRules(),
+            comfree_stiffness,
+            comfree_damping,
         )
-        _core.check_supported(model._address)
+        _core.check_supported(model._address, _core.Law[law])
         self.model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         _core.reserve_memory(self.model._address)
@@ -167,6 +228,7 @@ class Engine:
         """Give a geom a material; contacts combine those of both geoms."""
         if not isinstance(material, Material):
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
+        self._check_takes_materials()
         self._geom_material[self.geom_id(geom)] = material
         self._stepper = None
 
@@ -174,6 +236,7 @@ class Engine:
         """Give contacts between two geoms a material of their own, in place of the combination."""
         if not isinstance(material, Material):
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
+        self._check_takes_materials()
         first, second = sorted((self.geom_id(geom1), self.geom_id(geom2)))
         if first == second:
             raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
@@ -279,7 +342,9 @@ class Engine:
 
     def report(self) -> Report:
         """Which MJCF options and features of the model are honoured, mapped or refused."""
-        return Report(tuple(Feature(*row) for row in _core.features(self.model._address)))
+        return Report(
+            tuple(Feature(*row) for row in _core.features(self.model._address, _core.Law[self.law]))
+        )
 
     def __copy__(self) -> Engine:
         """Return an engine of its own: a copy of the model and the same options and materials."""
@@ -304,6 +369,12 @@ class Engine:
         parameters.geom_material = geom_material
         parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
         return parameters
+
+    def _check_takes_materials(self) -> None:
+        if self.law == "comfree":
+            raise ValueError(
+                "law 'comfree' takes no materials; set geom_friction and geom_solimp in the model"
+            )
 
     def _check_data(self, data: mujoco.MjData) -> None:
         if not isinstance(data, mujoco.MjData):

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "dashpot/law.hpp"
 #include "dashpot/material.hpp"
 
 struct mjModel_;
@@ -19,14 +20,15 @@ struct mjData_;
 
 namespace dashpot {
 
-enum class Law { kKelvinVoigt };
-
 struct Options {
   Law law = Law::kKelvinVoigt;
   int microsteps = 0;           // fixed number per step, >= 1; 0: chosen per island ("auto")
   int max_microsteps = 64;      // >= 1; stiffness beyond what they resolve is lowered
   double recovery_speed = 0.1;  // m/s, >= 0, may be infinite: how fast unstressed overlap recovers
   CombinationRules rules;
+  // Of Law::kComFree alone, as the options above are of Law::kKelvinVoigt; see comfree.hpp.
+  double comfree_stiffness = 0.2;  // 1/s, > 0
+  double comfree_damping = 0.001;  // >= 0
 };
 
 // Everything that calibration may vary, besides the model itself.

@@ -40,6 +40,8 @@ struct EnergyShares {
   double normal = 0.0, friction = 0.0, constraint = 0.0;
   double sum() const { return normal + friction + constraint; }
 };
+// The share that the energy of row i of a group belongs to.
+double& share(EnergyShares& shares, const RowGroup& group, int i);
 
 // What the micro-steps change.
 struct RowData {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "dashpot/free_body.hpp"
+#include "dashpot/law.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
@@ -18,20 +19,20 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// How the engine treats one feature that a model uses.
+// How the engine treats one feature that a model uses, under a law.
 enum class Treatment { kHonoured, kMapped, kRefused };
 struct Feature {
   std::string name;
   Treatment treatment = Treatment::kHonoured;
   std::string note;
 };
-std::vector<Feature> features(const mjModel_* m);
+std::vector<Feature> features(const mjModel_* m, Law law);
 
 // Throws std::invalid_argument naming every refused feature.
-void check_supported(const mjModel_* m);
+void check_supported(const mjModel_* m, Law law);
 // The same for the options alone, which may be edited between steps. Also requires the elliptic
 // cone, whose row layout force reports rely on, and a positive time step.
-void check_options(const mjModel_* m);
+void check_options(const mjModel_* m, Law law);
 
 // Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`), or its
 // state, controls or applied forces are not finite; names the field and the index.

@@ -43,7 +43,7 @@ struct ContactInput {
   std::array<double, 9> frame{};     // rows: normal, tangent 1, tangent 2; world
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
-  double impedance = 0.0;   // solimp's d_width
+  std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
   // Position in the frames of the two geoms, and geom 1's rotation (row-major, local to world).
   std::array<std::array<double, 3>, 2> local_position{};
@@ -67,7 +67,7 @@ struct ConstraintInput {
   double position = 0.0;  // gap of a limit, error of an equality; m or rad
   double limit = 0.0;     // of a slider, N or N m
   std::array<double, 2> solref{};
-  double impedance = 0.0;   // solimp's d_width
+  std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
 };
 
