@@ -160,8 +160,8 @@ def test_a_tendon_limit_holds_the_load():
     assert data.qfrc_constraint[0] == pytest.approx(9.81, rel=1e-9)
 
 
-@pytest.mark.parametrize("timestep", (1e-3, 1e-2))
-@pytest.mark.parametrize("restitution", (1.0, 0.8, 0.5, 0.1))
+@pytest.mark.parametrize("timestep", [1e-3, 1e-2])
+@pytest.mark.parametrize("restitution", [1.0, 0.8, 0.5, 0.1])
 def test_rigid_material_bounces_with_its_restitution(restitution, timestep):
     scene = """<worldbody><geom type="plane" size="0 0 1"/><body pos="0 0 1.1"><freejoint/>
       <geom name="ball" type="sphere" size=".1" mass="1"/></body></worldbody>"""
@@ -171,6 +171,6 @@ def test_rigid_material_bounces_with_its_restitution(restitution, timestep):
         engine.step(data)
     engine.step(data, 2)
     speed = np.sqrt(data.qvel[2] ** 2 + 2 * 9.81 * (data.qpos[2] - 0.1))
-    # Gravity acts during the contact, which a rigid material makes about a millisecond long: g times
-    # that, relative to an impact at 4.43 m/s.
+    # Gravity acts during the contact, which a rigid material makes about a millisecond long: g
+    # times that, relative to an impact at 4.43 m/s.
     assert speed / np.sqrt(2 * 9.81) == pytest.approx(restitution, abs=2e-3)
