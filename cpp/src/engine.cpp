@@ -235,7 +235,8 @@ void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data);
   const std::vector<double> start = data.velocity;
   for (const Island& island : islands)
-    run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
+    if (!stays_apart(rows, island, length, data))
+      run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
   collect_impulses(start);
   update_ledger(before, elastic_energy(rows, data));
 }

@@ -270,6 +270,24 @@ void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
   microstep.read_motion();
 }
 
+bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data) {
+  for (int index : island.group) {
+    const RowGroup& c = rows.group[index];
+    const double gap = data.deformation[c.row];
+    if (!is_unilateral(c) || gap <= 0.0) return false;
+    double rate[kMaxRows], load[kMaxRows];
+    const double* jacobian = rows.jacobian.data() + c.jacobian;
+    gather(jacobian, c, data.velocity.data(), rate);
+    gather(jacobian, c, data.smooth_acceleration.data(), load);
+    // The parabola's least value within the time: at an end, or where it turns.
+    const double end = gap + time * (rate[0] + 0.5 * load[0] * time);
+    const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;
+    const double least = turns ? gap - 0.5 * rate[0] * rate[0] / load[0] : end;
+    if (least <= 0.0) return false;
+  }
+  return true;
+}
+
 EnergyShares elastic_energy(const Rows& rows, const RowData& data) {
   EnergyShares energy;
   for (const RowGroup& c : rows.group) {

@@ -74,6 +74,10 @@ struct RowData {
 void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
                     double recovery_speed, RowData& data);
 
+// Whether no row of an island can act within `time` (s): all are unilateral, separated, and stay so
+// in their smooth motion. Such an island needs no micro-steps.
+bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data);
+
 // Elastic energy stored in the springs, J.
 EnergyShares elastic_energy(const Rows& rows, const RowData& data);
 
