@@ -201,3 +201,18 @@ def test_an_engine_does_not_touch_the_models_original():
     assert model.nuserdata == nuserdata
     # Detection is widened only while a step runs.
     np.testing.assert_array_equal(engine.model.geom_margin, margin)
+
+
+def test_a_model_that_diverges_without_contact_is_an_error_that_keeps_the_state():
+    # An explicit velocity gain whose time constant is a fiftieth of the step.
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option timestep="0.01"/><worldbody><body>
+      <joint name="j" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body></worldbody>
+      <actuator><velocity joint="j" kv="5000"/></actuator></mujoco>""")
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = 1.0
+    with pytest.raises(RuntimeError, match="degree of freedom 0"):
+        for _ in range(1000):
+            engine.step(data)
+    assert np.isfinite(data.qpos).all()
+    assert np.isfinite(data.qvel).all()

@@ -208,6 +208,10 @@ void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
     }
     whiten_velocity(trees, index, start_velocity.data() + begin, data.velocity.data() + begin);
   }
+  for (size_t i = 0; i < smooth_acceleration.size(); ++i)
+    if (!std::isfinite(smooth_acceleration[i]))
+      throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
+                               " diverged; data are as they were before the step");
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
