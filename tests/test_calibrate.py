@@ -476,7 +476,7 @@ def test_statements():
     assert good.statement.startswith("identified: 95% interval 29.7 to 30.3")
     assert (good.lower, good.upper) == pytest.approx((30 * math.exp(-0.01), 30 * math.exp(0.01)))
     for estimate, reason in (
-        (statement(math.log(30.0), 1.3), "more than a factor of 10"),
+        (statement(math.log(30.0), 0.7), "more than a factor of 4"),
         (statement(math.log(30.0), 4.0), "covers 100% of the allowed range"),
         (statement(math.log(1.0), 0.01), "lies at its lower bound 1"),
         (statement(math.log(1000.0), 0.01), "lies at its upper bound 1000"),

@@ -35,9 +35,9 @@ _MIN_CLUSTERS = 20
 # than the interval by this factor.
 _WIDEST_DIFFERENCE = 0.2
 _WIDTH_SLACK = 2.0
-# Residual variance below which a minimum counts as explained by the stated noise, so that no
-# further start is searched from.
-_EXPLAINED = 1.3
+# A minimum counts as explained by the stated noise, and no further start is searched from, when its
+# residual variance is below 1 plus this many standard deviations of the variance of normal noise.
+_EXPLAINED = 3.0
 # Of one local search; those that need more are lost in a bad valley.
 _MOST_ITERATIONS = 40
 
@@ -84,8 +84,7 @@ def fit(
         in one batch.
     local_searches
         At most how many of the best starts are searched from, >= 1; one after the other until the
-        stated noise explains the residuals. The next window starts from the best end, and from the
-        others only where that does not lead to residuals that the noise explains.
+        stated noise explains the residuals.
     max_evaluations
         Budget of simulated sets of trajectories, those for derivatives included.
     errors
@@ -147,7 +146,7 @@ def _search(
     local_searches: int,
     seed: int,
 ) -> Search:
-    """Search one window after the other, from the best ends in the last one."""
+    """Run the searches that the options ask for; return that of the last window."""
     final = Search(objectives[-1], loss, loss_scale, budget)
     first = Search(objectives[0], loss, loss_scale, budget) if len(objectives) > 1 else final
     begin = objectives[0].start()
@@ -162,19 +161,32 @@ def _search(
             with budget.share(1):
                 cma_es(final, points[0], seed)
         return final
-    for objective in objectives:
-        search = (
-            final if objective is objectives[-1] else Search(objective, loss, loss_scale, budget)
-        )
-        ends = []
-        for point in points:
-            end, cost = least_squares(search, point, _MOST_ITERATIONS)
-            ends.append((cost, end))
-            if search.best_variance < _EXPLAINED or budget.left == 0:
-                break
-        ends.sort(key=lambda pair: pair[0])
-        points = [end for _, end in ends]
+    earlier = [Search(objective, loss, loss_scale, budget) for objective in objectives[:-1]]
+    _descend([*earlier, final], points)
     return final
+
+
+def _descend(searches: list[Search], points: list[Array]) -> None:
+    """Search all windows from one point after the other until noise explains what is left.
+
+    An end in the first window that noise does not explain is a bad valley, or the model is not
+    quite right: the next start is tried, and if none does better, the best such end goes on.
+    """
+    last = searches[-1]
+    unfinished: list[tuple[float, Array]] = []
+    for start in points:
+        point, cost = least_squares(searches[0], start, _MOST_ITERATIONS)
+        if len(searches) > 1 and not searches[0].explained(cost, _EXPLAINED):
+            unfinished.append((cost, point))
+        else:
+            for search in searches[1:]:
+                point, _ = least_squares(search, point, _MOST_ITERATIONS)
+        if last.explained(last.best_cost, _EXPLAINED) or last.budget.left == 0:
+            break
+    if unfinished and not last.explained(last.best_cost, _EXPLAINED):
+        point = min(unfinished, key=lambda end: end[0])[1]
+        for search in searches[1:]:
+            point, _ = least_squares(search, point, _MOST_ITERATIONS)
 
 
 def _covariance(

@@ -5,7 +5,8 @@ A parameter is called *not identified* when
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or
 * its interval covers more than half of the allowed range, or
-* (log parameters) the ends of its interval differ by more than a factor of ten.
+* (log parameters) the ends of its interval differ by more than a factor of four: it is then not
+  known to within a factor of two either way.
 
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
 combination of the two much better than each.
@@ -24,7 +25,7 @@ from dashpot.calibrate.parameters import Parameter
 Array = NDArray[np.float64]
 
 MAX_RANGE_SHARE = 0.5
-MAX_FACTOR = 10.0
+MAX_FACTOR = 4.0
 HIGH_CORRELATION = 0.95
 # Share of the search range within which an estimate counts as being at its bound.
 _AT_BOUND = 1e-3

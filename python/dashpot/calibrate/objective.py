@@ -220,6 +220,8 @@ class Objective:
                 system = self.problem.build(self.values(point))
             systems[key] = system
             variants.append(_variant(system))
+            if self.problem.start_states is not None:
+                qpos[v], qvel[v] = self.problem.initial_states(self._model, self.values(point))
             if self.initial_size:
                 blocks = point[self.parameters :].reshape(-1, self.initial_size)
                 qvel[v] = blocks[:, :nv]

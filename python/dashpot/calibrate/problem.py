@@ -22,6 +22,7 @@ Builder: TypeAlias = Callable[[Mapping[str, float]], System]
 # Frames from which the search starts an initial velocity.
 _START_FRAMES = 5
 
+StartStates: TypeAlias = Callable[[Mapping[str, float]], tuple[Array, Array]]
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
 
@@ -52,6 +53,11 @@ class Problem:
     window
         Seconds of each trajectory that are used. Short windows after the first contact fix damping
         and the friction of impacts; long ones see sliding and rolling. None: all of it.
+    start_states
+        Function from the values of all parameters by name to initial qpos (trajectories, nq) and
+        qvel (trajectories, nv), for parameters on which the initial states depend (where the centre
+        of mass is decides what a tracked point's flight says about velocity). None: what the
+        trajectories carry. Only with ``initial_state="given"``.
     initial_state
         ``"given"``: trajectories carry their initial state. ``"velocity"``: the initial velocity of
         every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well.
@@ -70,6 +76,7 @@ class Problem:
     substeps: int | None = None
     window: float | None = None
     initial_state: InitialState = "given"
+    start_states: StartStates | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(self.parameters))
@@ -95,6 +102,8 @@ class Problem:
                 "initial_state must be 'given', 'velocity' or 'pose_and_velocity', "
                 f"got {self.initial_state!r}"
             )
+        if self.start_states is not None and self.initial_state != "given":
+            raise ValueError("start_states needs initial_state='given'")
         model = model_of(self.build(self.start))
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
@@ -160,10 +169,28 @@ class Problem:
         """Return the same problem over another window."""
         return replace(self, window=window)
 
-    def initial_states(self, model: mujoco.MjModel) -> tuple[Array, Array]:
-        """Return initial qpos (trajectories, nq) and qvel (trajectories, nv)."""
-        qpos = np.empty((len(self.trajectories), model.nq))
-        qvel = np.empty((len(self.trajectories), model.nv))
+    def initial_states(
+        self, model: mujoco.MjModel, values: Mapping[str, float] | None = None
+    ) -> tuple[Array, Array]:
+        """Return initial qpos (trajectories, nq) and qvel (trajectories, nv) of `values`.
+
+        Raises
+        ------
+        ValueError
+            If `start_states` returns arrays of another shape or numbers that are not finite.
+        """
+        count = len(self.trajectories)
+        if self.start_states is not None:
+            qpos, qvel = self.start_states(self.start if values is None else values)
+            for name, array, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv)):
+                if np.shape(array) != (count, size) or not np.isfinite(array).all():
+                    raise ValueError(
+                        f"start_states must return finite {name} of shape ({count}, {size}), "
+                        f"got {np.shape(array)}"
+                    )
+            return np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
+        qpos = np.empty((count, model.nq))
+        qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
             qpos[i], qvel[i] = _initial_state(trajectory, model)
         return qpos, qvel
@@ -179,7 +206,8 @@ class Problem:
         label = f"trajectory '{trajectory.name}'"
         for body in trajectory.bodies:
             body_id(model, body, label)
-        if trajectory.initial_qvel is None and self.initial_state == "given":
+        carried = self.initial_state == "given" and self.start_states is None
+        if trajectory.initial_qvel is None and carried:
             raise ValueError(
                 f"{label} has no initial_qvel; give it, or estimate it with "
                 "initial_state='velocity'"

@@ -99,10 +99,14 @@ class Search:
         self.message = ""
         self._last: tuple[Array, Array] = np.empty(0), np.empty(0)
 
-    @property
-    def best_variance(self) -> float:
-        """Twice the lowest cost per degree of freedom: 1 where the stated noise explains it."""
-        return 2.0 * self.best_cost / max(1, self.objective.residual_count - self.objective.size)
+    def explained(self, cost: float, deviations: float) -> bool:
+        """Whether noise of the stated size explains a cost.
+
+        Twice the cost is then about the number of degrees of freedom, with a standard deviation of
+        the root of twice that number; a robust loss makes it smaller.
+        """
+        degrees = max(1, self.objective.residual_count - self.objective.size)
+        return bool(2.0 * cost < degrees + deviations * np.sqrt(2.0 * degrees))
 
     def costs(self, residuals: Array) -> Array:
         """Return the cost of each row of `residuals`."""

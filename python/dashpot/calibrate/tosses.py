@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import mujoco
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.fit import Method, fit
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.problem import Builder, Problem, StartStates
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.setters import System
 from dashpot.calibrate.trajectory import Trajectory
@@ -170,10 +170,7 @@ def trajectory(
         Naming the toss, where it never comes down or has no two frames of flight.
     """
     position = np.asarray(toss.position, dtype=float) * length_scale
-    low = np.flatnonzero(position[:, 2] < cube.half_width * np.sqrt(3.0))
-    if low.size == 0 or low[0] < 2:
-        raise ValueError(f"toss '{toss.name}' has no two frames of flight before its first contact")
-    first = int(low[0]) - 1
+    first = _last_free_frame(toss, position, cube)
     flight = slice(0, first + 1)
     velocity, rate = flight_state(
         toss.time[flight], position[flight], toss.quaternion[flight], gravity
@@ -187,6 +184,34 @@ def trajectory(
         initial_qpos=np.concatenate([position[first], toss.quaternion[first]]),
         initial_qvel=np.concatenate([velocity, rate]),
     )
+
+
+def velocity_per_offset(toss: Toss, cube: Cube, *, length_scale: float = 1.0) -> Array:
+    """Return (3, 3): change of the centre's initial velocity with the centre of mass, 1/s.
+
+    It is the centre of mass, at offset r in the body, that flies on a parabola: with rotations R_k
+    of the flight and weights c_k of the least-squares slope, the velocity of the cube's centre is
+    that of a centred mass plus ``(sum_k c_k R_k - R_last [w]x) r``.
+    """
+    position = np.asarray(toss.position, dtype=float) * length_scale
+    first = _last_free_frame(toss, position, cube)
+    flight = slice(0, first + 1)
+    rate = flight_state(toss.time[flight], position[flight], toss.quaternion[flight])[1]
+    t = toss.time[flight] - toss.time[first]
+    weights = np.linalg.pinv(np.stack([np.ones_like(t), t], axis=1))[1]
+    rotations = np.empty((first + 1, 9))
+    for k in range(first + 1):
+        mujoco.mju_quat2Mat(rotations[k], toss.quaternion[k])
+    slope = (weights @ rotations).reshape(3, 3)
+    cross = np.cross(np.eye(3), rate).T  # columns rate x e_i
+    return np.asarray(slope + rotations[-1].reshape(3, 3) @ cross)
+
+
+def _last_free_frame(toss: Toss, position: Array, cube: Cube) -> int:
+    low = np.flatnonzero(position[:, 2] < cube.half_width * np.sqrt(3.0))
+    if low.size == 0 or low[0] < 2:
+        raise ValueError(f"'{toss.name}' has no two frames of flight before its first contact")
+    return int(low[0]) - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,60 +244,80 @@ def dashpot_problem(
     trajectories: Iterable[Trajectory], cube: Cube, *, substeps: int = 4
 ) -> Problem:
     """Return the problem of stiffness, damping ratio and sliding friction in dashpot."""
-    engine = Engine(cube.model())
-    for geom in cube.geoms:
-        engine.set_material(geom, Material(2e4, damping_ratio=0.5, friction=0.2))
-    engine.set_material("table", Material(friction=0.0))
-    parameters = (
-        Parameter.material(cube.geoms, "stiffness", start=2e4, bounds=(1e3, 1e6)),
-        Parameter.material(cube.geoms, "damping_ratio", start=0.5, bounds=(0.05, 5.0)),
-        Parameter.material(cube.geoms, "sliding_friction", start=0.3, bounds=(0.03, 1.0)),
-    )
-    return _problem(engine, parameters, trajectories, substeps)
+    engine = _engine(cube)
+    return _problem(engine, _contact_parameters(cube.geoms), trajectories, substeps)
 
 
 def mujoco_problem(trajectories: Iterable[Trajectory], cube: Cube, *, substeps: int = 4) -> Problem:
     """Return the same problem in MuJoCo: time constant, damping ratio and friction."""
-    geoms = (*cube.geoms, "table")
-    parameters = (
-        Parameter.model(
-            "geom_solref", geoms, index=0, start=0.02, bounds=(0.004, 0.2), name="timeconst"
-        ),
-        Parameter.model(
-            "geom_solref", geoms, index=1, start=0.7, bounds=(0.05, 5.0), name="dampratio"
-        ),
-        Parameter.model(
-            "geom_friction", geoms, index=0, start=0.3, bounds=(0.03, 1.0), name="friction"
-        ),
-    )
+    parameters = _peer_parameters((*cube.geoms, "table"))
     return _problem(cube.model(), parameters, trajectories, substeps)
 
 
-def evaluate(
-    problem: Problem,
-    values: Mapping[str, float],
-    trajectories: Sequence[Trajectory],
+def body_problem(
+    tosses: Sequence[Toss],
     cube: Cube,
     *,
-    nthread: int | None = None,
-) -> Errors:
-    """Return the prediction errors of `values` on `trajectories`, of the fit or unseen."""
-    unseen = Problem(
-        problem.system,
-        problem.parameters,
-        trajectories,
-        problem.position_sigma,
-        problem.rotation_sigma,
-        substeps=problem.substeps,
+    peer: bool = False,
+    length_scale: float = 1.0,
+    substeps: int = 4,
+) -> Problem:
+    """Return the problem with body properties unknown too, in dashpot or (``peer``) in MuJoCo.
+
+    Beside the contact parameters: inertia, corner radius and the three components of the centre of
+    mass. The initial velocity follows the centre of mass (see `velocity_per_offset`).
+    """
+    trajectories = tuple(trajectory(toss, cube, length_scale=length_scale) for toss in tosses)
+    effects = np.stack(
+        [velocity_per_offset(toss, cube, length_scale=length_scale) for toss in tosses]
     )
-    objective = Objective(unseen, nthread=0 if nthread is None else nthread)
+    qpos = np.stack([np.asarray(t.initial_qpos) for t in trajectories])
+    qvel = np.stack([np.asarray(t.initial_qvel) for t in trajectories])
+    offsets = ("offset_x", "offset_y", "offset_z")
+    rounded = replace(cube, corner_radius=0.003)
+    contact = (
+        _peer_parameters((*rounded.geoms, "table")) if peer else _contact_parameters(rounded.geoms)
+    )
+
+    def build(values: Mapping[str, float]) -> System:
+        offset = (values["offset_x"], values["offset_y"], values["offset_z"])
+        shaped = replace(
+            rounded,
+            inertia=values["inertia"],
+            corner_radius=values["corner_radius"],
+            offset=offset,
+        )
+        return shaped.model() if peer else _engine(shaped)
+
+    def start_states(values: Mapping[str, float]) -> tuple[Array, Array]:
+        velocity = qvel.copy()
+        velocity[:, :3] += effects @ np.array([values[name] for name in offsets])
+        return qpos, velocity
+
+    body = (
+        Parameter("inertia", start=cube.inertia, bounds=(4e-4, 2e-3)),
+        Parameter("corner_radius", start=0.003, bounds=(2e-4, 0.012), transform="linear"),
+        *(
+            Parameter(name, start=0.0, bounds=(-0.012, 0.012), transform="linear")
+            for name in offsets
+        ),
+    )
+    return _problem(build, (*contact, *body), trajectories, substeps, start_states)
+
+
+def evaluate(
+    problem: Problem, values: Mapping[str, float], cube: Cube, *, nthread: int | None = None
+) -> Errors:
+    """Return the prediction errors of `values` on the tosses of a problem, fitted or unseen."""
+    objective = Objective(problem, nthread=0 if nthread is None else nthread)
     point = np.array(
-        [c.to_search(values[n]) for c, n in zip(objective.coordinates, unseen.names, strict=True)]
+        [c.to_search(values[n]) for c, n in zip(objective.coordinates, problem.names, strict=True)]
     )
     residuals = objective.residuals(point)[0]
-    position = np.empty(len(trajectories))
-    rotation = np.empty(len(trajectories))
-    for t in range(len(trajectories)):
+    count = len(problem.trajectories)
+    position = np.empty(count)
+    rotation = np.empty(count)
+    for t in range(count):
         rows = residuals[objective.offsets[t] : objective.offsets[t + 1]].reshape(-1, 6)[1:]
         distance = np.linalg.norm(rows[:, :3], axis=1) * problem.position_sigma
         angle = np.linalg.norm(rows[:, 3:], axis=1) * problem.rotation_sigma
@@ -294,6 +339,7 @@ def study(
     tosses: Sequence[Toss],
     *,
     peer: bool = False,
+    body: bool = False,
     fitted: int = 60,
     cube: Cube | None = None,
     length_scale: float = 1.0,
@@ -313,6 +359,8 @@ def study(
         As `dashpot.data.load_cube_tosses` returns them.
     peer
         Tune MuJoCo instead of dashpot, the same way.
+    body
+        Fit body properties too: inertia, centre of mass, corner radius.
     fitted
         Number of tosses to fit on, 1 <= fitted < len(tosses).
     cube
@@ -328,14 +376,16 @@ def study(
     """
     if not 1 <= fitted < len(tosses):
         raise ValueError(f"fitted must be in [1, {len(tosses) - 1}], got {fitted!r}")
-    body = Cube() if cube is None else cube
-    trajectories = [trajectory(toss, body, length_scale=length_scale) for toss in tosses]
-    order = np.random.default_rng(seed).permutation(len(trajectories))
-    seen = [trajectories[i] for i in sorted(order[:fitted])]
-    unseen = [trajectories[i] for i in sorted(order[fitted:])]
-    problem = (mujoco_problem if peer else dashpot_problem)(seen, body, substeps=substeps)
+    shape = Cube() if cube is None else cube
+    order = np.random.default_rng(seed).permutation(len(tosses))
+    seen, unseen = (
+        _study_problem(
+            [tosses[i] for i in sorted(chosen)], shape, peer, body, length_scale, substeps
+        )
+        for chosen in (order[:fitted], order[fitted:])
+    )
     result = fit(
-        problem,
+        seen,
         method=method,
         loss="soft_l1",
         starts=starts,
@@ -348,16 +398,58 @@ def study(
     )
     return Study(
         result,
-        evaluate(problem, result.values, seen, body, nthread=nthread),
-        evaluate(problem, result.values, unseen, body, nthread=nthread),
+        evaluate(seen, result.values, shape, nthread=nthread),
+        evaluate(unseen, result.values, shape, nthread=nthread),
+    )
+
+
+def _study_problem(
+    tosses: Sequence[Toss],
+    cube: Cube,
+    peer: bool,
+    body: bool,
+    length_scale: float,
+    substeps: int,
+) -> Problem:
+    if body:
+        return body_problem(tosses, cube, peer=peer, length_scale=length_scale, substeps=substeps)
+    trajectories = [trajectory(toss, cube, length_scale=length_scale) for toss in tosses]
+    return (mujoco_problem if peer else dashpot_problem)(trajectories, cube, substeps=substeps)
+
+
+def _engine(cube: Cube) -> Engine:
+    engine = Engine(cube.model())
+    for geom in cube.geoms:
+        engine.set_material(geom, Material(2e4, damping_ratio=0.5, friction=0.2))
+    engine.set_material("table", Material(friction=0.0))
+    return engine
+
+
+def _contact_parameters(geoms: tuple[str, ...]) -> tuple[Parameter, ...]:
+    return (
+        Parameter.material(geoms, "stiffness", start=2e4, bounds=(1e3, 1e6)),
+        Parameter.material(geoms, "damping_ratio", start=0.5, bounds=(0.05, 5.0)),
+        Parameter.material(geoms, "sliding_friction", start=0.3, bounds=(0.03, 1.0)),
+    )
+
+
+def _peer_parameters(geoms: tuple[str, ...]) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter.model(attribute, geoms, index=index, start=start, bounds=bounds, name=name)
+        for name, attribute, index, start, bounds in (
+            ("timeconst", "geom_solref", 0, 0.02, (0.004, 0.2)),
+            ("dampratio", "geom_solref", 1, 0.7, (0.05, 5.0)),
+            ("friction", "geom_friction", 0, 0.3, (0.03, 1.0)),
+        )
     )
 
 
 def _problem(
-    system: System,
+    system: System | Builder,
     parameters: Sequence[Parameter],
     trajectories: Iterable[Trajectory],
     substeps: int,
+    start_states: StartStates | None = None,
 ) -> Problem:
     return Problem(
         system,
@@ -366,4 +458,5 @@ def _problem(
         POSITION_SIGMA,
         ROTATION_SIGMA,
         substeps=substeps,
+        start_states=start_states,
     )
