@@ -640,6 +640,10 @@ def test_results_read_well(noisy_ball):
     assert "sliding_friction" in text
     table = result.table(TRUTH)
     assert table.row_count == 3
+    assert result.noise_explains
+    doubted = fit(replace(noisy_ball, position_sigma=0.5e-4))  # half the true noise
+    assert not doubted.noise_explains
+    assert "more than noise is in the residuals" in str(doubted.table().caption)
     assert [residual.shape for residual in result.residuals] == [(40, 1, 6)] * 2
     metrics = result.metrics()
     # Three axes at 0.1 mm and at 1 mrad.

@@ -31,7 +31,7 @@ class Fit:
     cost
         Half the sum of squares, after the loss.
     cost_history
-        (evaluations of the search,) lowest cost so far.
+        (batches of the search,) lowest cost so far in the window being searched.
     residual_variance
         Variance of the weighted residuals: near 1 when the stated noise explains them.
     evaluations
@@ -78,6 +78,17 @@ class Fit:
         """Estimates by name."""
         return {e.name: e.value for e in self.estimates}
 
+    @property
+    def noise_explains(self) -> bool:
+        """Whether the stated noise explains the residuals: their variance is 1 to three sigma.
+
+        Where it does not, either the model differs from what was observed (then independent errors
+        are too small: see ``errors`` of `fit`) or the search ended in a bad valley (try more
+        ``starts``, or ``windows``).
+        """
+        count = sum(r.size for r in self.residuals)
+        return bool(self.residual_variance <= 1.0 + 3.0 * np.sqrt(2.0 / count))
+
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.
 
@@ -95,7 +106,11 @@ class Fit:
 
     def table(self, truth: dict[str, float] | None = None) -> Table:
         """Return a rich table of the estimates; with `truth`, beside the true values."""
-        table = Table(title=f"Calibration ({self.method}, {self.evaluations} simulations)")
+        explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
+        table = Table(
+            title=f"Calibration ({self.method}, {self.evaluations} simulations)",
+            caption=f"{explained} the residuals: their variance is {self.residual_variance:.3g}",
+        )
         table.add_column("parameter")
         if truth is not None:
             table.add_column("truth", justify="right")
@@ -136,6 +151,7 @@ class Fit:
             "errors": self.errors,
             "confidence": self.confidence,
             "converged": self.converged,
+            "noise_explains": self.noise_explains,
             "message": self.message,
             "metrics": self.metrics(),
         }
