@@ -90,12 +90,18 @@ void bind_engine(py::module_& module) {
       .value("comfree", Law::kComFree)
       .finalize();
 
+  py::native_enum<Impact>(module, "Impact", "enum.Enum")
+      .value("none", Impact::kNone)
+      .value("cut", Impact::kCut)
+      .finalize();
+
   py::class_<Options>(module, "Options", "Options of the engine; see dashpot.Engine.")
       .def(py::init<>())
       .def_readwrite("law", &Options::law)
       .def_readwrite("microsteps", &Options::microsteps)
       .def_readwrite("max_microsteps", &Options::max_microsteps)
       .def_readwrite("recovery_speed", &Options::recovery_speed)
+      .def_readwrite("impact", &Options::impact)
       .def_readwrite("rules", &Options::rules)
       .def_readwrite("comfree_stiffness", &Options::comfree_stiffness)
       .def_readwrite("comfree_damping", &Options::comfree_damping);
@@ -115,12 +121,13 @@ void bind_engine(py::module_& module) {
       .def_readonly("clipped", &StepStats::clipped)
       .def_readonly("max_penetration", &StepStats::max_penetration)
       .def_readonly("max_compression", &StepStats::max_compression)
+      .def_readonly("cuts", &StepStats::cuts)
       .def("__repr__", [](const StepStats& s) {
         return py::str(
                    "StepStats(contacts={}, touching={}, islands={}, microsteps={}, clipped={}, "
-                   "max_penetration={}, max_compression={})")
+                   "max_penetration={}, max_compression={}, cuts={})")
             .format(s.contacts, s.touching, s.islands, s.microsteps, s.clipped, s.max_penetration,
-                    s.max_compression);
+                    s.max_compression, s.cuts);
       });
 
   py::class_<SharedStepper>(module, "Stepper", "Steps one model; see dashpot.Engine.")

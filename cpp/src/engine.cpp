@@ -8,6 +8,7 @@
 #include "dashpot/comfree.hpp"
 #include "dashpot/contacts.hpp"
 #include "dashpot/free_body.hpp"
+#include "dashpot/impact.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
@@ -31,15 +32,28 @@ GroupMaterial from_solref(const Input& input) {
   return given;
 }
 
+void accumulate(const StepStats& step, StepStats& total) {
+  total.contacts = step.contacts;
+  total.touching = step.touching;
+  total.islands = step.islands;
+  total.microsteps = std::max(total.microsteps, step.microsteps);
+  total.clipped = std::max(total.clipped, step.clipped);
+  total.max_penetration = std::max(total.max_penetration, step.max_penetration);
+  total.max_compression = std::max(total.max_compression, step.max_compression);
+  total.cuts += step.cuts;
+}
+
 }  // namespace
 
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p);
   StepStats step(mjData_* d);
+  void advance(mjData_* d, host::StepParts& parts);
 
   // The stages of a step (DESIGN section 2).
   void read_state(const mjData_* d);
   void find_smooth_acceleration(mjData_* d);
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows(mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
@@ -65,7 +79,8 @@ struct Stepper::Impl {
   long long data_size;
 
   // Rebuilt in every step.
-  double length = 0.0;  // H, s
+  double length = 0.0;  // H, s, of the step or the part of it
+  int cuts = 0;
   std::vector<double> start_position, start_velocity;
   Trees trees;
   std::vector<ContactInput> contacts;
@@ -83,6 +98,8 @@ struct Stepper::Impl {
 
 Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) {
   host::check_supported(m, p.options.law);
+  if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
+    throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
@@ -95,12 +112,26 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
 StepStats Stepper::Impl::step(mjData_* d) {
   host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
-  length = host::timestep(model);
-  read_state(d);
+  host::StepParts parts(model, d);
+  cuts = 0;
+  StepStats total;
+  for (double remaining = parts.whole(); remaining > 0.0; remaining -= length) {
+    length = remaining;
+    if (parts.cut()) parts.set_length(length);
+    advance(d, parts);
+    accumulate(statistics(), total);
+  }
+  parts.finish();
+  total.cuts = cuts;
+  return total;
+}
 
-  host::smooth_stage(model, d);
+void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
+  read_state(d);
+  host::smooth_stage(model, d, !parts.cut());
   find_smooth_acceleration(d);
   host::detect(model, d, smooth_acceleration, contacts, constraints);
+  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   build_rows(d);
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
@@ -111,7 +142,18 @@ StepStats Stepper::Impl::step(mjData_* d) {
   report_forces(d);
   advance_state(d);
   remember(d);
-  return statistics();
+}
+
+// Ends this part of the step where the next impact begins.
+void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
+  if (cuts == kMaxCuts) return;
+  const double part = part_before_impact(model, d, memory(d), smooth_acceleration, constraints,
+                                         parts.whole(), length, kMaxCuts - cuts, contacts);
+  if (part == length) return;
+  ++cuts;
+  length = part;
+  parts.set_length(length);
+  find_smooth_acceleration(d);
 }
 
 void Stepper::Impl::read_state(const mjData_* d) {
@@ -382,16 +424,7 @@ Stepper& Stepper::operator=(Stepper&&) noexcept = default;
 
 StepStats Stepper::step(mjData_* data, int nstep) {
   StepStats total;
-  for (int i = 0; i < nstep; ++i) {
-    const StepStats stats = impl_->step(data);
-    total.contacts = stats.contacts;
-    total.touching = stats.touching;
-    total.islands = stats.islands;
-    total.microsteps = std::max(total.microsteps, stats.microsteps);
-    total.clipped = std::max(total.clipped, stats.clipped);
-    total.max_penetration = std::max(total.max_penetration, stats.max_penetration);
-    total.max_compression = std::max(total.max_compression, stats.max_compression);
-  }
+  for (int i = 0; i < nstep; ++i) accumulate(impl_->step(data), total);
   return total;
 }
 

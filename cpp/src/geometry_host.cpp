@@ -2,8 +2,14 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
+
+#include "dashpot/mujoco_host.hpp"
 
 namespace dashpot {
 
@@ -109,6 +115,53 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
                                 " is not finite");
   }
   return motion;
+}
+
+bool has_shape(const mjModel* model, int geom) {
+  const int type = model->geom_type[geom];
+  return type != mjGEOM_HFIELD && type != mjGEOM_SDF;
+}
+
+GeomBounds geom_bounds(const mjModel* model, int geom) {
+  const mjtNum* size = model->geom_size + 3 * geom;
+  const mjtNum* half = model->geom_aabb + 6 * geom + 3;
+  switch (model->geom_type[geom]) {
+    case mjGEOM_PLANE:
+      return {std::numeric_limits<double>::infinity(), 0.0};
+    case mjGEOM_SPHERE:
+      return {size[0], 0.0};
+    case mjGEOM_CAPSULE:
+      return {size[0], size[1]};
+    case mjGEOM_CYLINDER:
+      return {std::min(size[0], size[1]), std::hypot(size[0], size[1])};
+    case mjGEOM_ELLIPSOID:
+      return {std::min({size[0], size[1], size[2]}), std::max({size[0], size[1], size[2]})};
+    case mjGEOM_BOX:
+      return {std::min({size[0], size[1], size[2]}), mju_norm3(size)};
+    default:
+      return {std::min({half[0], half[1], half[2]}), model->geom_rbound[geom]};
+  }
+}
+
+std::vector<Motion> body_motions(const mjModel* model, const mjData* data, const double* qvel) {
+  std::vector<double> spatial;
+  host::body_velocities(model, data, qvel, spatial);
+  std::vector<Motion> motions(model->nbody);
+  for (int body = 0; body < model->nbody; ++body) {
+    const Eigen::Map<const Eigen::Vector3d> about(data->subtree_com + 3 * model->body_rootid[body]);
+    Motion& motion = motions[body];
+    motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
+    motion.angular = Eigen::Map<const Eigen::Vector3d>(spatial.data() + 6 * body);
+    motion.linear = Eigen::Map<const Eigen::Vector3d>(spatial.data() + 6 * body + 3) +
+                    motion.angular.cross(motion.centre - about);
+  }
+  return motions;
+}
+
+int geom_body(const mjModel* model, int geom) { return model->geom_bodyid[geom]; }
+
+double geom_offset(const mjData* data, int geom, const Eigen::Vector3d& point) {
+  return (Eigen::Map<const Eigen::Vector3d>(data->geom_xpos + 3 * geom) - point).norm();
 }
 
 std::vector<PlacedShape> placed_shapes(const mjModel* model, const mjData* data, int body) {

@@ -23,20 +23,6 @@ void check_finite(const char* field, const mjtNum* values, mjtSize count) {
 
 double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-// Spatial velocity (rotation, translation about the subtree's centre of mass) of every body for
-// generalized velocities `qvel`.
-void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
-                     std::vector<double>& velocity) {
-  velocity.assign(6 * m->nbody, 0.0);
-  for (int body = 1; body < m->nbody; ++body) {
-    double* v = velocity.data() + 6 * body;
-    const double* parent = velocity.data() + 6 * m->body_parentid[body];
-    std::copy(parent, parent + 6, v);
-    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
-      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
-  }
-}
-
 // Largest speed of any point of a geom's bounding sphere.
 double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
   const int body = m->geom_bodyid[geom];
@@ -135,6 +121,18 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
 
 }  // namespace
 
+void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
+                     std::vector<double>& velocity) {
+  velocity.assign(6 * m->nbody, 0.0);
+  for (int body = 1; body < m->nbody; ++body) {
+    double* v = velocity.data() + 6 * body;
+    const double* parent = velocity.data() + 6 * m->body_parentid[body];
+    std::copy(parent, parent + 6, v);
+    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
+      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
+  }
+}
+
 long long data_size(const mjModel_* m) {
   mjData* d = mj_makeData(m);
   if (!d) throw std::runtime_error("MuJoCo could not make data for the model");
@@ -162,6 +160,26 @@ int tree_count(const mjModel_* m) { return static_cast<int>(m->ntree); }
 int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
 double timestep(const mjModel_* m) { return m->opt.timestep; }
 
+StepParts::StepParts(mjModel_* m, mjData_* d)
+    : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}
+
+StepParts::~StepParts() {
+  if (!cut()) return;
+  model_->opt.timestep = timestep_;
+  if (finished_)
+    data_->time = end_;
+  else
+    mj_setState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+}
+
+void StepParts::set_length(double length) {
+  if (!cut()) {
+    start_.resize(mj_stateSize(model_, mjSTATE_INTEGRATION));
+    mj_getState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+  }
+  model_->opt.timestep = length;
+}
+
 std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
   const mjtNum* f = m->geom_friction + 3 * geom;
   return {f[0], f[1], f[2]};
@@ -169,13 +187,17 @@ std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
 
 int geom_priority(const mjModel_* m, int geom) { return m->geom_priority[geom]; }
 
+double geom_inverse_mass(const mjModel_* m, int geom) {
+  return m->body_invweight0[2 * m->geom_bodyid[geom]];
+}
+
 void reserve_memory(mjModel_* m, int size) { m->nuserdata += size; }
 
 double* memory(const mjModel_* m, mjData_* d, int size) {
   return d->userdata + (m->nuserdata - size);
 }
 
-void smooth_stage(const mjModel_* m, mjData_* d) {
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
   d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
   mj_fwdKinematics(m, d);
@@ -183,7 +205,7 @@ void smooth_stage(const mjModel_* m, mjData_* d) {
   mj_factorM(m, d);
   mj_transmission(m, d);
   mj_fwdVelocity(m, d);
-  if (mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
+  if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
   mj_fwdActuation(m, d);
   mj_fwdAcceleration(m, d);
 }

@@ -80,7 +80,7 @@ double extent(const Shape& shape) {
 
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
                             const Shape& shape2, const Pose& pose2, const Motion& motion2,
-                            double horizon) {
+                            double horizon, double margin) {
   if (!(horizon > 0.0) || !std::isfinite(horizon)) {
     throw std::invalid_argument("horizon = " + std::to_string(horizon) +
                                 " s must be positive and finite");
@@ -101,11 +101,12 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
     ++result.evaluations;
     const Vector3d& normal = result.at.normal;
     const auto clearance = [&](double tau) {
-      return body2.height(normal, -1.0, tau) - body1.height(normal, 1.0, tau) - 0.5 * touching;
+      return body2.height(normal, -1.0, tau) - body1.height(normal, 1.0, tau) - margin -
+             0.5 * touching;
     };
 
     double safe = 0.0, safe_clearance = clearance(0.0);
-    if (std::min(safe_clearance + 0.5 * touching, result.at.distance) <= touching) {
+    if (std::min(safe_clearance + 0.5 * touching, result.at.distance - margin) <= touching) {
       result.hit = true;
       return result;
     }

@@ -18,6 +18,7 @@ __all__: list[str] = [
     "DampingForm",
     "DampingRule",
     "FrictionRule",
+    "Impact",
     "Law",
     "Material",
     "ObservedTrajectory",
@@ -266,11 +267,16 @@ class Law(enum.Enum):
     comfree = ...
     kelvin_voigt = ...
 
+class Impact(enum.Enum):
+    cut = ...
+    none = ...
+
 class Options:
     """
     Options of the engine; see dashpot.Engine.
     """
 
+    impact: Impact
     law: Law
     rules: CombinationRules
     def __init__(self) -> None: ...
@@ -331,6 +337,8 @@ class StepStats:
     def clipped(self) -> int: ...
     @property
     def contacts(self) -> int: ...
+    @property
+    def cuts(self) -> int: ...
     @property
     def islands(self) -> int: ...
     @property

@@ -20,11 +20,16 @@ struct mjData_;
 
 namespace dashpot {
 
+// What a step does where geoms could pass through or deep into each other: nothing, or end a part
+// of the step at the impact (impact.hpp).
+enum class Impact { kNone, kCut };
+
 struct Options {
   Law law = Law::kKelvinVoigt;
   int microsteps = 0;           // fixed number per step, >= 1; 0: chosen per island ("auto")
   int max_microsteps = 64;      // >= 1; stiffness beyond what they resolve is lowered
   double recovery_speed = 0.1;  // m/s, >= 0, may be infinite: how fast unstressed overlap recovers
+  Impact impact = Impact::kNone;
   CombinationRules rules;
   // Of Law::kComFree alone, as the options above are of Law::kKelvinVoigt; see comfree.hpp.
   double comfree_stiffness = 0.2;  // 1/s, > 0
@@ -38,7 +43,8 @@ struct Parameters {
   std::map<std::pair<int, int>, Material> pair_material;  // geom ids, smaller first
 };
 
-// Statistics of the last of the steps taken (maxima over all of them where said).
+// Statistics of the last of the steps taken (maxima over all of them where said); of a step in
+// parts, those of its last part.
 struct StepStats {
   int contacts = 0;              // contacts that could touch during the step
   int touching = 0;              // contacts that carried an impulse
@@ -47,6 +53,7 @@ struct StepStats {
   int clipped = 0;               // rows whose stiffness or damping was lowered (maximum over steps)
   double max_penetration = 0.0;  // m, deepest geometric overlap at a step's start (maximum)
   double max_compression = 0.0;  // m, deepest spring compression at a step's end (maximum)
+  int cuts = 0;                  // cuts at impacts (sum over steps)
 };
 
 class Stepper {

@@ -28,6 +28,25 @@ Pose geom_pose(const mjModel_* model, const mjData_* data, int geom);
 // (cvel). Throws std::invalid_argument naming the geom where it is not finite.
 Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 
+// Whether queries cover the type of a geom: all but height fields and signed distance fields.
+bool has_shape(const mjModel_* model, int geom);
+
+// How thick a geom is and how far it reaches, m: half its least width (a mesh: along the axes of
+// its frame; a plane: infinite), and the radius about its centre of its core (a plane: 0).
+struct GeomBounds {
+  double half_width = 0.0;
+  double core_radius = 0.0;
+};
+GeomBounds geom_bounds(const mjModel_* model, int geom);
+
+// Motion of every body for the generalized velocities `qvel` (nv) at the positions of `data`;
+// `centre` is its centre of mass.
+std::vector<Motion> body_motions(const mjModel_* model, const mjData_* data, const double* qvel);
+
+int geom_body(const mjModel_* model, int geom);
+// Distance (m) of the centre of a geom from `point` (m, world).
+double geom_offset(const mjData_* data, int geom, const Eigen::Vector3d& point);
+
 // Every geom that takes part in collisions (contype or conaffinity set), in the order of their ids,
 // grouped by the bodies they are welded to. `body` >= 0 marks the geoms of that body as of
 // interest, -1 all. Throws as geom_shape and geom_pose do.

@@ -44,6 +44,35 @@ int dof_count(const mjModel_* m);
 double timestep(const mjModel_* m);
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
 int geom_priority(const mjModel_* m, int geom);
+// MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
+double geom_inverse_mass(const mjModel_* m, int geom);
+
+// A step that may be taken in parts of their own time step. At its end the model's time step is
+// restored; time has advanced by that step, or, without finish(), the state at the start is back.
+class StepParts {
+ public:
+  StepParts(mjModel_* m, mjData_* d);
+  ~StepParts();
+  StepParts(const StepParts&) = delete;
+  StepParts& operator=(const StepParts&) = delete;
+
+  double whole() const { return timestep_; }  // s
+  bool cut() const { return !start_.empty(); }
+  void set_length(double length);  // of the part, s; the first call cuts the step
+  void finish() { finished_ = true; }
+
+ private:
+  mjModel_* model_;
+  mjData_* data_;
+  double timestep_, end_;
+  bool finished_ = false;
+  std::vector<double> start_;
+};
+
+// Spatial velocity (rotation, translation about the tree's centre of mass; 6 numbers in the world)
+// of every body for generalized velocities `qvel`.
+void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
+                     std::vector<double>& velocity);
 
 // Contact memory lives behind the model's own user data: `size` doubles.
 void reserve_memory(mjModel_* m, int size);
@@ -52,7 +81,8 @@ double* memory(const mjModel_* m, mjData_* d, int size);
 long long data_size(const mjModel_* m);
 
 // Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
-void smooth_stage(const mjModel_* m, mjData_* d);
+// `new_control` false: controls are held, the control callback is not asked.
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control);
 
 // Collision and limits with a reach that covers the motion of every body and joint in this step,
 // and MuJoCo's own constraint rows for what was found, so that its sensors and force queries see

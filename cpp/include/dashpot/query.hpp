@@ -28,8 +28,10 @@ struct TimeOfImpact {
 // than the shapes need to close 1e-9 of their size. Shapes that touch or
 // overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument for two planes,
 // or for a plane that turns.
+// With `margin` (m, >= 0), the time at which the distance has fallen to it takes the place of the
+// first contact.
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,
                             const Shape& shape2, const Pose& pose2, const Motion& motion2,
-                            double horizon);
+                            double horizon, double margin = 0.0);
 
 }  // namespace dashpot

@@ -1,0 +1,326 @@
+#include "dashpot/impact.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "dashpot/geometry_host.hpp"
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/query.hpp"
+
+namespace dashpot {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kFast = 0.25;      // of the half-width: relative motion that needs a look
+constexpr double kStandoff = 0.01;  // of the half-width: where flight ends and contact begins
+constexpr double kTurn = 0.005;     // rad, in a part with contact
+// Below this turn (rad) in a part an arm's circle departs from its tangent by less than rounding of
+// the standoff, and the axis of the turn may be far away.
+constexpr double kSmallTurn = 1e-3;
+constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
+
+struct Side {
+  int geom = 0;
+  int tree = -1;
+  Motion velocity, acceleration;  // of its body; `centre` is unused in the latter
+  double radius = 0.0;            // m, reach of the core about the motion's centre
+
+  // Constant motion that covers what the body does in `length`: a free body (or a small turn)
+  // about its centre of mass, another about its instantaneous axis.
+  Motion mean_motion(double length, bool free) const {
+    Motion motion = velocity;
+    motion.linear += 0.5 * length * acceleration.linear;
+    motion.angular += 0.5 * length * acceleration.angular;
+    const double rate = motion.angular.norm();
+    if (free || rate * length < kSmallTurn) return motion;
+    const Vector3d axis = motion.angular / rate;
+    motion.centre += axis.cross(motion.linear) / rate;
+    motion.linear = axis * axis.dot(motion.linear);
+    return motion;
+  }
+};
+
+struct Pair {
+  std::array<Side, 2> side;
+  double half_width = 0.0;
+  double release_speed = 0.0;  // m/s, that its compressed contacts can give it
+  bool has_plane = false;
+  bool flies = false;  // both sides are free bodies or fixed
+  bool apart = false;  // from each other, proven for this part
+
+  // Bound on the speed at which points of the two approach along `normal`, or in any direction.
+  double closing_speed(const Vector3d& normal, double length) const {
+    double speed = -normal.dot(relative_velocity(length));
+    speed = std::max(speed, 0.0);
+    for (const Side& s : side) speed += normal.cross(turn(s, length)).norm() * s.radius;
+    return speed;
+  }
+  double closing_speed(double length) const {
+    double speed = relative_velocity(length).norm();
+    for (const Side& s : side) speed += turn(s, length).norm() * s.radius;
+    return speed;
+  }
+  // Rate of turn of either side, with that which an impact at `speed` can give it.
+  double turn_rate(double speed, double length) const {
+    double rate = 0.0;
+    for (const Side& s : side)
+      if (s.radius > 0.0 && s.tree >= 0)
+        rate = std::max(rate, turn(s, length).norm() + speed / s.radius);
+    return rate;
+  }
+  double standoff(double length) const {
+    double acceleration = (side[1].acceleration.linear - side[0].acceleration.linear).norm();
+    for (const Side& s : side) acceleration += s.acceleration.angular.norm() * s.radius;
+    return kStandoff * half_width + acceleration * length * length / 8.0;
+  }
+
+ private:
+  static Vector3d turn(const Side& s, double length) {
+    return s.velocity.angular + 0.5 * length * s.acceleration.angular;
+  }
+  Vector3d relative_velocity(double length) const {
+    const auto linear = [&](const Side& s) -> Vector3d {
+      return s.velocity.linear + 0.5 * length * s.acceleration.linear;
+    };
+    return linear(side[1]) - linear(side[0]);
+  }
+};
+
+class ImpactSearch {
+ public:
+  ImpactSearch(const mjModel_* model, const mjData_* data, const Memory& memory,
+               const std::vector<double>& acceleration, double whole, double remaining)
+      : model_(model),
+        data_(data),
+        whole_(whole),
+        remaining_(remaining),
+        velocity_(body_motions(model, data, host::velocity(data))),
+        acceleration_(body_motions(model, data, acceleration.data())) {
+    bound_.resize(host::geom_count(model));
+    for (size_t geom = 0; geom < bound_.size(); ++geom)
+      bound_[geom] = bound_geom(static_cast<int>(geom));
+    read_loaded(memory);
+  }
+
+  // Finds the fast pairs among those that collision reports.
+  void find_fast(const std::vector<ContactInput>& contacts) {
+    pair_of_contact_.assign(contacts.size(), -1);
+    for (size_t i = 0; i < contacts.size(); ++i) {
+      const ContactInput& contact = contacts[i];
+      const bool known =
+          i > 0 && contacts[i - 1].geom == contact.geom && pair_of_contact_[i - 1] >= 0;
+      if (!known) {
+        if (is_slow(contact.geom)) continue;
+        if (!has_shape(model_, contact.geom[0]) || !has_shape(model_, contact.geom[1])) continue;
+        const Pair pair = make_pair(contact);
+        if (!is_fast(pair, contact)) continue;
+        pairs_.push_back(pair);
+      }
+      const int index = static_cast<int>(pairs_.size()) - 1;
+      for (size_t j = i + 1; j-- > 0 && contacts[j].geom == contact.geom;)
+        pair_of_contact_[j] = index;
+    }
+  }
+  bool any() const { return !pairs_.empty(); }
+
+  // The motion over a shorter part is nearer to its mean: the second search sharpens the first.
+  double find_part(int cuts_left) {
+    const double shortest_contact = remaining_ / (2.0 * cuts_left);
+    double length = remaining_;
+    for (int round = 0; round < 2; ++round) {
+      double part = length;
+      for (Pair& pair : pairs_) part = std::min(part, examine(pair, length, shortest_contact));
+      length = part;
+    }
+    length = std::max(length, kShortest * remaining_);
+    return length > (1.0 - kShortest) * remaining_ ? remaining_ : length;
+  }
+
+  // Takes out the contacts of pairs that fly apart of each other, undisturbed.
+  void drop_apart(const std::vector<ConstraintInput>& constraints,
+                  std::vector<ContactInput>& contacts) const {
+    std::vector<char> disturbed(host::tree_count(model_), 0);
+    bool changed = false;
+    const auto disturb = [&](int tree) {
+      if (tree < 0 || disturbed[tree]) return;
+      disturbed[tree] = 1;
+      changed = true;
+    };
+    const auto is_disturbed = [&](int tree) { return tree >= 0 && disturbed[tree]; };
+    for (const ConstraintInput& constraint : constraints)
+      for (int tree : constraint.tree) disturb(tree);
+    for (const Pair& pair : pairs_)
+      if (!pair.apart)
+        for (const Side& side : pair.side) disturb(side.tree);
+    const auto drops = [&](size_t i) {
+      const int index = pair_of_contact_[i];
+      return index >= 0 && pairs_[index].apart && pairs_[index].flies &&
+             !is_disturbed(contacts[i].tree[0]) && !is_disturbed(contacts[i].tree[1]);
+    };
+    // What an impact disturbs, it may hand on through any contact with rows.
+    do {
+      changed = false;
+      for (size_t i = 0; i < contacts.size(); ++i) {
+        const auto& tree = contacts[i].tree;
+        if (drops(i) || !(is_disturbed(tree[0]) || is_disturbed(tree[1]))) continue;
+        for (int t : tree) disturb(t);
+      }
+    } while (changed);
+    std::vector<ContactInput> kept;
+    for (size_t i = 0; i < contacts.size(); ++i)
+      if (!drops(i)) kept.push_back(contacts[i]);
+    contacts.swap(kept);
+  }
+
+ private:
+  // What bounds a geom's part in any pair.
+  struct Bound {
+    double half_width = 0.0;  // m
+    double radius = 0.0;      // m, reach of the core about the body's centre of mass
+    double speed = 0.0;       // m/s, of its points
+  };
+
+  Bound bound_geom(int geom) const {
+    const int body = geom_body(model_, geom);
+    const GeomBounds size = geom_bounds(model_, geom);
+    Bound bound;
+    bound.half_width = size.half_width;
+    if (std::isfinite(size.half_width))
+      bound.radius = size.core_radius + geom_offset(data_, geom, velocity_[body].centre);
+    const auto mean = [&](const Vector3d& velocity, const Vector3d& acceleration) {
+      return (velocity + 0.5 * remaining_ * acceleration).norm();
+    };
+    bound.speed = mean(velocity_[body].linear, acceleration_[body].linear) +
+                  mean(velocity_[body].angular, acceleration_[body].angular) * bound.radius;
+    return bound;
+  }
+
+  double half_width(const std::array<int, 2>& geom) const {
+    return std::min(bound_[geom[0]].half_width, bound_[geom[1]].half_width);
+  }
+
+  // Slow in any direction.
+  bool is_slow(const std::array<int, 2>& geom) const {
+    const double speed = bound_[geom[0]].speed + bound_[geom[1]].speed + release_speed(geom);
+    return speed * whole_ <= kFast * half_width(geom);
+  }
+
+  // A pair whose compressed contacts hold enough to make it fast.
+  struct Loaded {
+    std::array<int, 2> geom;
+    double speed_squared;
+  };
+
+  void read_loaded(const Memory& memory) {
+    for (int i = 0; i < memory.contact_count(); ++i) {
+      const RememberedContact contact = memory.contact(i);
+      if (contact.compression <= 0.0) continue;
+      const std::array<int, 2> geom = {int(contact.geom[0]), int(contact.geom[1])};
+      double inverse_mass = 0.0;
+      for (int g : geom) inverse_mass += host::geom_inverse_mass(model_, g);
+      const double speed_squared =
+          contact.stiffness * contact.compression * contact.compression * inverse_mass;
+      const double fast = kFast * half_width(geom);
+      if (speed_squared * whole_ * whole_ <= fast * fast) continue;
+      if (loaded_.empty() || loaded_.back().geom != geom) loaded_.push_back({geom, 0.0});
+      loaded_.back().speed_squared += speed_squared;
+    }
+  }
+
+  double release_speed(const std::array<int, 2>& geom) const {
+    double speed_squared = 0.0;
+    for (const Loaded& loaded : loaded_)
+      if (loaded.geom == geom) speed_squared += loaded.speed_squared;
+    return std::sqrt(speed_squared);
+  }
+
+  bool is_free(int tree) const { return tree < 0 || host::is_free_body(model_, tree); }
+
+  Pair make_pair(const ContactInput& contact) const {
+    Pair pair;
+    for (int i = 0; i < 2; ++i) {
+      Side& side = pair.side[i];
+      side.geom = contact.geom[i];
+      side.tree = contact.tree[i];
+      const int body = geom_body(model_, side.geom);
+      side.velocity = velocity_[body];
+      side.acceleration = acceleration_[body];
+      side.radius = bound_[side.geom].radius;
+      if (std::isinf(bound_[side.geom].half_width)) pair.has_plane = true;
+    }
+    pair.half_width = half_width(contact.geom);
+    pair.release_speed = release_speed(contact.geom);
+    pair.flies = is_free(pair.side[0].tree) && is_free(pair.side[1].tree);
+    return pair;
+  }
+
+  bool is_fast(const Pair& pair, const ContactInput& contact) const {
+    const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
+    const bool touches = contact.gap <= 2.0 * pair.standoff(remaining_);
+    const double speed = pair.has_plane || touches ? pair.closing_speed(normal, remaining_)
+                                                   : pair.closing_speed(remaining_);
+    return (speed + pair.release_speed) * whole_ > kFast * pair.half_width;
+  }
+
+  // How long the pair allows the part to last, at most `length`.
+  double examine(Pair& pair, double length, double shortest_contact) const {
+    Shape shape[2];
+    Pose pose[2];
+    Motion motion[2];
+    for (int i = 0; i < 2; ++i) {
+      const Side& side = pair.side[i];
+      shape[i] = geom_shape(model_, side.geom);
+      pose[i] = geom_pose(model_, data_, side.geom);
+      motion[i] = side.mean_motion(length, is_free(side.tree));
+      if (shape[i].type == ShapeType::kPlane && !motion[i].angular.isZero(0.0)) return length;
+    }
+    const double standoff = pair.standoff(length);
+    const Distance now = distance(shape[0], pose[0], shape[1], pose[1]);
+    pair.apart = now.distance > 2.0 * standoff;
+    if (pair.apart) {
+      try {
+        return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length,
+                              standoff)
+            .time;
+      } catch (const std::runtime_error&) {
+        pair.apart = false;  // undecided: the two hover at the standoff, rows take care of them
+        return length;
+      }
+    }
+    const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
+    if (speed * whole_ <= kFast * pair.half_width) return length;
+    const double calm =
+        std::min(kFast * pair.half_width / speed, kTurn / pair.turn_rate(speed, length));
+    return std::min(length, std::max(calm, shortest_contact));
+  }
+
+  const mjModel_* model_;
+  const mjData_* data_;
+  const double whole_, remaining_;
+  const std::vector<Motion> velocity_, acceleration_;
+  std::vector<Bound> bound_;  // by geom
+  std::vector<Loaded> loaded_;
+  std::vector<Pair> pairs_;
+  std::vector<int> pair_of_contact_;
+};
+
+}  // namespace
+
+double part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
+                          const std::vector<double>& acceleration,
+                          const std::vector<ConstraintInput>& constraints, double whole,
+                          double remaining, int cuts_left, std::vector<ContactInput>& contacts) {
+  if (contacts.empty()) return remaining;
+  ImpactSearch search(model, data, memory, acceleration, whole, remaining);
+  search.find_fast(contacts);
+  if (!search.any()) return remaining;
+  const double part = search.find_part(cuts_left);
+  search.drop_apart(constraints, contacts);
+  return part;
+}
+
+}  // namespace dashpot
