@@ -121,4 +121,8 @@ void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& i
   });
 }
 
+void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical) {
+  *typical = d->efc_diagA[input.source];
+}
+
 }  // namespace dashpot::host

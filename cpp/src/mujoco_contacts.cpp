@@ -1,0 +1,221 @@
+// Detection of contacts with a reach that covers the step, and their rows. Part of the mujoco_host
+// room.
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// Largest speed of any point of a geom's bounding sphere.
+double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
+  const int body = m->geom_bodyid[geom];
+  const double* v = body_velocity + 6 * body;
+  const mjtNum* com = d->subtree_com + 3 * m->body_rootid[body];
+  mjtNum arm[3], at_centre[3];
+  mju_sub3(arm, d->geom_xpos + 3 * geom, com);
+  mju_cross(at_centre, v, arm);
+  mju_addTo3(at_centre, v + 3);
+  return norm3(at_centre) + norm3(v) * m->geom_rbound[geom];
+}
+
+// Widens the detection distance of every geom and limit by how far it can move in this step.
+class WidenedReach {
+ public:
+  WidenedReach(mjModel* m, const mjData* d, const std::vector<double>& acceleration)
+      : m_(m),
+        geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
+        pair_gap_(m->pair_gap, m->pair_gap + m->npair),
+        joint_margin_(m->jnt_margin, m->jnt_margin + m->njnt),
+        tendon_margin_(m->tendon_margin, m->tendon_margin + m->ntendon) {
+    const double h = m->opt.timestep;
+    std::vector<double> now, later, end_velocity(m->nv);
+    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
+    body_velocities(m, d, d->qvel, now);
+    body_velocities(m, d, end_velocity.data(), later);
+    std::vector<double> reach(m->ngeom, 0.0);
+    for (int geom = 0; geom < m->ngeom; ++geom) {
+      if (m->body_treeid[m->geom_bodyid[geom]] < 0) continue;
+      reach[geom] =
+          h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
+      m->geom_gap[geom] = std::max(geom_gap_[geom], reach[geom]);
+    }
+    for (int pair = 0; pair < m->npair; ++pair)
+      m->pair_gap[pair] =
+          std::max(pair_gap_[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+
+    const auto dof_reach = [&](int dof) {
+      return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
+    };
+    for (int joint = 0; joint < m->njnt; ++joint) {
+      // A ball joint's angle changes no faster than its angular velocity.
+      const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
+      for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
+    }
+    for (int tendon = 0; tendon < m->ntendon; ++tendon)
+      for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
+           ++k)
+        m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
+  }
+  ~WidenedReach() {
+    std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
+    std::copy(pair_gap_.begin(), pair_gap_.end(), m_->pair_gap);
+    std::copy(joint_margin_.begin(), joint_margin_.end(), m_->jnt_margin);
+    std::copy(tendon_margin_.begin(), tendon_margin_.end(), m_->tendon_margin);
+  }
+  WidenedReach(const WidenedReach&) = delete;
+  WidenedReach& operator=(const WidenedReach&) = delete;
+
+ private:
+  mjModel* m_;
+  std::vector<mjtNum> geom_gap_, pair_gap_, joint_margin_, tendon_margin_;
+};
+
+std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,
+                               const mjtNum* point) {
+  mjtNum arm[3], local[3];
+  mju_sub3(arm, point, position);
+  mju_mulMatTVec3(local, rotation, arm);
+  return {local[0], local[1], local[2]};
+}
+
+ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
+  const mjContact& contact = d->contact[index];
+  ContactInput input;
+  input.source = index;
+  input.dim = contact.dim;
+  input.gap = contact.dist - contact.includemargin;
+  std::copy(contact.pos, contact.pos + 3, input.position.begin());
+  std::copy(contact.frame, contact.frame + 9, input.frame.begin());
+  std::copy(contact.friction, contact.friction + 5, input.friction.begin());
+  std::copy_n(contact.solref, 2, input.solref.begin());
+  std::copy_n(contact.solimp, input.solimp.size(), input.solimp.begin());
+  input.has_solref = !is_default_impedance(contact.solref, contact.solimp);
+  for (int side = 0; side < 2; ++side) {
+    const int geom = contact.geom[side];
+    input.geom[side] = geom;
+    input.tree[side] = m->body_treeid[m->geom_bodyid[geom]];
+    input.local_position[side] =
+        to_local(d->geom_xpos + 3 * geom, d->geom_xmat + 9 * geom, contact.pos);
+  }
+  const mjtNum* rotation = d->geom_xmat + 9 * contact.geom[0];
+  std::copy(rotation, rotation + 9, input.rotation.begin());
+  return input;
+}
+
+}  // namespace
+
+void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
+                     std::vector<double>& velocity) {
+  velocity.assign(6 * m->nbody, 0.0);
+  for (int body = 1; body < m->nbody; ++body) {
+    double* v = velocity.data() + 6 * body;
+    const double* parent = velocity.data() + 6 * m->body_parentid[body];
+    std::copy(parent, parent + 6, v);
+    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
+      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
+  }
+}
+
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  {
+    WidenedReach reach(m, d, acceleration);
+    const int lost = d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number;
+    mj_collision(m, d);
+    for (int i = 0; i < d->ncon; ++i) {
+      mjContact& contact = d->contact[i];
+      // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
+      if (contact.exclude == 1) contact.exclude = 0;
+    }
+    mj_makeConstraint(m, d);
+    if (d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number > lost)
+      throw std::runtime_error(
+          "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
+  }
+  read_contacts(m, d, contacts);
+  read_constraints(m, d, constraints);
+  mj_island(m, d);
+  mj_referenceConstraint(m, d);
+  mj_sensorPos(m, d);
+  mj_sensorVel(m, d);
+  if (m->opt.enableflags & mjENBL_ENERGY) {
+    mj_energyPos(m, d);
+    mj_energyVel(m, d);
+  }
+}
+
+void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts) {
+  contacts.clear();
+  for (int i = 0; i < d->ncon; ++i) {
+    const mjContact& contact = d->contact[i];
+    if (contact.exclude == 0 && contact.geom[0] >= 0 && contact.geom[1] >= 0)
+      contacts.push_back(read_contact(m, d, i));
+  }
+}
+
+int detected_count(const mjData_* d) { return d->ncon; }
+
+std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index) {
+  std::array<double, 6> wrench{};
+  mj_contactForce(m, d, index, wrench.data());
+  return wrench;
+}
+
+std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
+                                       const ContactInput& input) {
+  mjtNum relative[3] = {0, 0, 0};
+  for (int side = 0; side < 2; ++side) {
+    const int body = m->geom_bodyid[input.geom[side]];
+    const mjtNum* v = d->cvel + 6 * body;
+    mjtNum arm[3], velocity[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    mju_cross(velocity, v, arm);
+    mju_addTo3(velocity, v + 3);
+    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
+  }
+  std::array<double, 3> result;
+  mju_mulMatVec3(result.data(), input.frame.data(), relative);
+  return result;
+}
+
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                   const RowGroup& contact, const Trees& trees, double* rows) {
+  const double* frame = input.frame.data();
+  for (int side = 0; side < 2; ++side) {
+    if (input.tree[side] < 0) continue;
+    const int block = contact.tree[0] == input.tree[side] ? 0 : 1;
+    const int column = (block ? contact.dof_count[0] : 0) - trees.tree[input.tree[side]].dof_begin;
+    const double sign = side ? 1.0 : -1.0;
+    int body = m->geom_bodyid[input.geom[side]];
+    mjtNum arm[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    while (m->body_dofnum[body] == 0) body = m->body_parentid[body];
+    for (int dof = m->body_dofadr[body] + m->body_dofnum[body] - 1; dof >= 0;
+         dof = m->dof_parentid[dof]) {
+      const mjtNum* axis = d->cdof + 6 * dof;
+      mjtNum linear[3];
+      mju_cross(linear, axis, arm);
+      mju_addTo3(linear, axis + 3);
+      double* entry = rows + column + dof;
+      for (int i = 0; i < contact.dim; ++i)
+        entry[i * contact.stride] +=
+            sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
+    }
+  }
+}
+
+void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical) {
+  const int address = d->contact[input.source].efc_address;
+  for (int i = 0; i < input.dim; ++i) typical[i] = address < 0 ? 0.0 : d->efc_diagA[address + i];
+}
+
+}  // namespace dashpot::host
