@@ -26,8 +26,18 @@ constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than
 struct Side {
   int geom = 0;
   int tree = -1;
-  Motion velocity, acceleration;  // of its body; `centre` is unused in the latter
-  double radius = 0.0;            // m, reach of the core about the motion's centre
+  Motion velocity, acceleration;         // of its body; `centre` is unused in the latter
+  double offset = 0.0;                   // m, of the geom's centre from the body's centre of mass
+  double core_radius = 0.0;              // m, about the geom's centre
+  Vector3d symmetry = Vector3d::Zero();  // axis of a shape of revolution, unit; zero for others
+
+  Vector3d turn(double length) const {
+    return velocity.angular + 0.5 * length * acceleration.angular;
+  }
+  // The turn that moves the shape about its own centre.
+  Vector3d shape_turn(double length) const {
+    return turn(length) - symmetry * symmetry.dot(turn(length));
+  }
 
   // Constant motion that covers what the body does in `length`: a free body (or a small turn)
   // about its centre of mass, another about its instantaneous axis.
@@ -56,32 +66,37 @@ struct Pair {
   double closing_speed(const Vector3d& normal, double length) const {
     double speed = -normal.dot(relative_velocity(length));
     speed = std::max(speed, 0.0);
-    for (const Side& s : side) speed += normal.cross(turn(s, length)).norm() * s.radius;
+    for (const Side& s : side)
+      speed += normal.cross(s.turn(length)).norm() * s.offset +
+               normal.cross(s.shape_turn(length)).norm() * s.core_radius;
     return speed;
   }
   double closing_speed(double length) const {
     double speed = relative_velocity(length).norm();
-    for (const Side& s : side) speed += turn(s, length).norm() * s.radius;
+    for (const Side& s : side)
+      speed += s.turn(length).norm() * s.offset + s.shape_turn(length).norm() * s.core_radius;
     return speed;
   }
   // Rate of turn of either side, with that which an impact at `speed` can give it.
   double turn_rate(double speed, double length) const {
     double rate = 0.0;
-    for (const Side& s : side)
-      if (s.radius > 0.0 && s.tree >= 0)
-        rate = std::max(rate, turn(s, length).norm() + speed / s.radius);
+    for (const Side& s : side) {
+      const double reach = s.offset + s.core_radius;
+      if (reach == 0.0 || s.tree < 0) continue;
+      const double moved =
+          s.turn(length).norm() * s.offset + s.shape_turn(length).norm() * s.core_radius;
+      rate = std::max(rate, (moved + speed) / reach);
+    }
     return rate;
   }
   double standoff(double length) const {
     double acceleration = (side[1].acceleration.linear - side[0].acceleration.linear).norm();
-    for (const Side& s : side) acceleration += s.acceleration.angular.norm() * s.radius;
+    for (const Side& s : side)
+      acceleration += s.acceleration.angular.norm() * (s.offset + s.core_radius);
     return kStandoff * half_width + acceleration * length * length / 8.0;
   }
 
  private:
-  static Vector3d turn(const Side& s, double length) {
-    return s.velocity.angular + 0.5 * length * s.acceleration.angular;
-  }
   Vector3d relative_velocity(double length) const {
     const auto linear = [&](const Side& s) -> Vector3d {
       return s.velocity.linear + 0.5 * length * s.acceleration.linear;
@@ -222,8 +237,9 @@ class ImpactSearch {
       const std::array<int, 2> geom = {int(contact.geom[0]), int(contact.geom[1])};
       double inverse_mass = 0.0;
       for (int g : geom) inverse_mass += host::geom_inverse_mass(model_, g);
-      const double speed_squared =
-          contact.stiffness * contact.compression * contact.compression * inverse_mass;
+      const double rate_squared = contact.stiffness * inverse_mass;
+      const double speed_squared = rate_squared * contact.compression * contact.compression *
+                                   std::min(1.0, rate_squared * whole_ * whole_);
       const double fast = kFast * half_width(geom);
       if (speed_squared * whole_ * whole_ <= fast * fast) continue;
       if (loaded_.empty() || loaded_.back().geom != geom) loaded_.push_back({geom, 0.0});
@@ -249,7 +265,11 @@ class ImpactSearch {
       const int body = geom_body(model_, side.geom);
       side.velocity = velocity_[body];
       side.acceleration = acceleration_[body];
-      side.radius = bound_[side.geom].radius;
+      const GeomBounds size = geom_bounds(model_, side.geom);
+      side.core_radius = size.core_radius;
+      if (size.is_revolution) side.symmetry = geom_pose(model_, data_, side.geom).rotation.col(2);
+      if (std::isfinite(size.half_width))
+        side.offset = geom_offset(data_, side.geom, side.velocity.centre);
       if (std::isinf(bound_[side.geom].half_width)) pair.has_plane = true;
     }
     pair.half_width = half_width(contact.geom);

@@ -32,10 +32,12 @@ Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 bool has_shape(const mjModel_* model, int geom);
 
 // How thick a geom is and how far it reaches, m: half its least width (a mesh: along the axes of
-// its frame; a plane: infinite), and the radius about its centre of its core (a plane: 0).
+// its frame; a plane: infinite), the radius about its centre of its core (a plane: 0), and whether
+// turning about its z axis leaves it as it is.
 struct GeomBounds {
   double half_width = 0.0;
   double core_radius = 0.0;
+  bool is_revolution = false;
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 

@@ -5,7 +5,7 @@
 // contact begins elsewhere, with another normal, or never. Let
 //
 //     s = a bound on the speed at which any two points of the pair approach, with that which its
-//         compressed contacts can still give it, x sqrt(k w),
+//         compressed contacts can still give it in a step, x sqrt(k w) min(1, sqrt(k w) H),
 //     e = half the least width of its thinner geom.
 //
 // A pair is fast where s H > e / 4. Of the fast pairs,
