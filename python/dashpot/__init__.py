@@ -39,17 +39,20 @@ __all__ = [
     "__version__",
     "calibrate",
     "closest",
+    "compare",
+    "data",
     "distance",
     "distances",
+    "law",
     "rollout",
     "time_of_impact",
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate
+    from dashpot import calibrate, compare, data, law
 
-# Imported on first use: they need scipy and matplotlib.
-_LAZY = ("calibrate",)
+# Imported on first use: some need scipy or matplotlib.
+_LAZY = ("calibrate", "compare", "data", "law")
 
 
 def __getattr__(name: str) -> ModuleType:
