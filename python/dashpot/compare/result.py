@@ -187,14 +187,21 @@ class Comparison:
 
     def table(self) -> Table:
         """Return the statistics as a rich table."""
+        from rich import box
         from rich.table import Table
         from rich.text import Text
 
         header, cells = self.rows()
         title = f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms"
-        table = Table(title=Text(title))
+        # Narrow enough for 80 columns: headings wrap, numbers do not.
+        table = Table(title=Text(title), box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
         for index, name in enumerate(header):
-            table.add_column(Text(name), justify="left" if index == 0 else "right")
+            table.add_column(
+                Text(name),
+                justify="left" if index == 0 else "right",
+                min_width=max(len(row[index]) for row in cells),
+                overflow="fold",
+            )
         for row in cells:
             table.add_row(*(Text(cell) for cell in row))
         return table
