@@ -193,14 +193,11 @@ class Comparison:
 
         header, cells = self.rows()
         title = f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms"
-        # Narrow enough for 80 columns: headings wrap, numbers do not.
+        # Narrow enough for 80 columns: one word of a heading to a line.
         table = Table(title=Text(title), box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
         for index, name in enumerate(header):
             table.add_column(
-                Text(name),
-                justify="left" if index == 0 else "right",
-                min_width=max(len(row[index]) for row in cells),
-                overflow="fold",
+                Text(name.replace(" ", "\n")), justify="left" if index == 0 else "right"
             )
         for row in cells:
             table.add_row(*(Text(cell) for cell in row))
