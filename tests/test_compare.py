@@ -235,12 +235,18 @@ def test_comparison_can_be_shown_and_stored(tmp_path):
     from rich.console import Console
 
     comparison = compare.run("ball", duration=0.6, settings=["dashpot", "mujoco-default"])
-    console = Console(width=200, file=(tmp_path / "t.txt").open("w"), force_terminal=False)
-    console.print(comparison.table())
-    console.file.close()
-    shown = (tmp_path / "t.txt").read_text()
+    for width in (80, 200):
+        with (tmp_path / "t.txt").open("w") as file:
+            Console(width=width, file=file, force_terminal=False).print(comparison.table())
+        shown = (tmp_path / "t.txt").read_text()
+        assert "…" not in shown  # nothing is cut off, not in 80 columns either
+        _, cells = comparison.rows()
+        for row in cells:
+            for number in row[1:]:
+                assert number in shown.split()
     assert "mujoco-default" in shown
-    assert "settled max [mm]" in shown
+    for heading in ("settled", "max", "[mm]"):
+        assert heading in shown.split()
     comparison.plot(tmp_path / "figure.png")
     assert (tmp_path / "figure.png").read_bytes().startswith(b"\x89PNG")
     stored = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))

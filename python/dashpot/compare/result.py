@@ -197,7 +197,10 @@ class Comparison:
         table = Table(title=Text(title), box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
         for index, name in enumerate(header):
             table.add_column(
-                Text(name.replace(" ", "\n")), justify="left" if index == 0 else "right"
+                Text(name.replace(" ", "\n")),
+                justify="left" if index == 0 else "right",
+                no_wrap=index > 0,
+                overflow="fold",
             )
         for row in cells:
             table.add_row(*(Text(cell) for cell in row))
