@@ -215,3 +215,12 @@ def test_a_model_that_diverges_without_contact_is_an_error_that_keeps_the_state(
         engine.step(data, 1000)
     assert np.isfinite(data.qpos).all()
     assert np.isfinite(data.qvel).all()
+
+
+def test_a_friction_reference_of_its_own_is_reported_as_mapped():
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/>
+      <geom name="ball" size=".1"/></body></worldbody><contact>
+      <pair name="p" geom1="floor" geom2="ball" solreffriction="0.01 1"/></contact></mujoco>""")
+    mapped = [feature.name for feature in dashpot.Engine(model).report().of("mapped")]
+    assert "pair 'p' solreffriction" in mapped

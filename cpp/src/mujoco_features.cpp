@@ -79,9 +79,14 @@ void report_contacts(const mjModel* m, Report& report) {
     report_solref(report, "geom " + named(m, mjOBJ_GEOM, geom), m->geom_solref + mjNREF * geom,
                   m->geom_solimp + mjNIMP * geom);
   }
-  for (int pair = 0; pair < m->npair; ++pair)
-    report_solref(report, "pair " + named(m, mjOBJ_PAIR, pair), m->pair_solref + mjNREF * pair,
-                  m->pair_solimp + mjNIMP * pair);
+  for (int pair = 0; pair < m->npair; ++pair) {
+    const std::string name = "pair " + named(m, mjOBJ_PAIR, pair);
+    report_solref(report, name, m->pair_solref + mjNREF * pair, m->pair_solimp + mjNIMP * pair);
+    const mjtNum* friction = m->pair_solreffriction + mjNREF * pair;
+    if (friction[0] != 0.0 || friction[1] != 0.0)
+      report.add(name + " solreffriction", Treatment::kMapped,
+                 "friction springs follow the normal stiffness, critically damped");
+  }
 }
 
 void report_constraints(const mjModel* m, Report& report) {
