@@ -11,7 +11,6 @@ namespace dashpot {
 namespace {
 
 constexpr int kLargeTree = 12;        // degrees of freedom above which S_T is not squared
-constexpr double kSingular = 0.01;    // part of the typical inverse mass that counts as singular
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
@@ -64,13 +63,6 @@ struct TreeBounds {
   double rigid_share() const { return mixed() ? 0.5 : 1.0; }
 };
 
-// Inverse mass that mass-normalised rows divide by. Near a singular configuration w falls by orders
-// of magnitude within a step, and k = kappa / w would turn the frozen geometry's error there into
-// arbitrary forces.
-double bounded_inverse_mass(const Rows& rows, int row) {
-  return std::max(rows.inverse_mass[row], kSingular * rows.typical_inverse_mass[row]);
-}
-
 // Stiffness and damping of a group's rows, before clipping. Rotational rows get the stiffness that
 // gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) {
@@ -78,7 +70,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
   if (given.mass_normalised) {
-    const double w = bounded_inverse_mass(rows, n);
+    const double w = rows.bounded_inverse_mass(n);
     rows.stiffness[n] = w > 0.0 ? given.normalised_stiffness / w : 1.0;
     rows.damping[n] = w > 0.0 ? given.normalised_damping / w : 0.0;
   } else {
@@ -116,8 +108,10 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
       (h * h);
   const double most_damped =
       coupling > 0.0 ? kRigidResolution / (h * coupling) : std::numeric_limits<double>::infinity();
+  // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
+  // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {
-    const double w = bounded_inverse_mass(rows, row);
+    const double w = rows.bounded_inverse_mass(row);
     // Where nothing moves along a row, any positive stiffness carries its zero load.
     rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
     rows.damping[row] = w > 0.0 ? delta / w : 0.0;

@@ -37,6 +37,24 @@ void tangent_to_local(double a, double b, const ContactInput& input, double* loc
   }
 }
 
+// Factor on what a row remembers of a deformation under another stiffness. The force goes on,
+// F = k x, as long as a falling stiffness adds no energy, F^2 / (2 k), beyond what the apparent
+// mass has at the recovery speed, v^2 / (2 w); otherwise the energy goes on. Loads at rest stay
+// carried, and stiffness that changes with the configuration cannot pump a mechanism.
+double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
+                    double recovery_speed) {
+  if (deformation == 0.0) return 0.0;
+  const double k = rows.stiffness[row];
+  const double same_force = old_stiffness / k;
+  if (same_force <= 1.0 || std::isinf(recovery_speed)) return same_force;
+  const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);
+  const double allowed =
+      w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
+  return std::max(std::sqrt(same_force), std::min(same_force, allowed));
+}
+
+double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
 bool is_pair(const RememberedContact& slot, const ContactInput& input) {
   return slot.geom[0] == input.geom[0] && slot.geom[1] == input.geom[1];
 }
@@ -85,7 +103,7 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = constraints[c.input];
     const double* slot = constraint_storage() + kConstraint * input.memory;
-    const double remembered = slot[0] == 0.0 ? 0.0 : slot[0] * (slot[1] / rows.stiffness[c.row]);
+    const double remembered = slot[0] * recall_scale(slot[0], slot[1], rows, c.row, recovery_speed);
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
       deformation = remembered;
@@ -133,24 +151,28 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
         nearest = &*slot;
       }
     }
+    const auto scale_of = [&](double deformation, double stiffness, int i) {
+      return recall_scale(deformation, stiffness, rows, c.row + i, recovery_speed);
+    };
     if (!std::isinf(recovery_speed)) {
       const double compression =
-          nearest ? nearest->compression * (nearest->stiffness / rows.stiffness[c.row]) : 0.0;
+          nearest ? nearest->compression * scale_of(nearest->compression, nearest->stiffness, 0)
+                  : 0.0;
       data.deformation[c.row] = -std::min(-input.gap, compression);
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
     if (!nearest) continue;
     if (c.dim > 1) {
-      const double scale = nearest->slide_stiffness / rows.stiffness[c.row + 1];
+      const double scale = scale_of(norm(nearest->slide), nearest->slide_stiffness, 1);
       for (int i = 0; i < 2; ++i)
         data.deformation[c.row + 1 + i] =
             scale * along(nearest->slide, input.rotation, input.frame.data() + 3 * (1 + i));
     }
     if (c.dim > 3)
       data.deformation[c.row + 3] =
-          nearest->spin * (nearest->spin_stiffness / rows.stiffness[c.row + 3]);
+          nearest->spin * scale_of(nearest->spin, nearest->spin_stiffness, 3);
     if (c.dim > 4) {
-      const double scale = nearest->roll_stiffness / rows.stiffness[c.row + 4];
+      const double scale = scale_of(norm(nearest->roll), nearest->roll_stiffness, 4);
       for (int i = 0; i < 2; ++i)
         data.deformation[c.row + 4 + i] =
             scale * along(nearest->roll, input.rotation, input.frame.data() + 3 * (1 + i));

@@ -127,7 +127,8 @@ class Microstep {
     if (offset == 0.0) return 0.0;
     const double x = data_.deformation[c.row];
     const double v = recovery_speed_;
-    if (rows_.stiffness[c.row] * rows_.inverse_mass[c.row] * x * x > v * v) return 0.0;
+    const double w = std::max(rows_.inverse_mass[c.row], rows_.typical_inverse_mass[c.row]);
+    if (rows_.stiffness[c.row] * w * x * x > v * v) return 0.0;
     return std::clamp(offset / h_, -v, v);
   }
 

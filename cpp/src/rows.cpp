@@ -2,11 +2,14 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <algorithm>
 #include <stdexcept>
 
 namespace dashpot {
 
 namespace {
+
+constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Vector = Eigen::Map<Eigen::VectorXd>;
@@ -35,6 +38,10 @@ void solve_lower(const Trees& trees, int tree, double* x) {
 }
 
 }  // namespace
+
+double Rows::bounded_inverse_mass(int row) const {
+  return std::max(inverse_mass[row], kSingular * typical_inverse_mass[row]);
+}
 
 void Rows::clear() {
   group.clear();

@@ -96,6 +96,10 @@ struct Rows {
   // coefficient (1 or m) of a contact's friction row, the force (N, N m) of a slider.
   std::vector<double> stiffness, damping, friction;
 
+  // w, but no less than a hundredth of the typical one. Near a singular configuration w falls by
+  // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.
+  double bounded_inverse_mass(int row) const;
+
   void clear();
   // Appends a group with room for its rows; the blocks are to be filled in.
   RowGroup& append(RowKind kind, int input, int dim, const Trees& trees, std::array<int, 2> tree);
