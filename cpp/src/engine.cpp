@@ -251,7 +251,7 @@ void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
     whiten_velocity(trees, index, start_velocity.data() + begin, data.velocity.data() + begin);
   }
   for (size_t i = 0; i < smooth_acceleration.size(); ++i)
-    if (!std::isfinite(smooth_acceleration[i]))
+    if (!(std::abs(smooth_acceleration[i]) <= host::kLargestValue))
       throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
                                " diverged; data are as they were before the step");
 }
@@ -325,7 +325,7 @@ void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
 
 void Stepper::Impl::check_finite() const {
   for (size_t i = 0; i < data.velocity.size(); ++i)
-    if (!std::isfinite(data.velocity[i]))
+    if (!(std::abs(data.velocity[i]) <= host::kLargestValue))
       throw std::runtime_error("contact forces diverged at degree of freedom " + std::to_string(i) +
                                "; data are as they were before the step");
 }

@@ -12,6 +12,8 @@ extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
 
 namespace dashpot::host {
 
+static_assert(kLargestValue == mjMAXVAL);
+
 namespace {
 
 void check_finite(const char* field, const mjtNum* values, mjtSize count) {

@@ -19,6 +19,9 @@ struct mjData_;
 
 namespace dashpot::host {
 
+// Beyond this MuJoCo itself calls a position, velocity or acceleration diverged (mjMAXVAL).
+inline constexpr double kLargestValue = 1e10;
+
 // How the engine treats one feature that a model uses, under a law.
 enum class Treatment { kHonoured, kMapped, kRefused };
 struct Feature {
