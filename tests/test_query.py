@@ -685,19 +685,22 @@ def test_engine_and_its_model_answer_alike():
     assert dashpot.distance(engine.model, data, 0, 1).distance == pytest.approx(0.4)
 
 
-def test_two_planes_and_height_fields_are_refused():
+def test_two_planes_and_two_height_fields_are_refused():
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><asset>
         <hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>
         <geom name="p" type="plane" size="1 1 1"/><geom name="q" type="plane" size="1 1 1"/>
-        <geom name="hills" type="hfield" hfield="h"/></worldbody></mujoco>"""
+        <geom name="hills" type="hfield" hfield="h"/><geom name="dunes" type="hfield" hfield="h"/>
+        </worldbody></mujoco>"""
     )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     with pytest.raises(ValueError, match="two planes"):
         distance(model, data, "p", "q")
-    with pytest.raises(ValueError, match="geom 'hills' is a height field"):
-        distance(model, data, "p", "hills")
+    with pytest.raises(ValueError, match="two height fields"):
+        distance(model, data, "dunes", "hills")
+    with pytest.raises(ValueError, match="two height fields"):
+        time_of_impact(model, data, "dunes", "hills", horizon=1.0)
 
 
 def test_queries_from_several_threads_are_bit_equal(zoo):
@@ -737,6 +740,49 @@ def test_distances_over_a_trajectory_equal_single_ones_for_any_number_of_threads
             assert many.point1[index].tobytes() == single.point1.tobytes()
             assert many.point2[index].tobytes() == single.point2.tobytes()
             assert many.normal[index].tobytes() == single.normal.tobytes()
+
+
+def test_times_of_impact_equal_single_ones_for_any_number_of_threads(zoo):
+    rng = np.random.default_rng(4)
+    qpos = rng.normal(scale=0.3, size=(4, 15, zoo.nq))
+    qvel = rng.normal(scale=10.0, size=(4, 15, zoo.nv))
+    data = mujoco.MjData(zoo)
+    names = ("hit", "time", "point", "normal", "distance")
+    hits = 0
+    for first, second in (("box1", "mesh2"), ("plane", "cylinder1"), ("capsule2", "ellipsoid1")):
+        many = dashpot.times_of_impact(zoo, first, second, qpos, qvel, horizon=0.05, nthread=1)
+        hits += many.hit.sum()
+        for threads in (2, 3, None):
+            again = dashpot.times_of_impact(
+                zoo, first, second, qpos, qvel, horizon=0.05, nthread=threads
+            )
+            for name in names:
+                assert getattr(many, name).tobytes() == getattr(again, name).tobytes()
+        assert many.point.shape == (4, 15, 3)
+        for index in itertools.product(range(4), range(15)):
+            data.qpos[:], data.qvel[:] = qpos[index], qvel[index]
+            mujoco.mj_forward(zoo, data)
+            single = time_of_impact(zoo, data, first, second, horizon=0.05)
+            for name in names:
+                one = np.asarray(getattr(single, name))
+                assert getattr(many, name)[index].tobytes() == one.tobytes()
+    assert 20 < hits < 160
+    assert dashpot.times_of_impact(zoo, 0, 1, qpos[:0], qvel[:0], horizon=1.0).time.shape == (0, 15)
+
+
+def test_times_of_impact_refuses_by_name(zoo):
+    qpos, qvel = np.tile(zoo.qpos0, (3, 1)), np.zeros((3, zoo.nv))
+    with pytest.raises(ValueError, match=r"qvel must be \(\.\.\., nv\)"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qpos, horizon=1.0)
+    with pytest.raises(ValueError, match="same states"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qvel[:2], horizon=1.0)
+    with pytest.raises(ValueError, match="horizon"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qvel, horizon=0.0)
+    with pytest.raises(ValueError, match="nthread"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qvel, horizon=1.0, nthread=-1)
+    qvel[1, 2] = np.inf
+    with pytest.raises(ValueError, match=r"qvel\[1, 2\] is inf"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qvel, horizon=1.0)
 
 
 def test_distances_of_no_and_of_one_configuration(zoo):

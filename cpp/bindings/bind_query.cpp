@@ -48,6 +48,21 @@ py::tuple geom_distance(std::uintptr_t model_address, std::uintptr_t data_addres
 
 using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
+// Signed distances as arrays (distance, point1, point2, normal).
+template <typename DistanceAt>
+py::tuple to_arrays(py::ssize_t n, const DistanceAt& at) {
+  Array value(n), point1({n, py::ssize_t(3)}), point2({n, py::ssize_t(3)}),
+      normal({n, py::ssize_t(3)});
+  for (py::ssize_t i = 0; i < n; ++i) {
+    const Distance& found = at(i);
+    value.mutable_at(i) = found.distance;
+    std::copy_n(found.point1.data(), 3, point1.mutable_data(i));
+    std::copy_n(found.point2.data(), 3, point2.mutable_data(i));
+    std::copy_n(found.normal.data(), 3, normal.mutable_data(i));
+  }
+  return py::make_tuple(value, point1, point2, normal);
+}
+
 py::tuple distances_at(std::uintptr_t model_address, int geom1, int geom2, const Array& qpos,
                        int nthread) {
   if (qpos.ndim() != 2) throw std::invalid_argument("qpos must be 2-D");
@@ -58,15 +73,28 @@ py::tuple distances_at(std::uintptr_t model_address, int geom1, int geom2, const
     found = geom_distances(model_at(model_address), geom1, geom2, qpos.data(), static_cast<int>(n),
                            nthread);
   }
-  Array value(n), point1({n, py::ssize_t(3)}), point2({n, py::ssize_t(3)}),
-      normal({n, py::ssize_t(3)});
-  for (py::ssize_t i = 0; i < n; ++i) {
-    value.mutable_at(i) = found[i].distance;
-    std::copy_n(found[i].point1.data(), 3, point1.mutable_data(i));
-    std::copy_n(found[i].point2.data(), 3, point2.mutable_data(i));
-    std::copy_n(found[i].normal.data(), 3, normal.mutable_data(i));
+  return to_arrays(n, [&](py::ssize_t i) -> const Distance& { return found[i]; });
+}
+
+py::tuple times_of_impact_at(std::uintptr_t model_address, int geom1, int geom2, const Array& qpos,
+                             const Array& qvel, double horizon, int nthread) {
+  if (qpos.ndim() != 2 || qvel.ndim() != 2) throw std::invalid_argument("qpos, qvel must be 2-D");
+  const py::ssize_t n = qpos.shape(0);
+  if (qvel.shape(0) != n) throw std::invalid_argument("qpos and qvel differ in length");
+  std::vector<TimeOfImpact> found;
+  {
+    py::gil_scoped_release release;
+    found = geom_times_of_impact(model_at(model_address), geom1, geom2, qpos.data(), qvel.data(),
+                                 static_cast<int>(n), horizon, nthread);
   }
-  return py::make_tuple(value, point1, point2, normal);
+  py::array_t<bool> hit(n);
+  Array time(n);
+  for (py::ssize_t i = 0; i < n; ++i) {
+    hit.mutable_at(i) = found[i].hit;
+    time.mutable_at(i) = found[i].time;
+  }
+  return py::make_tuple(
+      hit, time, to_arrays(n, [&](py::ssize_t i) -> const Distance& { return found[i].at; }));
 }
 
 py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
@@ -117,6 +145,11 @@ void bind_query(py::module_& module) {
              py::arg("data_address"), py::arg("geom1"), py::arg("geom2"), py::arg("horizon"),
              "First contact of two geoms along their present velocities as (hit, time, distance "
              "tuple, distances computed).");
+  module.def(
+      "geom_times_of_impact", &times_of_impact_at, py::arg("model_address"), py::arg("geom1"),
+      py::arg("geom2"), py::arg("qpos"), py::arg("qvel"), py::arg("horizon"), py::arg("nthread"),
+      "First contacts for states qpos (n, nq), qvel (n, nv) as arrays (hit, time, (distance, "
+      "point1, point2, normal)), GIL released.");
   module.def("close_geoms", &close_geoms, py::arg("model_address"), py::arg("data_address"),
              py::arg("body"), py::arg("radius"),
              "Pairs of geoms within a radius as [(geom1, geom2, distance tuple)], nearest first; "

@@ -10,8 +10,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-Distance swapped(const Distance& d) { return {d.distance, d.point2, d.point1, -d.normal}; }
-
 Distance plane_distance(const Pose& plane, const Shape& shape, const Pose& pose) {
   Distance result;
   result.normal = plane.rotation.col(2);

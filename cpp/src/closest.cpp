@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "dashpot/fcl_broadphase.hpp"
+#include "dashpot/height_field.hpp"
 #include "dashpot/query.hpp"
 
 namespace dashpot {
@@ -15,6 +16,16 @@ namespace {
 
 Eigen::AlignedBox3d bounding_box(const PlacedShape& placed, double reach) {
   Eigen::AlignedBox3d box;
+  if (placed.shape.type == ShapeType::kHeightField) {
+    const Eigen::AlignedBox3d local = height_field_box(placed.shape.field);
+    const Vector3d half = placed.pose.rotation.cwiseAbs() * (0.5 * local.sizes());
+    const Vector3d centre = placed.pose.position + placed.pose.rotation * local.center();
+    box.extend(centre - half);
+    box.extend(centre + half);
+    box.min().array() -= reach;
+    box.max().array() += reach;
+    return box;
+  }
   const double radius = sweep_radius(placed.shape) + reach;
   for (int axis = 0; axis < 3; ++axis) {
     const Vector3d direction = Vector3d::Unit(axis);
@@ -23,6 +34,8 @@ Eigen::AlignedBox3d bounding_box(const PlacedShape& placed, double reach) {
   }
   return box;
 }
+
+bool is_field(const PlacedShape& placed) { return placed.shape.type == ShapeType::kHeightField; }
 
 }  // namespace
 
@@ -43,6 +56,7 @@ std::vector<ClosePair> closest_pairs(const std::vector<PlacedShape>& shapes, dou
     const PlacedShape& a = shapes[std::min(first, second)];
     const PlacedShape& b = shapes[std::max(first, second)];
     if (a.group == b.group || !(a.of_interest || b.of_interest)) return;
+    if (is_field(a) && is_field(b)) return;
     const Distance found = distance(a.shape, a.pose, b.shape, b.pose);
     if (found.distance <= radius) close.push_back({a.geom, b.geom, found});
   };

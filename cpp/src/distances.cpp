@@ -9,7 +9,6 @@
 
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/parallel.hpp"
-#include "dashpot/query.hpp"
 
 namespace dashpot {
 
@@ -19,24 +18,47 @@ struct DataDeleter {
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
 
-}  // namespace
-
-std::vector<Distance> geom_distances(const mjModel* model, int geom1, int geom2, const double* qpos,
-                                     int count, int nthread) {
-  const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
+// Calls task(data, item) for every item, each worker with data of its own.
+template <typename Task>
+void for_each_state(const mjModel* model, int count, int nthread, const Task& task) {
   const int threads = thread_count(nthread, count);
   std::vector<std::unique_ptr<mjData, DataDeleter>> data(threads);
   for (auto& own : data) {
     own.reset(mj_makeData(model));
     if (!own) throw std::runtime_error("MuJoCo could not make data for the model");
   }
+  parallel_for(count, threads, [&](int worker, int item) { task(data[worker].get(), item); });
+}
+
+}  // namespace
+
+std::vector<Distance> geom_distances(const mjModel* model, int geom1, int geom2, const double* qpos,
+                                     int count, int nthread) {
+  const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
   std::vector<Distance> result(count);
-  parallel_for(count, threads, [&](int worker, int item) {
-    mjData* own = data[worker].get();
-    std::copy_n(qpos + std::size_t(item) * model->nq, model->nq, own->qpos);
-    mj_kinematics(model, own);
+  for_each_state(model, count, nthread, [&](mjData* data, int item) {
+    std::copy_n(qpos + std::size_t(item) * model->nq, model->nq, data->qpos);
+    mj_kinematics(model, data);
     result[item] =
-        distance(shape1, geom_pose(model, own, geom1), shape2, geom_pose(model, own, geom2));
+        distance(shape1, geom_pose(model, data, geom1), shape2, geom_pose(model, data, geom2));
+  });
+  return result;
+}
+
+std::vector<TimeOfImpact> geom_times_of_impact(const mjModel* model, int geom1, int geom2,
+                                               const double* qpos, const double* qvel, int count,
+                                               double horizon, int nthread) {
+  const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
+  std::vector<TimeOfImpact> result(count);
+  for_each_state(model, count, nthread, [&](mjData* data, int item) {
+    std::copy_n(qpos + std::size_t(item) * model->nq, model->nq, data->qpos);
+    std::copy_n(qvel + std::size_t(item) * model->nv, model->nv, data->qvel);
+    mj_kinematics(model, data);
+    mj_comPos(model, data);
+    mj_comVel(model, data);
+    result[item] = time_of_impact(
+        shape1, geom_pose(model, data, geom1), geom_motion(model, data, geom1), shape2,
+        geom_pose(model, data, geom2), geom_motion(model, data, geom2), horizon);
   });
   return result;
 }

@@ -35,6 +35,19 @@ Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
   return vertices;
 }
 
+HeightField height_field(const mjModel* model, int id) {
+  const double* size = model->hfield_size + 4 * id;
+  HeightField field;
+  field.rows = model->hfield_nrow[id];
+  field.columns = model->hfield_ncol[id];
+  field.half_x = size[0];
+  field.half_y = size[1];
+  field.elevation = size[2];
+  field.base = size[3];
+  field.heights = model->hfield_data + model->hfield_adr[id];
+  return field;
+}
+
 }  // namespace
 
 void check_data_of(const mjModel* model, const mjData* data) {
@@ -73,7 +86,10 @@ Shape geom_shape(const mjModel* model, int geom) {
           std::make_shared<const Eigen::Matrix3Xd>(hull_vertices(model, model->geom_dataid[geom]));
       break;
     case mjGEOM_HFIELD:
-      throw std::invalid_argument(label + " is a height field, which queries do not cover");
+      shape.type = ShapeType::kHeightField;
+      shape.field = height_field(model, model->geom_dataid[geom]);
+      shape.field.label = label;
+      break;
     case mjGEOM_SDF:
       throw std::invalid_argument(label +
                                   " is a signed distance field, which queries do not cover");
@@ -117,10 +133,7 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
   return motion;
 }
 
-bool has_shape(const mjModel* model, int geom) {
-  const int type = model->geom_type[geom];
-  return type != mjGEOM_HFIELD && type != mjGEOM_SDF;
-}
+bool has_shape(const mjModel* model, int geom) { return model->geom_type[geom] != mjGEOM_SDF; }
 
 GeomBounds geom_bounds(const mjModel* model, int geom) {
   const mjtNum* size = model->geom_size + 3 * geom;

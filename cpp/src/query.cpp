@@ -8,6 +8,7 @@
 
 #include "dashpot/closed_forms.hpp"
 #include "dashpot/expanding_polytope.hpp"
+#include "dashpot/height_field.hpp"
 
 namespace dashpot {
 
@@ -66,12 +67,27 @@ Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   return search_penetration(shape1, pose1, shape2, pose2);
 }
 
+bool is_height_field(const Shape& shape) { return shape.type == ShapeType::kHeightField; }
+
+Distance field_distance(const HeightField& field, const Pose& field_pose, const Shape& shape,
+                        const Pose& pose) {
+  if (shape.type == ShapeType::kPlane) {
+    return distance(height_field_hull(field), field_pose, shape, pose);
+  }
+  return height_field_distance(field, field_pose, shape, pose);
+}
+
 }  // namespace
 
 Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2) {
   if (shape1.type == ShapeType::kPlane && shape2.type == ShapeType::kPlane) {
     throw std::invalid_argument("two planes have no finite distance");
   }
+  if (is_height_field(shape1) && is_height_field(shape2)) {
+    throw std::invalid_argument("two height fields: queries do not cover this pair");
+  }
+  if (is_height_field(shape2)) return swapped(distance(shape2, pose2, shape1, pose1));
+  if (is_height_field(shape1)) return field_distance(shape1.field, pose1, shape2, pose2);
   Distance result = core_distance(shape1, pose1, shape2, pose2);
   const double radius1 = sweep_radius(shape1), radius2 = sweep_radius(shape2);
   result.distance -= radius1 + radius2;

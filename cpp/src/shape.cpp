@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace dashpot {
 
@@ -38,9 +39,10 @@ Vector3d local_support(const Shape& shape, const Vector3d& d) {
       return shape.vertices->col(best);
     }
     case ShapeType::kPlane:
+    case ShapeType::kHeightField:
       break;
   }
-  throw std::logic_error("a plane has no support point");
+  throw std::logic_error("planes and height fields have no support point");
 }
 
 // Distance of the furthest of `count` points from a line.
@@ -91,9 +93,10 @@ double core_extent(const Shape& shape) {
     case ShapeType::kHull:
       return shape.vertices->colwise().norm().maxCoeff();
     case ShapeType::kPlane:
+    case ShapeType::kHeightField:
       break;
   }
-  throw std::logic_error("a plane is unbounded");
+  throw std::logic_error("planes and height fields have no core");
 }
 
 double core_axis_radius(const Shape& shape, const Pose& pose, const Vector3d& centre,
@@ -132,6 +135,19 @@ void check_shape(const Shape& shape, const char* label) {
   if (shape.type == ShapeType::kHull) {
     if (!shape.vertices || shape.vertices->cols() == 0) fail("the mesh has no vertices");
     if (!shape.vertices->allFinite()) fail("a mesh vertex is not finite");
+    return;
+  }
+  if (shape.type == ShapeType::kHeightField) {
+    const HeightField& field = shape.field;
+    if (field.rows < 2 || field.columns < 2) fail("the height field has no cells");
+    for (const auto& [name, value] : {std::pair{"half_x", field.half_x},
+                                      {"half_y", field.half_y},
+                                      {"elevation", field.elevation},
+                                      {"base", field.base}}) {
+      if (!(value > 0.0) || !std::isfinite(value)) {
+        fail(std::string(name) + " = " + std::to_string(value) + " must be positive and finite");
+      }
+    }
     return;
   }
   const int used = shape.type == ShapeType::kSphere                                          ? 1

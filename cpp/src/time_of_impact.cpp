@@ -18,6 +18,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/height_field.hpp"
 #include "dashpot/query.hpp"
 
 namespace dashpot {
@@ -26,7 +27,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kTouching = 1e-9;  // relative to the size of the bounded shapes
 constexpr int kMaxAdvances = 10000;
 constexpr int kMaxRootRounds = 40;
 
@@ -85,9 +85,28 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
     throw std::invalid_argument("horizon = " + std::to_string(horizon) +
                                 " s must be positive and finite");
   }
+  const bool is_field1 = shape1.type == ShapeType::kHeightField;
+  const bool is_field2 = shape2.type == ShapeType::kHeightField;
+  if (is_field1 && is_field2) {
+    throw std::invalid_argument("two height fields: queries do not cover this pair");
+  }
+  if (is_field2) {
+    TimeOfImpact found =
+        time_of_impact(shape2, pose2, motion2, shape1, pose1, motion1, horizon, margin);
+    found.at = swapped(found.at);
+    return found;
+  }
+  if (is_field1 && shape2.type == ShapeType::kPlane) {
+    return time_of_impact(height_field_hull(shape1.field), pose1, motion1, shape2, pose2, motion2,
+                          horizon, margin);
+  }
+  if (is_field1) {
+    return height_field_time_of_impact(shape1.field, pose1, motion1, shape2, pose2, motion2,
+                                       horizon, margin);
+  }
   Body body1 = make_body(shape1, pose1, motion1);
   Body body2 = make_body(shape2, pose2, motion2);
-  const double touching = kTouching * (extent(shape1) + extent(shape2));
+  const double touching = kTouchingGap * (extent(shape1) + extent(shape2));
 
   TimeOfImpact result;
   for (; result.evaluations < kMaxAdvances;) {

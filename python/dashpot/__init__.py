@@ -16,10 +16,12 @@ from dashpot.query import (
     Distance,
     Distances,
     TimeOfImpact,
+    TimesOfImpact,
     closest,
     distance,
     distances,
     time_of_impact,
+    times_of_impact,
 )
 from dashpot.rollouts import rollout
 
@@ -36,6 +38,7 @@ __all__ = [
     "Report",
     "StepStats",
     "TimeOfImpact",
+    "TimesOfImpact",
     "__version__",
     "calibrate",
     "closest",
@@ -46,6 +49,7 @@ __all__ = [
     "law",
     "rollout",
     "time_of_impact",
+    "times_of_impact",
 ]
 
 if TYPE_CHECKING:

@@ -40,6 +40,7 @@ __all__: list[str] = [
     "geom_distance",
     "geom_distances",
     "geom_time_of_impact",
+    "geom_times_of_impact",
     "poses",
     "propagate",
     "radial_return",
@@ -483,6 +484,19 @@ def geom_time_of_impact(
 ) -> tuple:
     """
     First contact of two geoms along their present velocities as (hit, time, distance tuple, distances computed).
+    """
+
+def geom_times_of_impact(
+    model_address: typing.SupportsInt | typing.SupportsIndex,
+    geom1: typing.SupportsInt | typing.SupportsIndex,
+    geom2: typing.SupportsInt | typing.SupportsIndex,
+    qpos: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    qvel: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    horizon: typing.SupportsFloat | typing.SupportsIndex,
+    nthread: typing.SupportsInt | typing.SupportsIndex,
+) -> tuple:
+    """
+    First contacts for states qpos (n, nq), qvel (n, nv) as arrays (hit, time, (distance, point1, point2, normal)), GIL released.
     """
 
 def poses(

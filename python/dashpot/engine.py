@@ -146,10 +146,10 @@ class Engine:
         contact starts at the surface with the right normal and nothing passes through; the rest of
         the step follows with fresh collision, in at most 128 more parts. A pair is looked at where
         its relative motion in one step exceeds a quarter of the half-width of its thinner geom;
-        where none does, results equal those of ``"none"`` bit for bit. Height fields, signed
-        distance fields and planes that turn are not looked at. Each part costs as much as a step.
-        Controls and applied forces are held over the step; forces, accelerations, contacts and
-        sensors are those of its last part.
+        where none does, results equal those of ``"none"`` bit for bit. Signed distance fields and
+        planes that turn are not looked at. Each part costs as much as a step. Controls and applied
+        forces are held over the step; forces, accelerations, contacts and sensors are those of its
+        last part.
     rules
         How the materials of two geoms combine.
     comfree_stiffness

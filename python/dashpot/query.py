@@ -30,7 +30,7 @@ class Distance:
     ----------
     distance
         m; positive apart, negative by the penetration depth: the length of the shortest
-        translation that parts the two.
+        translation that parts the two (of a height field: see `distance`).
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
         surfaces of the first and second geom. ``point2 - point1 == distance * normal``.
@@ -91,6 +91,31 @@ class TimeOfImpact:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TimesOfImpact:
+    """First contacts of two geoms from many states; ``...`` is the shape of these.
+
+    Attributes
+    ----------
+    hit
+        Shape (...), bool: whether they touch within the horizon.
+    time
+        Shape (...), s, of first contact; the horizon without a hit.
+    point
+        Shape (..., 3), m, world: between the closest points at `time`.
+    normal
+        Shape (..., 3), unit, world, from the first geom to the second at `time`.
+    distance
+        Shape (...), m, the signed distance at `time`, as in `TimeOfImpact`.
+    """
+
+    hit: NDArray[np.bool_]
+    time: NDArray[np.float64]
+    point: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    distance: NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Closest:
     """Pairs of close geoms, nearest first; n pairs.
 
@@ -128,8 +153,15 @@ def distance(
     data
         Data made from that model.
     geom1, geom2
-        Names or ids. Planes (half-spaces), spheres, capsules, cylinders, ellipsoids, boxes and
-        meshes (their convex hulls). `margin` and `gap` play no part.
+        Names or ids. Planes (half-spaces), spheres, capsules, cylinders, ellipsoids, boxes,
+        meshes (their convex hulls) and height fields. `margin` and `gap` play no part.
+
+        A height field is a solid: two triangular prisms a cell, as MuJoCo splits it, from the
+        surface down to its base. Apart from it, the distance is that of the nearest prism. In
+        overlap it is that of the prism which is deepest in the other geom, the length of the
+        shortest translation that parts these two: no more than what clears the whole solid, and
+        less where that translation points into a neighbouring prism, as it can for a geom that is
+        as deep below the surface as a cell is wide. Against a plane it is exact for the solid.
 
     Returns
     -------
@@ -141,8 +173,8 @@ def distance(
     Raises
     ------
     ValueError
-        Unknown geom, the same geom twice, two planes, a height field or signed distance field,
-        data of another model, a pose that is not finite.
+        Unknown geom, the same geom twice, two planes, two height fields, a signed distance field,
+        data of another model, a pose or a height that is not finite.
     """
     model = _model(engine)
     id1, id2 = _geom_pair(model, data, geom1, geom2)
@@ -184,25 +216,11 @@ def distances(
     """
     model = _model(engine)
     id1, id2 = _distinct_geoms(model, geom1, geom2)
-    try:
-        positions = np.ascontiguousarray(qpos, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"qpos must be an array of numbers: {error}") from None
-    if np.ndim(qpos) == 0 or positions.shape[-1] != model.nq:
-        raise ValueError(f"qpos must be (..., nq) with nq = {model.nq}, got {np.shape(qpos)}")
-    bad = np.argwhere(~np.isfinite(positions))
-    if bad.size:
-        index = tuple(int(i) for i in bad[0])
-        raise ValueError(f"qpos{list(index)} is {positions[index]}")
-    if nthread is not None:
-        if isinstance(nthread, bool) or not isinstance(nthread, int | np.integer):
-            raise TypeError(f"nthread must be an integer, got {nthread!r}")
-        if nthread < 1:
-            raise ValueError(f"nthread must be >= 1, got {nthread}")
+    positions = _vectors("qpos", qpos, "nq", model.nq)
     shape = positions.shape[:-1]
     rows = positions.reshape(math.prod(shape), model.nq)
     value, point1, point2, normal = _core.geom_distances(
-        model._address, id1, id2, rows, 0 if nthread is None else int(nthread)
+        model._address, id1, id2, rows, _threads(nthread)
     )
     return Distances(
         distance=value.reshape(shape),
@@ -256,10 +274,9 @@ def time_of_impact(
     """
     model = _model(engine)
     id1, id2 = _geom_pair(model, data, geom1, geom2)
-    horizon = float(horizon)
-    if not (math.isfinite(horizon) and horizon > 0.0):
-        raise ValueError(f"horizon = {horizon} s must be positive and finite")
-    hit, time, at, _ = _core.geom_time_of_impact(model._address, data._address, id1, id2, horizon)
+    hit, time, at, _ = _core.geom_time_of_impact(
+        model._address, data._address, id1, id2, _positive_horizon(horizon)
+    )
     found = _distance(at)
     return TimeOfImpact(
         hit=hit,
@@ -267,6 +284,75 @@ def time_of_impact(
         point=0.5 * (found.point1 + found.point2),
         normal=found.normal,
         distance=found.distance,
+    )
+
+
+def times_of_impact(
+    engine: Engine | mujoco.MjModel,
+    geom1: Geom,
+    geom2: Geom,
+    qpos: ArrayLike,
+    qvel: ArrayLike,
+    *,
+    horizon: float,
+    nthread: int | None = None,
+) -> TimesOfImpact:
+    """First contact of two geoms from many states, in parallel C++ threads.
+
+    Every entry is what `time_of_impact` gives after the kinematics of that state
+    (``mujoco.mj_forward``), bit for bit, whatever the number of threads. Bodies moved by mocap are
+    where the model has them.
+
+    Parameters
+    ----------
+    engine
+        The engine, or a plain model; it is only read.
+    geom1, geom2
+        Names or ids, of the kinds that `distance` takes.
+    qpos, qvel
+        Shapes (..., nq) and (..., nv), the same ``...``: states, such as those of a trajectory.
+        Those of a `rollout` with full-physics states are ``state[..., 1 : 1 + nq]`` and
+        ``state[..., 1 + nq : 1 + nq + nv]``.
+    horizon
+        s, > 0, how far to look ahead of each state.
+    nthread
+        Number of threads, >= 1. None: one per core.
+
+    Raises
+    ------
+    TypeError
+        Arguments that are not numbers.
+    ValueError
+        As `time_of_impact`; also a `qpos` or `qvel` of another shape or that is not finite, naming
+        the index, and an `nthread` below 1.
+    RuntimeError
+        As `time_of_impact`.
+    """
+    model = _model(engine)
+    id1, id2 = _distinct_geoms(model, geom1, geom2)
+    positions = _vectors("qpos", qpos, "nq", model.nq)
+    velocities = _vectors("qvel", qvel, "nv", model.nv)
+    shape = positions.shape[:-1]
+    if velocities.shape[:-1] != shape:
+        raise ValueError(
+            f"qpos and qvel must hold the same states, got {positions.shape} and {velocities.shape}"
+        )
+    count = math.prod(shape)
+    hit, time, (value, point1, point2, normal) = _core.geom_times_of_impact(
+        model._address,
+        id1,
+        id2,
+        positions.reshape(count, model.nq),
+        velocities.reshape(count, model.nv),
+        _positive_horizon(horizon),
+        _threads(nthread),
+    )
+    return TimesOfImpact(
+        hit=hit.reshape(shape),
+        time=time.reshape(shape),
+        point=(0.5 * (point1 + point2)).reshape(*shape, 3),
+        normal=normal.reshape(*shape, 3),
+        distance=value.reshape(shape),
     )
 
 
@@ -280,8 +366,9 @@ def closest(
     """Find all pairs of geoms within a radius of each other.
 
     A bounding-box tree finds candidates, `distance` decides. Geoms that take no part in collisions
-    (``contype`` and ``conaffinity`` both zero) and pairs that cannot move against each other are
-    left out; other filters of the model (parent and child, exclusions) do not act.
+    (``contype`` and ``conaffinity`` both zero), pairs that cannot move against each other, pairs of
+    planes and pairs of height fields are left out; other filters of the model (parent and child,
+    exclusions) do not act.
 
     Parameters
     ----------
@@ -297,8 +384,8 @@ def closest(
     Raises
     ------
     ValueError
-        Unknown body, a `radius` that is negative or not finite, a height field or signed distance
-        field among the geoms, data of another model, a pose that is not finite.
+        Unknown body, a `radius` that is negative or not finite, a signed distance field among the
+        geoms, data of another model, a pose or a height that is not finite.
     """
     model = _model(engine)
     _check_data(data)
@@ -326,6 +413,41 @@ def _distance(
         point2=np.array(point2),
         normal=np.array(normal),
     )
+
+
+def _vectors(name: str, value: ArrayLike, size_name: str, size: int) -> NDArray[np.float64]:
+    """Array (..., size) of finite numbers."""
+    try:
+        vectors = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of numbers: {error}") from None
+    if np.ndim(value) == 0 or vectors.shape[-1] != size:
+        raise ValueError(
+            f"{name} must be (..., {size_name}) with {size_name} = {size}, got {np.shape(value)}"
+        )
+    bad = np.argwhere(~np.isfinite(vectors))
+    if bad.size:
+        index = tuple(int(i) for i in bad[0])
+        raise ValueError(f"{name}{list(index)} is {vectors[index]}")
+    return vectors
+
+
+def _threads(nthread: int | None) -> int:
+    """Check a number of threads; the core takes 0 as one per core."""
+    if nthread is None:
+        return 0
+    if isinstance(nthread, bool) or not isinstance(nthread, int | np.integer):
+        raise TypeError(f"nthread must be an integer, got {nthread!r}")
+    if nthread < 1:
+        raise ValueError(f"nthread must be >= 1, got {nthread}")
+    return int(nthread)
+
+
+def _positive_horizon(horizon: float) -> float:
+    horizon = float(horizon)
+    if not (math.isfinite(horizon) and horizon > 0.0):
+        raise ValueError(f"horizon = {horizon} s must be positive and finite")
+    return horizon
 
 
 def _model(engine: Engine | mujoco.MjModel) -> mujoco.MjModel:

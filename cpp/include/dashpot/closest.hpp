@@ -23,7 +23,8 @@ struct ClosePair {
 };
 
 // All pairs of different groups no further apart than `radius` (m, >= 0), nearest first;
-// overlapping pairs come before all others. Pairs of planes are left out.
+// overlapping pairs come before all others. Pairs of planes and pairs of height
+// fields are left out.
 std::vector<ClosePair> closest_pairs(const std::vector<PlacedShape>& shapes, double radius);
 
 }  // namespace dashpot

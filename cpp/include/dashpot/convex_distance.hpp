@@ -28,6 +28,9 @@ struct Distance {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // unit, world, from shape 1 to shape 2
 };
 
+// The same distance with the shapes in the other order.
+inline Distance swapped(const Distance& d) { return {d.distance, d.point2, d.point1, -d.normal}; }
+
 // A point of the difference core 2 - core 1 and where it comes from.
 struct DifferencePoint {
   Eigen::Vector3d difference, point1, point2;

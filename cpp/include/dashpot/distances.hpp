@@ -1,10 +1,11 @@
-// Signed distance of two geoms at many configurations, on threads. Part of the MuJoCo host.
+// Signed distance and time of impact of two geoms at many configurations, on threads. Part of the
+// MuJoCo host.
 
 #pragma once
 
 #include <vector>
 
-#include "dashpot/convex_distance.hpp"
+#include "dashpot/query.hpp"
 
 struct mjModel_;
 
@@ -16,5 +17,12 @@ namespace dashpot {
 // Throws std::invalid_argument as distance() and geom_shape() do.
 std::vector<Distance> geom_distances(const mjModel_* model, int geom1, int geom2,
                                      const double* qpos, int count, int nthread);
+
+// The first contact of two geoms for each of `count` states, rows of `qpos` (count, nq) and `qvel`
+// (count, nv), along the velocities of that state. Otherwise as geom_distances. Throws
+// std::invalid_argument as time_of_impact() and geom_shape() do.
+std::vector<TimeOfImpact> geom_times_of_impact(const mjModel_* model, int geom1, int geom2,
+                                               const double* qpos, const double* qvel, int count,
+                                               double horizon, int nthread);
 
 }  // namespace dashpot

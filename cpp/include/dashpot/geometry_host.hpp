@@ -15,9 +15,10 @@ namespace dashpot {
 // Throws std::invalid_argument unless `data` was made from `model` or a copy of it.
 void check_data_of(const mjModel_* model, const mjData_* data);
 
-// The convex shape of a geom; a mesh gives its convex hull. `geom` in [0, ngeom).
-// Throws std::invalid_argument naming the geom where it is a height field or a signed distance
-// field, or has a bad size.
+// The shape of a geom; a mesh gives its convex hull, a height field borrows its heights from the
+// model. `geom` in [0, ngeom).
+// Throws std::invalid_argument naming the geom where it is a signed distance field, or has a bad
+// size.
 Shape geom_shape(const mjModel_* model, int geom);
 
 // Its pose as the data's kinematics last left it (geom_xpos, geom_xmat), as mj_geomDistance has it.
@@ -28,7 +29,7 @@ Pose geom_pose(const mjModel_* model, const mjData_* data, int geom);
 // (cvel). Throws std::invalid_argument naming the geom where it is not finite.
 Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 
-// Whether queries cover the type of a geom: all but height fields and signed distance fields.
+// Whether queries cover the type of a geom: all but signed distance fields.
 bool has_shape(const mjModel_* model, int geom);
 
 // How thick a geom is and how far it reaches, m: half its least width (a mesh: along the axes of

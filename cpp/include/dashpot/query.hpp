@@ -1,4 +1,4 @@
-// Contact queries between two convex shapes: signed distance, and time of impact along a motion.
+// Contact queries between two shapes: signed distance, and time of impact along a motion.
 // Free functions without state: safe from any number of threads.
 
 #pragma once
@@ -13,8 +13,12 @@ namespace dashpot {
 // and boxes where these are short; else closest points, and the expanding polytope with refinement
 // where the shapes overlap. Where several directions are equally short (concentric balls), one of
 // them.
-// Throws std::invalid_argument for two planes.
+// A height field gives the least of the signed distances of its prisms (height_field.hpp).
+// Throws std::invalid_argument for two planes or two height fields, or a height that is not finite.
 Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2);
+
+// Gap that counts as contact, relative to the size of the bounded shapes of a pair.
+constexpr double kTouchingGap = 1e-9;
 
 // First contact of two moving shapes.
 struct TimeOfImpact {
@@ -25,9 +29,9 @@ struct TimeOfImpact {
 };
 
 // Conservative advancement: `time` is never after the first contact, and precedes it by no more
-// than the shapes need to close 1e-9 of their size. Shapes that touch or
-// overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument for two planes,
-// or for a plane that turns.
+// than the shapes need to close kTouchingGap. Shapes that touch or
+// overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument as distance(),
+// and for a plane that turns.
 // With `margin` (m, >= 0), the time at which the distance has fallen to it takes the place of the
 // first contact.
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,

@@ -1,20 +1,43 @@
-// Convex shapes, their poses and their support functions.
+// Shapes, their poses and their support functions.
 //
-// A shape is a core swept by a ball: the sphere is a point, the capsule a segment, each swept by a
-// ball of its radius; every other shape is its own core, with radius 0. Sweeping shifts the signed
-// distance of two convex sets by exactly the radii, inside as well as outside, so all queries run
-// on cores.
+// A convex shape is a core swept by a ball: the sphere is a point, the capsule a segment, each
+// swept by a ball of its radius; every other shape is its own core, with radius 0. Sweeping shifts
+// the signed distance of two convex sets by exactly the radii, inside as well as outside, so all
+// queries run on cores.
 
 #pragma once
 
 #include <Eigen/Core>
 #include <memory>
+#include <string>
 
 namespace dashpot {
 
-enum class ShapeType { kPlane, kSphere, kCapsule, kCylinder, kEllipsoid, kBox, kHull };
+enum class ShapeType {
+  kPlane,
+  kSphere,
+  kCapsule,
+  kCylinder,
+  kEllipsoid,
+  kBox,
+  kHull,
+  kHeightField
+};
 
-// A convex shape in its own frame, in MuJoCo's conventions (m).
+// A grid of heights above a base: row r and column c stand at y and x, evenly spaced over
+// [-half_y, half_y] and [-half_x, half_x], with the top at z = elevation * heights[r * columns +
+// c]. Every cell is two triangular prisms from z = -base up, split along the diagonal from its low
+// to its high corner (low x and y, high x and y).
+struct HeightField {
+  int rows = 0, columns = 0;           // at least 2
+  double half_x = 0.0, half_y = 0.0;   // m
+  double elevation = 0.0;              // m, of a height of 1
+  double base = 0.0;                   // m
+  const float* heights = nullptr;      // rows * columns, borrowed
+  std::string label = "height field";  // names it in errors
+};
+
+// A shape in its own frame, in MuJoCo's conventions (m); all but height fields are convex.
 //   plane      the half-space z <= 0                 size unused
 //   sphere     size[0] radius
 //   capsule    size[0] radius, size[1] half-length of the segment along z
@@ -22,10 +45,12 @@ enum class ShapeType { kPlane, kSphere, kCapsule, kCylinder, kEllipsoid, kBox, k
 //   ellipsoid  size    semi-axes
 //   box        size    half-lengths
 //   hull       convex hull of the columns of `vertices`
+//   field      the solid of `field`; has no core, radius or support point
 struct Shape {
   ShapeType type = ShapeType::kSphere;
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
   std::shared_ptr<const Eigen::Matrix3Xd> vertices;  // hull only, at least one column
+  HeightField field;                                 // height field only
 };
 
 struct Pose {
@@ -48,7 +73,7 @@ Pose advance(const Pose& pose, const Motion& motion, double time);
 double sweep_radius(const Shape& shape);
 
 // The point (world) of the core of `shape` that is furthest along `direction` (world, any length
-// but zero). Not for planes, which are unbounded.
+// but zero). Not for planes, which are unbounded, nor for height fields.
 Eigen::Vector3d core_support(const Shape& shape, const Pose& pose,
                              const Eigen::Vector3d& direction);
 
@@ -60,7 +85,7 @@ double core_axis_radius(const Shape& shape, const Pose& pose, const Eigen::Vecto
                         const Eigen::Vector3d& axis);
 
 // Throws std::invalid_argument naming `label` on sizes that are not positive and finite, or a hull
-// without finite vertices.
+// without finite vertices. Heights of a height field are checked where they are read.
 void check_shape(const Shape& shape, const char* label);
 
 }  // namespace dashpot
