@@ -1,4 +1,4 @@
-"""The radial return to the elliptic limit surface, against closed forms and its invariances."""
+"""The return to the elliptic limit surface, against closed forms and its invariances."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ def surface(impulse, mu):
 
 
 @st.composite
-def trials(draw):
-    """Trial impulse, coefficients and normal impulse, 1 to 5 directions, over 24 decades."""
+def trials(draw, positive=False):
+    """Trial impulse, coefficients and normal impulse, 1 to 5 directions, over 24 decades.
+
+    Coefficients and normal impulse may be zero unless `positive`.
+    """
     directions = draw(st.integers(1, 5))
     size = st.builds(lambda e: 10**e, st.floats(-6, 6))
     signs = st.sampled_from([-1.0, 0.0, 1.0])
     impulse = [draw(signs) * draw(size) for _ in range(directions)]
-    mu = [draw(st.one_of(st.just(0.0), size)) for _ in range(directions)]
-    return np.array(impulse), np.array(mu), draw(st.one_of(st.just(0.0), size))
+    limits = size if positive else st.one_of(st.just(0.0), size)
+    return np.array(impulse), np.array([draw(limits) for _ in range(directions)]), draw(limits)
 
 
 every_trial = settings(max_examples=300, deadline=None)
@@ -166,6 +169,58 @@ def test_more_normal_impulse_never_carries_less(trial, factor):
     assert np.all(more >= less * (1 - ROUNDING))
 
 
+# Newton stops within 1e-9 of the surface and the rest is radial. Of a component q_i = p_i / (mu_i
+# p_n) on the surface it leaves an error e_i with q_i e_i <= 2e-9 and e_i <= q_i, of five at most.
+NEWTON = 2e-9
+COMPONENT = (5 * NEWTON) ** 0.5
+
+
+def compliances(directions):
+    """Return a strategy of impulses per unit of rate, over 6 decades."""
+    return st.lists(
+        st.builds(lambda e: 10**e, st.floats(-3, 3)), min_size=directions, max_size=directions
+    )
+
+
+@every_trial
+@given(st.data())
+def test_slip_is_normal_to_the_surface_and_opposes_friction(data):
+    impulse, mu, normal = data.draw(trials(positive=True))
+    response = np.array(data.draw(compliances(len(mu))))
+    returned, sticks = law.return_to_limit(impulse, mu, response, normal)
+    if sticks:
+        assert np.array_equal(returned, impulse)
+        return
+    assert surface(returned, mu) == pytest.approx(normal, rel=ROUNDING)
+    # The slip (t - p) / c is gamma times the surface's normal p / mu^2: bisection in log(gamma).
+    compliance = response / mu**2
+    low, high = -100.0, 100.0
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        outside = surface(impulse / (1 + np.exp(middle) * compliance), mu) > normal
+        low, high = (middle, high) if outside else (low, middle)
+    expected = impulse / (1 + np.exp(low) * compliance)
+    np.testing.assert_allclose(returned / (mu * normal), expected / (mu * normal), atol=COMPONENT)
+    assert np.all(returned * impulse >= 0)
+
+
+@every_trial
+@given(trials(), st.floats(1e-3, 1e3))
+def test_equal_compliances_return_along_the_ray(trial, factor):
+    impulse, mu, normal = trial
+    returned, _ = law.return_to_limit(impulse, mu, factor * mu**2, normal)
+    np.testing.assert_allclose(
+        returned, law.radial_return(impulse, mu, normal), rtol=NEWTON, atol=0
+    )
+
+
+def test_sliding_opposes_the_velocity_whatever_the_apparent_masses():
+    # A spring-damper answers a rate v with -c v; far outside the surface that is the trial.
+    response, velocity = np.array([1.0, 40.0]), np.array([3.0, 4.0])
+    returned, _ = law.return_to_limit(-1e6 * response * velocity, [0.5, 0.5], response, 2.0)
+    np.testing.assert_allclose(returned, [-0.6, -0.8], rtol=1e-5)
+
+
 def test_arrays_broadcast():
     impulse = np.random.default_rng(0).normal(size=(4, 3, 2))
     normal = np.linspace(0.0, 2.0, 3)
@@ -191,3 +246,11 @@ def test_bad_values_are_named(change, name):
     arguments = {"impulse": [0.1, 0.2], "mu": [0.5, 0.5], "normal_impulse": 1.0} | change
     with pytest.raises(ValueError, match=name):
         law.radial_return(**arguments)
+    with pytest.raises(ValueError, match=name):
+        law.return_to_limit(**arguments, response=1.0)
+
+
+@pytest.mark.parametrize("response", [-1.0, math.nan, math.inf])
+def test_bad_responses_are_named(response):
+    with pytest.raises(ValueError, match="response"):
+        law.return_to_limit([1.0, 2.0], 0.5, [1.0, response], 1.0)

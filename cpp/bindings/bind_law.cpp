@@ -5,6 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <initializer_list>
@@ -91,6 +92,28 @@ Array radial_return_all(const Array& impulse, const Array& mu, const Array& norm
   return factor;
 }
 
+py::tuple return_to_limit_all(const Array& impulse, const Array& mu, const Array& response,
+                              const Array& normal_impulse) {
+  const bool matrices = impulse.ndim() == 2 && mu.ndim() == 2 && response.ndim() == 2;
+  if (!matrices || normal_impulse.ndim() != 1 || mu.shape(0) != impulse.shape(0) ||
+      mu.shape(1) != impulse.shape(1) || response.shape(0) != impulse.shape(0) ||
+      response.shape(1) != impulse.shape(1) || normal_impulse.shape(0) != impulse.shape(0) ||
+      impulse.shape(1) > kMaxFrictionDirections) {
+    throw std::invalid_argument(
+        "return_to_limit takes impulse (n, m), mu (n, m), response (n, m), normal_impulse (n)");
+  }
+  const py::ssize_t n = impulse.shape(0), directions = impulse.shape(1);
+  Array returned({n, directions});
+  std::copy_n(impulse.data(), n * directions, returned.mutable_data());
+  py::array_t<bool> sticks(n);
+  for (py::ssize_t i = 0; i < n; ++i) {
+    sticks.mutable_data()[i] = return_to_limit(
+        returned.mutable_data() + i * directions, mu.data() + i * directions,
+        response.data() + i * directions, static_cast<int>(directions), normal_impulse.data()[i]);
+  }
+  return py::make_tuple(returned, sticks);
+}
+
 }  // namespace
 
 void bind_law(py::module_& module) {
@@ -117,6 +140,9 @@ void bind_law(py::module_& module) {
       "Bilateral spring-damper; see dashpot.law.flow_spring.");
   module.def("radial_return", &radial_return_all, py::arg("impulse"), py::arg("mu"),
              py::arg("normal_impulse"), "Factor in [0, 1]; see dashpot.law.radial_return.");
+  module.def("return_to_limit", &return_to_limit_all, py::arg("impulse"), py::arg("mu"),
+             py::arg("response"), py::arg("normal_impulse"),
+             "Impulses (n, m) and whether they stick (n); see dashpot.law.return_to_limit.");
   module.def("damping_ratio_to_restitution", py::vectorize(&damping_ratio_to_restitution),
              py::arg("damping_ratio"), "See dashpot.law.damping_ratio_to_restitution.");
   module.def("restitution_to_damping_ratio", py::vectorize(&restitution_to_damping_ratio),

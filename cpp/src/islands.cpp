@@ -63,6 +63,15 @@ struct TreeBounds {
   double rigid_share() const { return mixed() ? 0.5 : 1.0; }
 };
 
+// Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
+// rolling rows the larger, so that springs are isotropic whatever the tangents are.
+template <typename InverseMass>
+double isotropic_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  return std::max(inverse_mass(first), inverse_mass(first + 1));
+}
+
 // Stiffness and damping of a group's rows, before clipping. Rotational rows get the stiffness that
 // gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) {
@@ -83,10 +92,13 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   }
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
-  const double sliding_inverse_mass = 0.5 * (rows.inverse_mass[n + 1] + rows.inverse_mass[n + 2]);
+  const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
+  const double sliding_inverse_mass = isotropic_inverse_mass(c, 1, inverse_mass);
   for (int i = 1; i < c.dim; ++i) {
     const double w = rows.inverse_mass[n + i];
-    const double k = i < 3 || w == 0.0 ? tangential : tangential * sliding_inverse_mass / w;
+    const double largest = isotropic_inverse_mass(c, i, inverse_mass);
+    const double k =
+        i < 3 || largest == 0.0 ? tangential : tangential * sliding_inverse_mass / largest;
     rows.stiffness[n + i] = k;
     rows.damping[n + i] =
         w == 0.0 ? 0.0 : 2.0 * material.tangential_damping_ratio * std::sqrt(k / w);
@@ -116,8 +128,8 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
     rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
     rows.damping[row] = w > 0.0 ? delta / w : 0.0;
   };
-  const auto fill_coupled = [&](int row, double zeta) {
-    fill(row, stiffest, std::min(2.0 * zeta * std::sqrt(stiffest / bound), most_damped));
+  const auto fill_coupled = [&](int row, double zeta, double kappa) {
+    fill(row, kappa, std::min(2.0 * zeta * std::sqrt(kappa / bound), most_damped));
   };
   if (material.form == DampingForm::kRestitution) {
     const double zeta = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
@@ -125,9 +137,15 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
         zeta > 0.0 ? std::min(stiffest, std::pow(most_damped / (2.0 * zeta), 2)) : stiffest;
     fill(c.row, kappa, 2.0 * zeta * std::sqrt(kappa));
   } else {
-    fill_coupled(c.row, material.damping);
+    fill_coupled(c.row, material.damping, stiffest);
   }
-  for (int i = 1; i < c.dim; ++i) fill_coupled(c.row + i, material.tangential_damping_ratio);
+  const auto inverse_mass = [&](int row) { return rows.bounded_inverse_mass(row); };
+  for (int i = 1; i < c.dim; ++i) {
+    const double w = inverse_mass(c.row + i);
+    const double kappa =
+        w > 0.0 ? stiffest * w / isotropic_inverse_mass(c, i, inverse_mass) : stiffest;
+    fill_coupled(c.row + i, material.tangential_damping_ratio, kappa);
+  }
 }
 
 class Planner {

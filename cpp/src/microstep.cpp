@@ -18,17 +18,6 @@ bool is_unilateral(const RowGroup& c) {
   return c.kind == RowKind::kContact || c.kind == RowKind::kUnilateral;
 }
 
-// Friction impulses or forces are returned to the limit surface; true if the contact sticks.
-bool return_to_limit(const Rows& rows, const RowGroup& c, double normal, double* friction) {
-  const double* mu = rows.friction.data() + c.row + 1;
-  for (int i = 0; i < c.dim - 1; ++i)
-    if (mu[i] == 0.0) friction[i] = 0.0;
-  const double scale = radial_return(friction, mu, c.dim - 1, normal);
-  if (scale >= 1.0) return true;
-  for (int i = 0; i < c.dim - 1; ++i) friction[i] *= scale;
-  return false;
-}
-
 class Microstep {
  public:
   Microstep(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
@@ -172,7 +161,7 @@ class Microstep {
     }
     if (!is_unilateral(c)) return;
     force[0] = std::max(0.0, force[0]);
-    if (c.dim > 1) return_to_limit(rows_, c, force[0], force + 1);
+    if (c.dim > 1) return_friction(c, force);
   }
 
   void flow_normal(int index, const RowGroup& c, double load) {
@@ -192,6 +181,15 @@ class Microstep {
     data_.moment[row] = flow.moment[0] * x + flow.moment[1] * rate + flow.moment[2] * load;
   }
 
+  // Friction impulses or forces behind the normal one are returned to the limit surface; true if
+  // the contact sticks.
+  bool return_friction(const RowGroup& c, double* impulse) const {
+    double response[kMaxFrictionDirections];
+    for (int i = 1; i < c.dim; ++i) response[i - 1] = -data_.linear_flow[c.row + i].impulse[1];
+    return return_to_limit(impulse + 1, rows_.friction.data() + c.row + 1, response, c.dim - 1,
+                           impulse[0]);
+  }
+
   void flow_friction(int index, const RowGroup& c, const double* load) {
     double* impulse = data_.impulse.data() + c.row;
     double* moment = data_.moment.data() + c.row;
@@ -202,7 +200,7 @@ class Microstep {
       return;
     }
     for (int i = 1; i < c.dim; ++i) flow_spring_row(c.row + i, data_.rate[c.row + i], load[i]);
-    data_.sticking[index] = return_to_limit(rows_, c, impulse[0], impulse + 1);
+    data_.sticking[index] = return_friction(c, impulse);
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
     if (!data_.sticking[index])
       for (int i = 1; i < c.dim; ++i) moment[i] = impulse[i] * (moment[0] / impulse[0]);

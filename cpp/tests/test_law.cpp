@@ -167,6 +167,33 @@ void check_radial_return() {
   }
 }
 
+void check_return_to_limit() {
+  std::mt19937_64 random(3);
+  std::uniform_real_distribution<double> exponent(-6.0, 6.0);
+  for (int i = 0; i < 10000; ++i) {
+    const int n = 1 + i % dashpot::kMaxFrictionDirections;
+    double trial[dashpot::kMaxFrictionDirections], impulse[dashpot::kMaxFrictionDirections];
+    double mu[dashpot::kMaxFrictionDirections], response[dashpot::kMaxFrictionDirections];
+    for (int j = 0; j < n; ++j) {
+      trial[j] = std::pow(10.0, exponent(random)) * ((i + j) % 2 ? 1.0 : -1.0);
+      mu[j] = (i + j) % 7 ? std::pow(10.0, exponent(random)) : 0.0;
+      response[j] = (i + j) % 13 ? std::pow(10.0, exponent(random)) : 0.0;
+    }
+    std::copy_n(trial, n, impulse);
+    const double normal = i % 11 ? std::pow(10.0, exponent(random)) : 0.0;
+    const bool sticks = dashpot::return_to_limit(impulse, mu, response, n, normal);
+    double square = 0.0;
+    for (int j = 0; j < n; ++j) {
+      if (mu[j] > 0.0) square += std::pow(impulse[j] / mu[j], 2);
+      check(impulse[j] * trial[j] >= 0.0, "no friction changes sign", impulse[j], trial[j]);
+      check_at_most(std::fabs(impulse[j]), std::fabs(trial[j]), "no friction grows");
+      check(!sticks || mu[j] == 0.0 || impulse[j] == trial[j], "stuck is unchanged", impulse[j],
+            trial[j]);
+    }
+    check_at_most(std::sqrt(square), normal * (1.0 + 1e-15 * 4), "impulse inside the surface");
+  }
+}
+
 void check_materials() {
   for (int i = -600; i <= 600; ++i) {
     const double zeta = std::pow(10.0, i / 100.0);
@@ -212,6 +239,7 @@ int main() {
   check_flows();
   check_extremes();
   check_radial_return();
+  check_return_to_limit();
   check_materials();
   if (failures > 0) std::printf("%d checks failed\n", failures);
   return failures > 0 ? 1 : 0;

@@ -47,6 +47,7 @@ __all__: list[str] = [
     "reserve_memory",
     "residuals",
     "restitution_to_damping_ratio",
+    "return_to_limit",
     "rollout",
     "solref_to_spring",
 ]
@@ -556,6 +557,16 @@ def restitution_to_damping_ratio(
 ) -> typing.Any:
     """
     See dashpot.law.restitution_to_damping_ratio.
+    """
+
+def return_to_limit(
+    impulse: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    mu: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    response: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    normal_impulse: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+) -> tuple:
+    """
+    Impulses (n, m) and whether they stick (n); see dashpot.law.return_to_limit.
     """
 
 def rollout(

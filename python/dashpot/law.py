@@ -27,6 +27,7 @@ __all__ = [
     "propagate",
     "radial_return",
     "restitution_to_damping_ratio",
+    "return_to_limit",
     "solref_to_spring",
 ]
 
@@ -189,6 +190,22 @@ def flow_spring(
     return Flow(*_over_arrays(_core.flow_spring, arguments))
 
 
+def _friction_arguments(
+    impulse: ArrayLike, mu: ArrayLike, normal_impulse: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return checked impulses and coefficients (..., m) and normal impulses (...)."""
+    trial = _array("impulse", impulse)
+    coefficients = _array("mu", mu, lower=0.0)
+    normal = _array("normal_impulse", normal_impulse, lower=0.0)
+    if trial.ndim == 0 or not 1 <= trial.shape[-1] <= _MAX_FRICTION_DIRECTIONS:
+        raise ValueError(
+            f"impulse must have shape (..., m) with m from 1 to {_MAX_FRICTION_DIRECTIONS}, "
+            f"got shape {trial.shape}"
+        )
+    trial, coefficients, normal = np.broadcast_arrays(trial, coefficients, normal[..., np.newaxis])
+    return trial, coefficients, normal[..., 0]
+
+
 def radial_return(
     impulse: ArrayLike, mu: ArrayLike, normal_impulse: ArrayLike
 ) -> NDArray[np.float64]:
@@ -216,23 +233,61 @@ def radial_return(
     TypeError, ValueError
         An argument is not real, not finite, out of range or of a wrong shape.
     """
-    trial = _array("impulse", impulse)
-    coefficients = _array("mu", mu, lower=0.0)
-    normal = _array("normal_impulse", normal_impulse, lower=0.0)
-    if trial.ndim == 0 or not 1 <= trial.shape[-1] <= _MAX_FRICTION_DIRECTIONS:
-        raise ValueError(
-            f"impulse must have shape (..., m) with m from 1 to {_MAX_FRICTION_DIRECTIONS}, "
-            f"got shape {trial.shape}"
-        )
-    trial, coefficients, normal = np.broadcast_arrays(trial, coefficients, normal[..., np.newaxis])
+    trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
     directions = trial.shape[-1]
     factor = _core.radial_return(
         trial.reshape(-1, directions),
         coefficients.reshape(-1, directions),
-        normal[..., 0].ravel(),
+        normal.ravel(),
     )
     scaled = trial * factor.reshape(trial.shape[:-1])[..., np.newaxis]
     return np.where(coefficients > 0.0, scaled, 0.0)
+
+
+def return_to_limit(
+    impulse: ArrayLike, mu: ArrayLike, response: ArrayLike, normal_impulse: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return friction impulses whose sliders slip where they dissipate most.
+
+    Outside the surface ``sum_i (p_i / mu_i)^2 <= p_n^2`` the trial impulses ``t`` become
+    ``p_i = t_i / (1 + gamma c_i / mu_i^2)`` with the ``gamma >= 0`` that puts them on it: the slip,
+    ``(t_i - p_i) / c_i``, is normal to the surface. Where all ``c_i / mu_i^2`` agree this is
+    `radial_return`.
+
+    Parameters
+    ----------
+    impulse : array_like, shape (..., m), m <= 5
+        Trial impulses, N s (N m s for torsion and rolling).
+    mu : array_like, broadcastable to ``impulse``
+        Friction coefficients, >= 0 (m for torsion and rolling).
+    response : array_like, broadcastable to ``impulse``
+        Impulse ``c_i >= 0`` by which each direction answers a unit of rate, N s per m/s (N m s per
+        rad/s); only their proportions matter.
+    normal_impulse : array_like, shape (...)
+        Normal impulse, N s, >= 0.
+
+    Returns
+    -------
+    impulse : ndarray, shape (..., m)
+        Impulses on or inside the limit surface.
+    sticks : ndarray of bool, shape (...)
+        Whether nothing had to slip.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, not finite, out of range or of a wrong shape.
+    """
+    trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
+    answers = np.broadcast_to(_array("response", response, lower=0.0), trial.shape)
+    directions = trial.shape[-1]
+    returned, sticks = _core.return_to_limit(
+        trial.reshape(-1, directions),
+        coefficients.reshape(-1, directions),
+        answers.reshape(-1, directions),
+        normal.ravel(),
+    )
+    return returned.reshape(trial.shape), sticks.reshape(trial.shape[:-1])
 
 
 def damping_ratio_to_restitution(damping_ratio: ArrayLike) -> Any:

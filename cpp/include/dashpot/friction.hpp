@@ -1,4 +1,4 @@
-// Limit surface of friction and its radial return.
+// Limit surface of friction and the return to it.
 //
 // Up to five friction directions (2 sliding, 1 torsional, 2 rolling) share one elliptic limit
 // surface, scaled by the normal impulse p_n >= 0:
@@ -6,9 +6,15 @@
 //     sum_i (p_i / mu_i)^2 <= p_n^2 .
 //
 // A direction is a spring-damper of elastic displacement s in series with a slider. Its trial
-// impulse comes from the spring-damper's closed-form flow; outside the surface the impulses are
-// scaled back along the ray to the origin and s is reset so that the spring alone carries the
-// limit: s_i = -p_i / (k_i h).
+// impulse t comes from the spring-damper's closed-form flow. Outside the surface the slider slips
+// along the surface's normal, the direction that dissipates most: at the rate gamma p_i / mu_i^2,
+// gamma >= 0. With c_i, the impulse per unit of rate that the spring-damper answers with,
+//
+//     p_i = t_i - gamma c_i p_i / mu_i^2 ,   so   p_i = t_i / (1 + gamma c_i / mu_i^2) ,
+//
+// and gamma is where p meets the surface. Where all c_i / mu_i^2 agree this scales t back along the
+// ray to the origin. Sliding then opposes the slip velocity whatever the apparent masses, and a
+// wheel whose rolling friction slips still rolls.
 
 #pragma once
 
@@ -20,5 +26,11 @@ inline constexpr int kMaxFrictionDirections = 5;
 // inside. mu[i] >= 0 (dimensionless for sliding, m for torsion and rolling); mu[i] = 0 admits no
 // impulse in direction i, whose component must be zeroed by the caller.
 double radial_return(const double* impulse, const double* mu, int n, double normal_impulse);
+
+// Brings impulse[0..n) onto or inside the limit surface as above; true if nothing had to slip.
+// response[i] = c_i >= 0, of which only the proportions matter. Directions with mu[i] = 0 carry
+// nothing.
+bool return_to_limit(double* impulse, const double* mu, const double* response, int n,
+                     double normal_impulse);
 
 }  // namespace dashpot

@@ -1,0 +1,136 @@
+"""Torsional and rolling friction: closed-form decay, and rest that lasts.
+
+The limit surface is elliptic and slip is normal to it (friction.hpp), so directions that slip
+together share the normal force in proportions that have closed forms too.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from scenes import GRAVITY, free_body, mjcf
+
+TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
+RADIUS, MASS = 0.1, 1.0
+SPHERE = f'type="sphere" size="{RADIUS}" mass="{MASS}"'
+# A disc lies on four points of its rim.
+DISC = f'type="cylinder" size="{RADIUS} 0.02" mass="{MASS}"'
+TENTH_PERCENT = 1e-3
+
+
+def engine_of(geom, friction, dimensions, timestep, height=RADIUS):
+    surface = f'condim="{dimensions}" friction="{friction[0]} {friction[1]} {friction[2]}"'
+    body = free_body("body", f"{geom} {surface}", (0, 0, height))
+    model = mujoco.MjModel.from_xml_string(mjcf(body, floor=surface))
+    model.opt.timestep = timestep
+    engine = dashpot.Engine(model)
+    return engine, engine.make_data()
+
+
+def speeds(engine, data, duration, dof):
+    steps = round(duration / engine.model.opt.timestep)
+    recorded = np.empty(steps)
+    for i in range(steps):
+        engine.step(data)
+        recorded[i] = data.qvel[dof]
+    return np.arange(1, steps + 1) * engine.model.opt.timestep, recorded
+
+
+def assert_stays_at_rest(engine, data, duration=60.0):
+    """Check that nothing moves for a minute, once the friction springs have swung out."""
+    engine.step(data, nstep=round(2.0 / engine.model.opt.timestep))
+    settled = data.qpos.copy()
+    engine.step(data, nstep=round(duration / engine.model.opt.timestep))
+    # Less than 10 nm or nrad a minute, and no speed to leave it by.
+    assert np.abs(data.qpos - settled).max() < 1e-8
+    assert np.abs(data.qvel).max() < 1e-11
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_torsional_friction_stops_a_spinning_sphere(timestep):
+    torsional, rate = 0.005, 5.0
+    engine, data = engine_of(SPHERE, (1.0, torsional, 0.0), 4, timestep)
+    data.qvel[5] = rate
+    deceleration = torsional * MASS * GRAVITY / (0.4 * MASS * RADIUS**2)
+    time, spin = speeds(engine, data, 1.2 * rate / deceleration, 5)
+    expected = np.maximum(0.0, rate - deceleration * time)
+    assert np.abs(spin - expected).max() <= TENTH_PERCENT * rate
+    assert_stays_at_rest(engine, data)
+
+
+@pytest.mark.parametrize("dimensions", [3, 4])
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_friction_stops_a_spinning_disc(timestep, dimensions):
+    """Sliding at the rim and torsion in the same points: half axes mu r and mu_t of one ellipse."""
+    sliding, torsional, rate = 0.3, 0.02, 20.0
+    engine, data = engine_of(DISC, (sliding, torsional, 0.0), dimensions, timestep, height=0.02)
+    data.qvel[5] = rate
+    lever = np.hypot(sliding * RADIUS, torsional if dimensions == 4 else 0.0)
+    deceleration = lever * GRAVITY / (0.5 * RADIUS**2)
+    time, spin = speeds(engine, data, 1.2 * rate / deceleration, 5)
+    expected = np.maximum(0.0, rate - deceleration * time)
+    assert np.abs(spin - expected).max() <= TENTH_PERCENT * rate
+    # It spins on the spot.
+    assert np.abs(data.qpos[:2]).max() < 1e-6
+    assert_stays_at_rest(engine, data)
+
+
+def rolling_out(sliding, rolling, inertia):
+    """Decelerations of the centre and of the turn, and v / omega while both directions slip.
+
+    With friction F and rolling moment M = F / q on the ellipse, slip along its normal gives
+    (v - omega r) / omega = q (mu_r / mu)^2, and m v' = -F, I omega' = F r - M make q a root of
+    (r + q e^2) (1 - q r) = q I / m, e = mu_r / mu.
+    """
+    e = (rolling / sliding) ** 2
+    a, b, c = -RADIUS * e, e - RADIUS**2 - inertia / MASS, RADIUS
+    q = (-b - np.sqrt(b * b - 4 * a * c)) / (2 * a)
+    moment = MASS * GRAVITY / np.hypot(q / sliding, 1 / rolling)
+    return q * moment / MASS, moment * (1 - q * RADIUS) / inertia, RADIUS + q * e
+
+
+@pytest.mark.parametrize("rolling", [1e-3, 1e-2])
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_rolling_friction_stops_a_rolling_sphere(timestep, rolling):
+    speed = 0.3
+    engine, data = engine_of(SPHERE, (1.0, 0.005, rolling), 6, timestep)
+    slowing, turning, lever = rolling_out(1.0, rolling, 0.4 * MASS * RADIUS**2)
+    data.qvel[0], data.qvel[4] = speed, speed / lever
+    time, forward = speeds(engine, data, 1.1 * speed / slowing, 0)
+    expected = np.maximum(0.0, speed - slowing * time)
+    # Coming to rest it rocks on its rolling spring, by as much as that holds, mu_r m g / k.
+    assert np.abs(forward - expected).max() <= TENTH_PERCENT * speed
+    assert np.abs(forward - expected)[expected > 0.1 * speed].max() <= 1e-5 * speed
+    assert turning * lever == pytest.approx(slowing)
+    # Without creep, q e^2 = 0, it would be the textbook's 5/7 mu_r g / r.
+    assert slowing == pytest.approx(5 / 7 * rolling * GRAVITY / RADIUS, rel=10 * rolling)
+    assert_stays_at_rest(engine, data)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_rolling_friction_holds_a_ball_on_a_slope(timestep):
+    """A slope flatter than mu_r / r does not roll the ball, a steeper one does."""
+    for tangent, rolls in ((0.04, False), (0.06, True)):
+        engine, data = engine_of(SPHERE, (1.0, 0.005, 0.05 * RADIUS), 6, timestep)
+        engine.model.opt.gravity[:] = GRAVITY * np.array([tangent, 0.0, -1.0])
+        engine.step(data, nstep=round(3.0 / timestep))
+        before = data.qpos[0]
+        engine.step(data, nstep=round(10.0 / timestep))
+        assert (data.qpos[0] - before > 1.0) if rolls else (abs(data.qpos[0] - before) < 1e-9)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_a_long_box_slides_straight(timestep):
+    """Its apparent masses differ from direction to direction; friction opposes the slip."""
+    box = 'type="box" size="0.3 0.05 0.02" mass="1"'
+    speed, friction = 1.0, 0.3
+    engine, data = engine_of(box, (friction, 0.0, 0.0), 3, timestep, height=0.02)
+    direction = np.array([np.cos(0.8), np.sin(0.8)])
+    data.qvel[:2] = speed * direction
+    engine.step(data, nstep=round(0.5 / timestep))
+    # 0.05 mm of 170 mm: loading the contacts and their friction springs.
+    np.testing.assert_allclose(
+        data.qpos[:2], speed**2 / (2 * friction * GRAVITY) * direction, atol=5e-5
+    )
+    assert np.abs(data.qpos[4:7]).max() < 1e-4
