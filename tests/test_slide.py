@@ -1,9 +1,11 @@
 """Sliding boxes: exact stopping distance, and a normal force that ignores sliding speed."""
 
+import mujoco
 import numpy as np
 import pytest
 
-from scenes import GRAVITY, rise, set_velocity, slide
+import dashpot
+from scenes import GRAVITY, free_body, mjcf, rise, set_velocity, slide
 from simulate import DASHPOT, make_engine, measure
 
 TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
@@ -58,3 +60,22 @@ def test_normal_force_while_sliding_is_the_weight(timestep):
     # Every sliding contact is on its limit.
     np.testing.assert_allclose(sliding, 0.2 * contacts.force[:, 0], rtol=1e-6)
     assert not contacts.sticking.any()
+
+
+def test_without_friction_a_condim_3_contact_moves_nothing_sideways():
+    """A ball that drops on a plane while it slides: its way along the plane is v t exactly."""
+    model = mujoco.MjModel.from_xml_string(
+        mjcf(free_body("ball", 'type="sphere" size="0.1" mass="1"', (0, 0, 0.101)))
+    )
+    model.opt.timestep = 0.002
+    engine = dashpot.Engine(model)
+    for geom in range(model.ngeom):
+        engine.set_material(geom, dashpot.Material(1e5, restitution=0.5, friction=0.0))
+    data = engine.make_data()
+    data.qvel[:2] = (3.0, -2.0)
+    engine.step(data, nstep=500)
+    # To rounding of 500 sums of steps of millimetres.
+    np.testing.assert_allclose(data.qpos[:2], (3.0, -2.0), rtol=1e-12)
+    np.testing.assert_allclose(data.qvel[3:], 0.0, atol=1e-12)
+    # The springs of the normal alone store energy: (m g)^2 / (2 k), two of 1e5 N/m in series.
+    assert engine.energy(data).elastic == pytest.approx(GRAVITY**2 / 1e5, rel=1e-3)

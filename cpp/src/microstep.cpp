@@ -135,7 +135,9 @@ class Microstep {
       const bool slides = i > 0 || c.kind == RowKind::kSlider;
       const double p = data_.impulse[row];
       double& deformation = data_.deformation[row];
-      if (slides && !data_.sticking[index]) {
+      if (slides && rows_.friction[row] == 0.0) {
+        deformation = 0.0;  // a slider without friction loads no spring
+      } else if (slides && !data_.sticking[index]) {
         const double limit = -p / (rows_.stiffness[row] * h_);
         deformation = limit + data_.relaxation[row] * (deformation - limit);
       } else {
@@ -201,6 +203,8 @@ class Microstep {
     }
     for (int i = 1; i < c.dim; ++i) flow_spring_row(c.row + i, data_.rate[c.row + i], load[i]);
     data_.sticking[index] = return_friction(c, impulse);
+    for (int i = 1; i < c.dim; ++i)
+      if (rows_.friction[c.row + i] == 0.0) moment[i] = 0.0;
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
     if (!data_.sticking[index])
       for (int i = 1; i < c.dim; ++i) moment[i] = impulse[i] * (moment[0] / impulse[0]);
