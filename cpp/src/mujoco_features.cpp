@@ -128,8 +128,8 @@ void report_constraints(const mjModel* m, Report& report) {
   }
   for (int i = 0; i < m->nu; ++i)
     if (m->actuator_trntype[i] == mjTRN_BODY)
-      report.add("actuator " + named(m, mjOBJ_ACTUATOR, i) + " adhesion", Treatment::kRefused,
-                 "adhesion needs contacts before forces");
+      report.add("actuator " + named(m, mjOBJ_ACTUATOR, i) + " adhesion", Treatment::kHonoured,
+                 "pulls along the normals of the contacts at the start of a step");
 }
 
 }  // namespace

@@ -89,13 +89,31 @@ double* memory(const mjModel_* m, mjData_* d, int size) {
   return d->userdata + (m->nuserdata - size);
 }
 
+namespace {
+
+// Moments of actuators. An adhesion actuator pulls along the normals of its body's contacts, so it
+// needs those of the present positions, though no rows of theirs: MuJoCo takes contacts without
+// rows (exclude 1, those inside the gap) by their Jacobian.
+void transmission(const mjModel* m, mjData* d) {
+  const bool adhesive = std::find(m->actuator_trntype, m->actuator_trntype + m->nu, mjTRN_BODY) !=
+                        m->actuator_trntype + m->nu;
+  if (!adhesive) return mj_transmission(m, d);
+  mj_collision(m, d);
+  for (int i = 0; i < d->ncon; ++i)
+    if (d->contact[i].exclude == 0) d->contact[i].exclude = 1;
+  mj_transmission(m, d);
+  d->ncon = 0;
+}
+
+}  // namespace
+
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
   d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
   mj_fwdKinematics(m, d);
   mj_makeM(m, d);
   mj_factorM(m, d);
-  mj_transmission(m, d);
+  transmission(m, d);
   mj_fwdVelocity(m, d);
   if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
   mj_fwdActuation(m, d);
