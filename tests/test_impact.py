@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from impacts import Bounce, random_shot
+from impacts import Bounce, random_bounce, random_shot
 from piles import pile
 from scenes import slope, stack
 from simulate import make_engine
@@ -55,6 +55,12 @@ def test_bounce_of_a_spinning_box_off_a_wall(quat, velocity, stiffness):
     linear, angular = bounce.errors(0.005, "cut")
     assert linear < 0.01
     assert angular < 0.01
+
+
+# 32 and 71 strike again slowly, 135 grazes, 13 and 27 roll over several corners.
+@pytest.mark.parametrize("seed", [0, 13, 27, 32, 71, 135])
+def test_random_bounces_of_a_spinning_box(seed):
+    assert max(random_bounce(seed).errors(0.005, "cut")) < 0.01
 
 
 @pytest.mark.parametrize("speed", [30.0, 300.0])

@@ -12,7 +12,9 @@
 #include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
+#include "dashpot/middle.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/row_products.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
@@ -53,7 +55,9 @@ struct Stepper::Impl {
   // The stages of a step (DESIGN section 2).
   void read_state(const mjData_* d);
   void find_smooth_acceleration(mjData_* d);
-  void cut_at_impact(mjData_* d, host::StepParts& parts);
+  Part cut_at_impact(mjData_* d, host::StepParts& parts);
+  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
+  void freeze_at_middle(const mjData_* d);
   void build_rows(mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
@@ -131,8 +135,12 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   host::smooth_stage(model, d, !parts.cut());
   find_smooth_acceleration(d);
   host::detect(model, d, smooth_acceleration, contacts, constraints);
-  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  build_rows(d);
+  Part part;
+  if (parameters.options.impact == Impact::kCut) part = cut_at_impact(d, parts);
+  if (part.impact)
+    build_rows_in_the_middle(d, part.apart);
+  else
+    build_rows(d);
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
@@ -145,15 +153,66 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
 }
 
 // Ends this part of the step where the next impact begins.
-void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
-  if (cuts == kMaxCuts) return;
-  const double part = part_before_impact(model, d, memory(d), smooth_acceleration, constraints,
-                                         parts.whole(), length, kMaxCuts - cuts, contacts);
-  if (part == length) return;
-  ++cuts;
-  length = part;
-  parts.set_length(length);
-  find_smooth_acceleration(d);
+Part Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
+  Part part;
+  if (cuts == kMaxCuts) return part;
+  part = part_before_impact(model, d, memory(d), smooth_acceleration, constraints, contacts,
+                            parts.whole(), length, kMaxCuts - cuts);
+  drop_pairs(part.apart, contacts);
+  if (part.length != length) {
+    ++cuts;
+    length = part.length;
+    parts.set_length(length);
+    find_smooth_acceleration(d);
+  }
+  return part;
+}
+
+void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart) {
+  const std::vector<ContactInput> start = contacts;
+  const std::vector<ConstraintInput> start_constraints = constraints;
+  const host::MiddleGeometry middle(model, d, smooth_acceleration, contacts, constraints);
+  drop_pairs(apart, contacts);
+  freeze_at_middle(d);
+  build_rows(d);
+  std::vector<double> way;  // m, of each contact's points along each other up to the middle
+  for (const RowGroup& c : rows.group) {
+    double rate[kMaxRows], load[kMaxRows];
+    const double* jacobian = rows.jacobian.data() + c.jacobian;
+    gather(jacobian, c, data.velocity.data(), rate);
+    gather(jacobian, c, data.smooth_acceleration.data(), load);
+    for (int i = 0; i < c.dim; ++i) rate[i] = 0.5 * length * (rate[i] + 0.25 * length * load[i]);
+    if (c.kind == RowKind::kContact) {
+      contacts[c.input].gap -= rate[0];
+      way.push_back(c.dim > 1 ? std::hypot(rate[0], rate[1], rate[2]) : std::abs(rate[0]));
+      continue;
+    }
+    ConstraintInput& constraint = constraints[c.input];
+    constraint.position -= rate[0];
+    for (const ConstraintInput& same : start_constraints)
+      if (same.memory == constraint.memory) constraint.position = same.position;
+  }
+  take_gaps_at_start(start, way, contacts);
+}
+
+// Velocities and inertia as the geometry of the middle sees them.
+void Stepper::Impl::freeze_at_middle(const mjData_* d) {
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    host::factor_tree(model, d, trees, index);
+    const int begin = trees.tree[index].dof_begin;
+    double* acceleration = smooth_acceleration.data() + begin;
+    Vector6 velocity;
+    const double* start = start_velocity.data() + begin;
+    if (moves_as_free_body(index)) {
+      FreeMotion& motion = free_motion[index];
+      freeze_at(motion, host::orientation(model, d, index));
+      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+      velocity = dashpot::start_velocity(motion);
+      start = velocity.data();
+    }
+    whiten_velocity(trees, index, acceleration, data.smooth_acceleration.data() + begin);
+    whiten_velocity(trees, index, start, data.velocity.data() + begin);
+  }
 }
 
 void Stepper::Impl::read_state(const mjData_* d) {

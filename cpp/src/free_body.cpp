@@ -96,9 +96,9 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
 FreeMotion predict_free_motion(const FreeBody& body, double step) {
   FreeMotion motion;
   motion.start = body;
+  freeze_at(motion, body.orientation);
   const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
   const Eigen::Vector3d alpha = body.orientation * body.acceleration.tail<3>();
-  motion.arm = body.orientation * body.offset;
   motion.angular_velocity = omega;
   motion.centre_velocity = body.velocity.head<3>() + omega.cross(motion.arm);
   motion.centre_acceleration =
@@ -112,24 +112,35 @@ FreeMotion predict_free_motion(const FreeBody& body, double step) {
   return motion;
 }
 
+void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation) {
+  motion.frame = orientation;
+  motion.arm = orientation * motion.start.offset;
+}
+
+Vector6 start_velocity(const FreeMotion& motion) {
+  Vector6 velocity;
+  velocity.head<3>() = motion.centre_velocity - motion.angular_velocity.cross(motion.arm);
+  velocity.tail<3>() = motion.frame.conjugate() * motion.angular_velocity;
+  return velocity;
+}
+
 Vector6 mean_acceleration(const FreeMotion& motion, double step) {
   const FreeBody& body = motion.start;
   const Eigen::Vector3d alpha =
       (angular_velocity(motion.end, body.inertia) - motion.angular_velocity) / step;
   Vector6 acceleration;
   acceleration.head<3>() = motion.centre_acceleration - alpha.cross(motion.arm);
-  acceleration.tail<3>() = body.orientation.conjugate() * alpha;
+  acceleration.tail<3>() = motion.frame.conjugate() * alpha;
   return acceleration;
 }
 
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement) {
   const FreeBody& start = motion.start;
-  const Eigen::Vector3d omega_change = start.orientation * velocity_change.tail<3>();
-  const Eigen::Vector3d turn = start.orientation * displacement.tail<3>();
+  const Eigen::Vector3d omega_change = motion.frame * velocity_change.tail<3>();
+  const Eigen::Vector3d turn = motion.frame * displacement.tail<3>();
   Rotation end = motion.end;
-  end.angular_momentum +=
-      momentum_of(start.orientation * start.principal, start.inertia, omega_change);
+  end.angular_momentum += momentum_of(motion.frame * start.principal, start.inertia, omega_change);
   end.orientation = (rotation_of(turn) * end.orientation).normalized();
 
   FreeBody body = start;
@@ -142,7 +153,7 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
   const Eigen::Vector3d centre_velocity =
       motion.centre_velocity + step * motion.centre_acceleration + velocity_change.head<3>() +
       omega_change.cross(motion.arm);
-  body.origin = start.origin + centre_displacement + (motion.arm - arm);
+  body.origin = start.origin + centre_displacement + (start.orientation * start.offset - arm);
   body.velocity.head<3>() = centre_velocity - omega.cross(arm);
   body.velocity.tail<3>() = body.orientation.conjugate() * omega;
   return body;

@@ -18,6 +18,7 @@ namespace {
 constexpr double kFast = 0.25;      // of the half-width: relative motion that needs a look
 constexpr double kStandoff = 0.01;  // of the half-width: where flight ends and contact begins
 constexpr double kTurn = 0.005;     // rad, in a part with contact
+constexpr double kFastTurn = 0.02;  // rad, in a step with contact, that needs a look
 // Below this turn (rad) in a part an arm's circle departs from its tangent by less than rounding of
 // the standoff, and the axis of the turn may be far away.
 constexpr double kSmallTurn = 1e-3;
@@ -89,6 +90,9 @@ struct Pair {
     }
     return rate;
   }
+  bool is_fast(double speed, double length, double step) const {
+    return speed * step > kFast * half_width || turn_rate(speed, length) * step > kFastTurn;
+  }
   double standoff(double length) const {
     double acceleration = (side[1].acceleration.linear - side[0].acceleration.linear).norm();
     for (const Side& s : side)
@@ -141,6 +145,9 @@ class ImpactSearch {
     }
   }
   bool any() const { return !pairs_.empty(); }
+  bool impact() const {
+    return std::any_of(pairs_.begin(), pairs_.end(), [](const Pair& p) { return !p.apart; });
+  }
 
   // The motion over a shorter part is nearer to its mean: the second search sharpens the first.
   double find_part(int cuts_left) {
@@ -155,9 +162,9 @@ class ImpactSearch {
     return length > (1.0 - kShortest) * remaining_ ? remaining_ : length;
   }
 
-  // Takes out the contacts of pairs that fly apart of each other, undisturbed.
-  void drop_apart(const std::vector<ConstraintInput>& constraints,
-                  std::vector<ContactInput>& contacts) const {
+  // Pairs that fly apart of each other, undisturbed.
+  std::vector<GeomPair> pairs_apart(const std::vector<ConstraintInput>& constraints,
+                                    const std::vector<ContactInput>& contacts) const {
     std::vector<char> disturbed(host::tree_count(model_), 0);
     bool changed = false;
     const auto disturb = [&](int tree) {
@@ -171,24 +178,26 @@ class ImpactSearch {
     for (const Pair& pair : pairs_)
       if (!pair.apart)
         for (const Side& side : pair.side) disturb(side.tree);
-    const auto drops = [&](size_t i) {
-      const int index = pair_of_contact_[i];
-      return index >= 0 && pairs_[index].apart && pairs_[index].flies &&
-             !is_disturbed(contacts[i].tree[0]) && !is_disturbed(contacts[i].tree[1]);
+    const auto drops = [&](const Pair& pair) {
+      return pair.apart && pair.flies && !is_disturbed(pair.side[0].tree) &&
+             !is_disturbed(pair.side[1].tree);
     };
     // What an impact disturbs, it may hand on through any contact with rows.
     do {
       changed = false;
       for (size_t i = 0; i < contacts.size(); ++i) {
         const auto& tree = contacts[i].tree;
-        if (drops(i) || !(is_disturbed(tree[0]) || is_disturbed(tree[1]))) continue;
+        const int index = pair_of_contact_[i];
+        if (index >= 0 && drops(pairs_[index])) continue;
+        if (!is_disturbed(tree[0]) && !is_disturbed(tree[1])) continue;
         for (int t : tree) disturb(t);
       }
     } while (changed);
-    std::vector<ContactInput> kept;
-    for (size_t i = 0; i < contacts.size(); ++i)
-      if (!drops(i)) kept.push_back(contacts[i]);
-    contacts.swap(kept);
+    std::vector<GeomPair> apart;
+    for (const Pair& pair : pairs_)
+      if (drops(pair)) apart.push_back({pair.side[0].geom, pair.side[1].geom});
+    std::sort(apart.begin(), apart.end());
+    return apart;
   }
 
  private:
@@ -197,6 +206,7 @@ class ImpactSearch {
     double half_width = 0.0;  // m
     double radius = 0.0;      // m, reach of the core about the body's centre of mass
     double speed = 0.0;       // m/s, of its points
+    double calm_way = 0.0;    // m, relative motion in a step that asks for nothing
   };
 
   Bound bound_geom(int geom) const {
@@ -206,6 +216,9 @@ class ImpactSearch {
     bound.half_width = size.half_width;
     if (std::isfinite(size.half_width))
       bound.radius = size.core_radius + geom_offset(data_, geom, velocity_[body].centre);
+    bound.calm_way = kFast * bound.half_width;
+    if (bound.radius > 0.0 && host::geom_tree(model_, geom) >= 0)
+      bound.calm_way = std::min(bound.calm_way, kFastTurn * bound.radius);
     const auto mean = [&](const Vector3d& velocity, const Vector3d& acceleration) {
       return (velocity + 0.5 * remaining_ * acceleration).norm();
     };
@@ -214,14 +227,14 @@ class ImpactSearch {
     return bound;
   }
 
-  double half_width(const std::array<int, 2>& geom) const {
+  double half_width(const GeomPair& geom) const {
     return std::min(bound_[geom[0]].half_width, bound_[geom[1]].half_width);
   }
 
   // Slow in any direction.
-  bool is_slow(const std::array<int, 2>& geom) const {
+  bool is_slow(const GeomPair& geom) const {
     const double speed = bound_[geom[0]].speed + bound_[geom[1]].speed + release_speed(geom);
-    return speed * whole_ <= kFast * half_width(geom);
+    return speed * whole_ <= std::min(bound_[geom[0]].calm_way, bound_[geom[1]].calm_way);
   }
 
   // A pair whose compressed contacts hold enough to make it fast.
@@ -247,7 +260,7 @@ class ImpactSearch {
     }
   }
 
-  double release_speed(const std::array<int, 2>& geom) const {
+  double release_speed(const GeomPair& geom) const {
     double speed_squared = 0.0;
     for (const Loaded& loaded : loaded_)
       if (loaded.geom == geom) speed_squared += loaded.speed_squared;
@@ -283,7 +296,7 @@ class ImpactSearch {
     const bool touches = contact.gap <= 2.0 * pair.standoff(remaining_);
     const double speed = pair.has_plane || touches ? pair.closing_speed(normal, remaining_)
                                                    : pair.closing_speed(remaining_);
-    return (speed + pair.release_speed) * whole_ > kFast * pair.half_width;
+    return pair.is_fast(speed + pair.release_speed, remaining_, whole_);
   }
 
   // How long the pair allows the part to last, at most `length`.
@@ -312,7 +325,7 @@ class ImpactSearch {
       }
     }
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
-    if (speed * whole_ <= kFast * pair.half_width) return length;
+    if (!pair.is_fast(speed, length, whole_)) return length;
     const double calm =
         std::min(kFast * pair.half_width / speed, kTurn / pair.turn_rate(speed, length));
     return std::min(length, std::max(calm, shortest_contact));
@@ -330,17 +343,29 @@ class ImpactSearch {
 
 }  // namespace
 
-double part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
-                          const std::vector<double>& acceleration,
-                          const std::vector<ConstraintInput>& constraints, double whole,
-                          double remaining, int cuts_left, std::vector<ContactInput>& contacts) {
-  if (contacts.empty()) return remaining;
+Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
+                        const std::vector<double>& acceleration,
+                        const std::vector<ConstraintInput>& constraints,
+                        const std::vector<ContactInput>& contacts, double whole, double remaining,
+                        int cuts_left) {
+  Part part;
+  part.length = remaining;
+  if (contacts.empty()) return part;
   ImpactSearch search(model, data, memory, acceleration, whole, remaining);
   search.find_fast(contacts);
-  if (!search.any()) return remaining;
-  const double part = search.find_part(cuts_left);
-  search.drop_apart(constraints, contacts);
+  if (!search.any()) return part;
+  part.length = search.find_part(cuts_left);
+  part.impact = search.impact();
+  part.apart = search.pairs_apart(constraints, contacts);
   return part;
+}
+
+void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts) {
+  if (pairs.empty()) return;
+  const auto is_dropped = [&](const ContactInput& contact) {
+    return std::binary_search(pairs.begin(), pairs.end(), contact.geom);
+  };
+  contacts.erase(std::remove_if(contacts.begin(), contacts.end(), is_dropped), contacts.end());
 }
 
 }  // namespace dashpot

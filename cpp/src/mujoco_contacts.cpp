@@ -125,8 +125,10 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
   }
 }
 
-void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+namespace {
+
+void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
+                 std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   {
     WidenedReach reach(m, d, acceleration);
     const int lost = d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number;
@@ -145,12 +147,38 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
   read_constraints(m, d, constraints);
   mj_island(m, d);
   mj_referenceConstraint(m, d);
+}
+
+}  // namespace
+
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  detect_rows(m, d, acceleration, contacts, constraints);
   mj_sensorPos(m, d);
   mj_sensorVel(m, d);
   if (m->opt.enableflags & mjENBL_ENERGY) {
     mj_energyPos(m, d);
     mj_energyVel(m, d);
   }
+}
+
+MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                               std::vector<ContactInput>& contacts,
+                               std::vector<ConstraintInput>& constraints)
+    : model_(m), data_(d), start_(d->qpos, d->qpos + m->nq) {
+  const double half = 0.5 * m->opt.timestep;
+  std::vector<double> velocity(d->qvel, d->qvel + m->nv);
+  for (int i = 0; i < m->nv; ++i) velocity[i] += 0.5 * half * acceleration[i];
+  mj_integratePos(m, d->qpos, velocity.data(), half);
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  detect_rows(m, d, acceleration, contacts, constraints);
+}
+
+MiddleGeometry::~MiddleGeometry() {
+  std::copy(start_.begin(), start_.end(), data_->qpos);
+  mj_fwdKinematics(model_, data_);
+  mj_makeM(model_, data_);
 }
 
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts) {

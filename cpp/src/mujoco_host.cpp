@@ -77,6 +77,8 @@ std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
   return {f[0], f[1], f[2]};
 }
 
+int geom_tree(const mjModel_* m, int geom) { return m->body_treeid[m->geom_bodyid[geom]]; }
+
 int geom_priority(const mjModel_* m, int geom) { return m->geom_priority[geom]; }
 
 double geom_inverse_mass(const mjModel_* m, int geom) {
@@ -162,11 +164,15 @@ bool is_free_body(const mjModel_* m, int tree) {
   return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;
 }
 
+Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree) {
+  const mjtNum* q = d->xquat + 4 * m->dof_bodyid[m->tree_dofadr[tree]];
+  return {q[0], q[1], q[2], q[3]};
+}
+
 FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration) {
   const int dof = m->tree_dofadr[tree];
   const int body = m->dof_bodyid[dof];
   const mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
-  const mjtNum* orientation = d->xquat + 4 * body;
   const mjtNum* principal = m->body_iquat + 4 * body;
   FreeBody free;
   free.mass = m->body_mass[body];
@@ -174,7 +180,7 @@ FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const dou
   free.principal = {principal[0], principal[1], principal[2], principal[3]};
   free.offset = Eigen::Map<const Eigen::Vector3d>(m->body_ipos + 3 * body);
   free.origin = Eigen::Map<const Eigen::Vector3d>(q);
-  free.orientation = {orientation[0], orientation[1], orientation[2], orientation[3]};
+  free.orientation = orientation(m, d, tree);
   free.velocity = Eigen::Map<const Vector6>(d->qvel + dof);
   free.acceleration = Eigen::Map<const Vector6>(acceleration);
   return free;

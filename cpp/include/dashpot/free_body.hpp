@@ -44,20 +44,28 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
 // Motion over a step without contact.
 struct FreeMotion {
   FreeBody start;
-  Eigen::Vector3d arm;                  // origin to centre of mass, world, at the start
+  Eigen::Quaterniond frame;             // attitude at which contacts see the body, see freeze_at
+  Eigen::Vector3d arm;                  // origin to centre of mass in that attitude, world
   Eigen::Vector3d centre_velocity;      // at the start, m/s
   Eigen::Vector3d centre_acceleration;  // m/s^2
   Eigen::Vector3d angular_velocity;     // world, at the start, rad/s
   Rotation end;
 };
+// Frozen at the start.
 FreeMotion predict_free_motion(const FreeBody& body, double step);
 
-// Constant generalized acceleration that leads to the same end velocity with the geometry, and so
-// the body frame, frozen at the start.
+// Freezes the geometry, and so the body frame, at another attitude of the step.
+void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation);
+
+// Generalized velocity at the start, with the same motion of the centre of mass and the same
+// angular velocity in the world, in the frozen frame.
+Vector6 start_velocity(const FreeMotion& motion);
+
+// Constant generalized acceleration that leads to the same end velocity in the frozen frame.
 Vector6 mean_acceleration(const FreeMotion& motion, double step);
 
 // The body at the end of the step; contacts changed its generalized velocity by `velocity_change`
-// and its position by `displacement` (frames frozen at the start). `acceleration` is left as it is.
+// and its position by `displacement`, both in the frozen frame. `acceleration` is left as it is.
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement);
 

@@ -8,20 +8,23 @@
 //         compressed contacts can still give it in a step, x sqrt(k w) min(1, sqrt(k w) H),
 //     e = half the least width of its thinner geom.
 //
-// A pair is fast where s H > e / 4. Of the fast pairs,
+// A pair is fast where s H > e / 4, or where such motion turns one of the two by more than 0.02 rad
+// in the step. Of the fast pairs,
 //
 // - those apart get their time of impact, up to a standoff that covers what the motion over the
 //   step departs from constant velocity by, |a| H^2 / 8. The part of the step ends there. Within
 //   it their rows are left out: the pair is proven apart. (Rows stay where an impact elsewhere in
 //   this part could change the motion, and for articulated trees, whose motion is not rigid.)
-// - those in touch keep their rows, with normals found at the surface, for a part in which neither
-//   geom turns by more than 0.02 rad nor the pair approaches by more than e / 4.
+// - those in touch keep their rows for a part in which neither geom turns by more than 0.005 rad
+//   nor the pair approaches by more than e / 4. The geometry is that of the middle of the part
+//   (see middle.hpp), so that errors are quadratic in the turn.
 //
 // The rest of the step follows in the same way with fresh collision. Parts are cut at most kMaxCuts
 // times in a step; the last takes all that remains.
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/memory.hpp"
@@ -34,12 +37,25 @@ namespace dashpot {
 
 inline constexpr int kMaxCuts = 128;
 
-// Length (s) of the next part of a step, at most `remaining`, which is returned where nothing is
-// fast. Contacts of pairs that stay apart during the part are taken out of `contacts`.
-// `acceleration` (nv) is the mean smooth acceleration, `cuts_left` >= 1.
-double part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
-                          const std::vector<double>& acceleration,
-                          const std::vector<ConstraintInput>& constraints, double whole,
-                          double remaining, int cuts_left, std::vector<ContactInput>& contacts);
+using GeomPair = std::array<int, 2>;
+
+// The next part of a step.
+struct Part {
+  double length = 0.0;  // s
+  bool impact = false;  // a fast pair is in touch
+  // Pairs proven apart during the part, whose contacts are to be left out; without repetition.
+  std::vector<GeomPair> apart;
+};
+
+// The next part of a step, at most `remaining`, which is its length where nothing is fast.
+// `acceleration` (nv) is the mean smooth acceleration over what remains, `cuts_left` >= 1.
+Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
+                        const std::vector<double>& acceleration,
+                        const std::vector<ConstraintInput>& constraints,
+                        const std::vector<ContactInput>& contacts, double whole, double remaining,
+                        int cuts_left);
+
+// Takes out the contacts of some pairs.
+void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);
 
 }  // namespace dashpot

@@ -46,6 +46,7 @@ int tree_count(const mjModel_* m);
 int dof_count(const mjModel_* m);
 double timestep(const mjModel_* m);
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
+int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
 int geom_priority(const mjModel_* m, int geom);
 // MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
 double geom_inverse_mass(const mjModel_* m, int geom);
@@ -94,6 +95,23 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control);
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
+// While it lives, `d` holds kinematics, inertia, contacts and constraint rows of the configuration
+// to which smooth motion with `acceleration` (nv) brings it in half of the model's time step. At
+// its end kinematics and inertia are those of the present state again.
+class MiddleGeometry {
+ public:
+  MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                 std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+  ~MiddleGeometry();
+  MiddleGeometry(const MiddleGeometry&) = delete;
+  MiddleGeometry& operator=(const MiddleGeometry&) = delete;
+
+ private:
+  const mjModel_* model_;
+  mjData_* data_;
+  std::vector<double> start_;
+};
+
 // Scalar constraints of the last detection, with the margins that the model sets.
 void read_constraints(const mjModel_* m, const mjData_* d,
                       std::vector<ConstraintInput>& constraints);
@@ -136,6 +154,7 @@ void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* t
 bool is_free_body(const mjModel_* m, int tree);
 // `acceleration` is the smooth generalized acceleration of the tree.
 FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration);
+Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 const double* velocity(const mjData_* d);
