@@ -71,6 +71,7 @@ struct Stepper::Impl {
   void append_contact(int index, mjData_* d);
   bool moves_as_free_body(int tree) const;
   void collect_impulses(const std::vector<double>& start);
+  bool lands_in_next_step(const RowGroup& c, const std::vector<double>& start) const;
   void check_finite() const;
   void update_ledger(const EnergyShares& before, const EnergyShares& after);
   void advance_tree(mjData_* d, int tree);
@@ -376,10 +377,23 @@ void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
   for (size_t i = 0; i < start.size(); ++i)
     contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
   touched.assign(trees.tree.size(), 0);
-  for (size_t i = 0; i < rows.group.size(); ++i)
-    if (data.touched[i])
-      for (int tree : rows.group[i].tree)
-        if (tree >= 0) touched[tree] = 1;
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (!data.touched[i] && !lands_in_next_step(c, start)) continue;
+    for (int tree : c.tree)
+      if (tree >= 0) touched[tree] = 1;
+  }
+}
+
+// Where the semi-implicit update would take a tree into an overlap that its motion does not have,
+// it takes the motion of the micro-steps: otherwise a tree at rest is thrown back by the recovery
+// of that overlap, step after step.
+bool Stepper::Impl::lands_in_next_step(const RowGroup& c, const std::vector<double>& start) const {
+  if (parameters.options.law == Law::kComFree) return false;
+  const double gap =
+      c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
+  return overlaps_semi_implicitly(rows, c, gap, start.data(), data.smooth_acceleration.data(),
+                                  length);
 }
 
 void Stepper::Impl::check_finite() const {

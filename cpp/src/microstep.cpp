@@ -273,6 +273,16 @@ void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
   microstep.read_motion();
 }
 
+bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
+                              const double* velocity, const double* acceleration, double time) {
+  if (!is_unilateral(c) || gap <= 0.0) return false;
+  double rate[kMaxRows], load[kMaxRows];
+  const double* jacobian = rows.jacobian.data() + c.jacobian;
+  gather(jacobian, c, velocity, rate);
+  gather(jacobian, c, acceleration, load);
+  return gap + time * (rate[0] + time * load[0]) <= 0.0;
+}
+
 bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data) {
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
@@ -287,6 +297,7 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
     const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;
     const double least = turns ? gap - 0.5 * rate[0] * rate[0] / load[0] : end;
     if (least <= 0.0) return false;
+    if (gap + time * (rate[0] + time * load[0]) <= 0.0) return false;
   }
   return true;
 }

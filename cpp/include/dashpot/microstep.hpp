@@ -74,8 +74,14 @@ struct RowData {
 void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
                     double recovery_speed, RowData& data);
 
+// Whether a separated limit or contact would overlap after `time` (s) of MuJoCo's semi-implicit
+// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` and
+// `acceleration` are whitened, of the start and smooth.
+bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
+                              const double* velocity, const double* acceleration, double time);
+
 // Whether no row of an island can act within `time` (s): all are unilateral, separated, and stay so
-// in their smooth motion. Such an island needs no micro-steps.
+// in their smooth motion, by either update. Such an island needs no micro-steps.
 bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data);
 
 // Elastic energy stored in the springs, J.
