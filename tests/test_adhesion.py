@@ -93,3 +93,44 @@ def test_moments_are_those_of_mujoco():
         mujoco.mj_forward(reference_model, reference)
         engine.step(data)
         np.testing.assert_allclose(data.qfrc_actuator, reference.qfrc_actuator, atol=1e-14)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("where", ["geom", "pair"])
+def test_a_body_hangs_by_the_adhesion_of_its_geom(timestep, where):
+    """Four corners with 5 N each hold 9.81 N; adhesion is taken off what a contact reports."""
+    on_geom = 'adhesion="5"' if where == "geom" else ""
+    pair = (
+        '<contact><pair geom1="ceiling" geom2="box" adhesion="5" gap=".001"/></contact>'
+        if where == "pair"
+        else ""
+    )
+    xml = f"""<worldbody><geom name="ceiling" type="box" size="1 1 .1" pos="0 0 .1"/>
+      <body pos="0 0 -.1"><freejoint/>
+        <geom name="box" type="box" size=".1 .1 .1" mass="1" gap=".001" {on_geom}/></body>
+      </worldbody>{pair}"""
+    engine, data = engine_of(xml, timestep)
+    advance(engine, data, 5.0)
+    assert data.qpos[2] == pytest.approx(-0.1, abs=1e-5)
+    assert np.abs(data.qvel).max() < 1e-9
+    assert data.qfrc_adhesion[2] == pytest.approx(20.0, rel=1e-12)
+    # 10.19 N of pressure less 20 N of adhesion on the ceiling: it pulls the body up by its weight.
+    # The normal points from the ceiling to the body below it.
+    assert engine.contacts(data).force[:, 0].sum() == pytest.approx(-WEIGHT, rel=1e-6)
+
+
+def test_a_geom_adheres_only_within_its_own_reach():
+    """A wider reach finds a fast ball early; it is pulled and reported only within its gap."""
+    xml = """<option gravity="0 0 0"/><worldbody><geom type="plane" size="1 1 .1"/>
+      <body pos="0 0 .115"><freejoint/>
+        <geom size=".1" mass="1" gap=".01" adhesion="5"/></body></worldbody>"""
+    engine, data = engine_of(xml, 2e-3)
+    data.qvel[2] = -4.0
+    data.qvel[5] = 40.0  # a spin, for which detection reaches farther than the ball will go
+    engine.step(data)
+    assert len(engine.contacts(data)) == 1
+    assert data.qvel[2] == pytest.approx(-4.0, rel=1e-12)
+    assert engine.contacts(data).force[0, 0] == 0.0
+    engine.step(data)
+    # Now it is 7 mm above the floor, inside the gap of 10 mm: 5 N act until it lands.
+    assert data.qfrc_adhesion[2] == pytest.approx(-5.0, rel=1e-12)

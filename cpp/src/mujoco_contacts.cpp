@@ -71,6 +71,16 @@ class WidenedReach {
     std::copy(joint_margin_.begin(), joint_margin_.end(), m_->jnt_margin);
     std::copy(tendon_margin_.begin(), tendon_margin_.end(), m_->tendon_margin);
   }
+  // Whether MuJoCo would have found a contact without the wider reach.
+  bool within_own(const mjContact& contact) const {
+    const int first = contact.geom[0], second = contact.geom[1];
+    if (first < 0 || second < 0) return true;  // a flex; its reach is not widened
+    double gap = geom_gap_[first] + geom_gap_[second];
+    for (int pair = 0; pair < m_->npair; ++pair)
+      if (std::minmax(m_->pair_geom1[pair], m_->pair_geom2[pair]) == std::minmax(first, second))
+        gap = pair_gap_[pair];
+    return contact.dist < contact.includemargin + gap;
+  }
   WidenedReach(const WidenedReach&) = delete;
   WidenedReach& operator=(const WidenedReach&) = delete;
 
@@ -137,6 +147,8 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       mjContact& contact = d->contact[i];
       // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
       if (contact.exclude == 1) contact.exclude = 0;
+      // Nor do contacts adhere there; force reports take adhesion off the contact's force.
+      if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
     mj_makeConstraint(m, d);
     if (d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number > lost)

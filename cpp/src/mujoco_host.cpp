@@ -93,30 +93,28 @@ double* memory(const mjModel_* m, mjData_* d, int size) {
 
 namespace {
 
-// Moments of actuators. An adhesion actuator pulls along the normals of its body's contacts, so it
-// needs those of the present positions, though no rows of theirs: MuJoCo takes contacts without
-// rows (exclude 1, those inside the gap) by their Jacobian.
-void transmission(const mjModel* m, mjData* d) {
-  const bool adhesive = std::find(m->actuator_trntype, m->actuator_trntype + m->nu, mjTRN_BODY) !=
-                        m->actuator_trntype + m->nu;
-  if (!adhesive) return mj_transmission(m, d);
-  mj_collision(m, d);
-  for (int i = 0; i < d->ncon; ++i)
-    if (d->contact[i].exclude == 0) d->contact[i].exclude = 1;
-  mj_transmission(m, d);
-  d->ncon = 0;
+bool has_adhesion(const mjModel* m) {
+  const int* types = m->actuator_trntype;
+  return m->flg_adhesion || std::count(types, types + m->nactuator, mjTRN_BODY) > 0;
 }
 
 }  // namespace
 
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
+  const bool adhesive = has_adhesion(m);
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
   d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
   mj_fwdKinematics(m, d);
   mj_makeM(m, d);
   mj_factorM(m, d);
-  transmission(m, d);
+  // Adhesion, of actuators or of geoms, pulls along the normals of the contacts of the present
+  // positions. They need no rows: MuJoCo takes contacts inside the gap (exclude 1) without.
+  if (adhesive) mj_collision(m, d);
+  for (int i = 0; i < d->ncon; ++i)
+    if (d->contact[i].exclude == 0) d->contact[i].exclude = 1;
+  mj_transmission(m, d);
   mj_fwdVelocity(m, d);
+  d->ncon = 0;
   if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
   mj_fwdActuation(m, d);
   mj_fwdAcceleration(m, d);

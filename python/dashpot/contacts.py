@@ -32,7 +32,7 @@ class Contacts:
     velocity : (n, 3) array
         Relative velocity, m/s; the first component is the gap rate.
     force : (n, 3) array
-        Contact force, N; the first component is never negative.
+        Contact force, N; only the adhesion of geoms makes the first component negative.
     torque : (n, 3) array
         Torsional and rolling friction torque, N m.
     compression : (n,) array
