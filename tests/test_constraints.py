@@ -174,3 +174,40 @@ def test_rigid_material_bounces_with_its_restitution(restitution, timestep):
     # Gravity acts during the contact, which a rigid material makes about a millisecond long: g
     # times that, relative to an impact at 4.43 m/s.
     assert speed / np.sqrt(2 * 9.81) == pytest.approx(restitution, abs=2e-3)
+
+
+COUPLED = """<option timestep="2e-3"/><worldbody>
+  <body><joint name="a" type="slide" axis="0 0 1"/><geom size=".05" mass="1"/></body>
+  <body pos="1 0 0"><freejoint/><geom size=".05" mass="1"/></body>
+  <body pos="2 0 0"><joint name="b" type="slide" axis="0 0 1"/><geom size=".05" mass="2"/></body>
+  <body pos="3 0 0"><joint name="c" type="slide" axis="0 0 1"/><geom size=".05" mass="3"/></body>
+</worldbody><tendon><fixed name="sum" limited="true" range="{low} 10">
+  <joint joint="a" coef="1"/><joint joint="b" coef="2"/><joint joint="c" coef="3"/>
+</fixed></tendon>"""
+
+
+def test_a_tendon_over_three_bodies_carries_them_all():
+    engine, data = engine_of(COUPLED.format(low=-0.6), 2e-3)
+    advance(engine, data, 5.0)
+    slides = [0, 7, 8]
+    # Weights m g against a tension T times 1, 2, 3: T = g holds all three, 0.1 m below the start
+    # (1 z + 2 z + 3 z = -0.6); the body between them falls freely.
+    np.testing.assert_allclose(data.qfrc_constraint[slides], 9.81 * np.array([1, 2, 3]), rtol=1e-9)
+    assert data.qpos[[0, 8, 9]] @ [1, 2, 3] == pytest.approx(-0.6, abs=1e-4)
+    # MuJoCo's semi-implicit update falls up to g h t / 2 ahead of the parabola.
+    assert data.qpos[3] == pytest.approx(-0.5 * 9.81 * 5.0**2, abs=0.05)
+
+
+def test_bodies_that_a_tendon_may_couple_step_as_in_mujoco_while_it_is_slack():
+    engine, data = engine_of(COUPLED.format(low=-1000), 2e-3)
+    reference_model = mujoco.MjModel.from_xml_string(
+        f"<mujoco>{COUPLED.format(low=-1000)}</mujoco>"
+    )
+    reference = mujoco.MjData(reference_model)
+    for d in (data, reference):
+        d.qvel[:] = 0.1, 0.2, 0.3, 0.4, 1.0, 2.0, 3.0, 0.5, 0.6
+    for _ in range(100):
+        engine.step(data)
+        mujoco.mj_step(reference_model, reference)
+    np.testing.assert_array_equal(data.qpos, reference.qpos)
+    np.testing.assert_array_equal(data.qvel, reference.qvel)

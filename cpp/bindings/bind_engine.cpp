@@ -139,9 +139,12 @@ void bind_engine(py::module_& module) {
       "reserve_memory",
       [](std::uintptr_t model) {
         mjModel_* m = model_at(model);
+        host::join_coupled_trees(m);
         host::reserve_memory(m, memory_layout(m).size());
       },
-      py::arg("model_address"), "Enlarges nuserdata of a model by the size of contact memory.");
+      py::arg("model_address"),
+      "Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees "
+      "that a single constraint row couples by more than two.");
   module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"));
   module.def("energy", &energy_dict, py::arg("model_address"), py::arg("data_address"),
              py::arg("scratch_address"));

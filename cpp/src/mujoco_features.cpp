@@ -2,6 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -14,6 +15,10 @@ namespace {
 std::string named(const mjModel* m, int type, int id) {
   const char* name = mj_id2name(m, type, id);
   return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
+}
+
+bool any_nonzero(const mjtNum* values, int count) {
+  return std::any_of(values, values + count, [](mjtNum value) { return value != 0.0; });
 }
 
 struct Report {
@@ -75,6 +80,12 @@ void report_contacts(const mjModel* m, Report& report) {
     report.add("flex " + named(m, mjOBJ_FLEX, 0), Treatment::kRefused,
                "deformable contacts are not stepped");
   for (int geom = 0; geom < m->ngeom; ++geom) {
+    if (any_nonzero(m->geom_surfacevel + 6 * geom, 6))
+      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " surfacevel", Treatment::kRefused,
+                 "friction acts between the bodies' own velocities");
+    if (m->geom_adhesion[geom] != 0.0)
+      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " adhesion", Treatment::kHonoured,
+                 "pulls along the normals of the contacts at the start of a step");
     if (m->geom_contype[geom] == 0 && m->geom_conaffinity[geom] == 0) continue;
     report_solref(report, "geom " + named(m, mjOBJ_GEOM, geom), m->geom_solref + mjNREF * geom,
                   m->geom_solimp + mjNIMP * geom);
@@ -82,6 +93,9 @@ void report_contacts(const mjModel* m, Report& report) {
   for (int pair = 0; pair < m->npair; ++pair) {
     const std::string name = "pair " + named(m, mjOBJ_PAIR, pair);
     report_solref(report, name, m->pair_solref + mjNREF * pair, m->pair_solimp + mjNIMP * pair);
+    if (m->pair_adhesion[pair] != 0.0)
+      report.add(name + " adhesion", Treatment::kHonoured,
+                 "pulls along the normals of the contacts at the start of a step");
     const mjtNum* friction = m->pair_solreffriction + mjNREF * pair;
     if (friction[0] != 0.0 || friction[1] != 0.0)
       report.add(name + " solreffriction", Treatment::kMapped,
@@ -120,13 +134,16 @@ void report_constraints(const mjModel* m, Report& report) {
       report_friction_loss(report, name, m->tendon_solref_fri + mjNREF * i,
                            m->tendon_solimp_fri + mjNIMP * i);
     if (m->tendon_limited[i] || m->tendon_frictionloss[i] > 0) {
-      if (m->tendon_treenum[i] > 2)
-        report.add(name, Treatment::kRefused, "its limit or friction couples more than two trees");
       report_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
                     m->tendon_solimp_lim + mjNIMP * i);
     }
   }
-  for (int i = 0; i < m->nu; ++i)
+  if (coupled_dof_count(m) > kMostCoupledDofs)
+    report.add("bodies coupled by tendons or flexes", Treatment::kRefused,
+               "they have " + std::to_string(coupled_dof_count(m)) +
+                   " degrees of freedom; at most " + std::to_string(kMostCoupledDofs) +
+                   " are stepped as one tree");
+  for (int i = 0; i < m->nactuator; ++i)
     if (m->actuator_trntype[i] == mjTRN_BODY)
       report.add("actuator " + named(m, mjOBJ_ACTUATOR, i) + " adhesion", Treatment::kHonoured,
                  "pulls along the normals of the contacts at the start of a step");

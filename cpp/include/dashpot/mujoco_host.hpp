@@ -78,6 +78,15 @@ class StepParts {
 void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
                      std::vector<double>& velocity);
 
+// Trees that a single row may couple by more than two (a tendon over three bodies, a flex) are
+// joined to one in the model, so that a row has at most two. Changes nothing else that MuJoCo
+// computes.
+void join_coupled_trees(mjModel_* m);
+// Most degrees of freedom that joining puts into one tree; 0 where nothing is to be joined.
+int coupled_dof_count(const mjModel_* m);
+// Beyond this the dense inverse inertia of one tree takes longer than everything else.
+inline constexpr int kMostCoupledDofs = 600;
+
 // Contact memory lives behind the model's own user data: `size` doubles.
 void reserve_memory(mjModel_* m, int size);
 double* memory(const mjModel_* m, mjData_* d, int size);

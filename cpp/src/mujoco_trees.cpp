@@ -1,0 +1,124 @@
+// Kinematic trees that single constraint rows couple by more than two. Part of the mujoco_host
+// room.
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <set>
+#include <vector>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+using TreeSet = std::set<int>;
+
+void insert_tree_of_body(const mjModel* m, int body, TreeSet& trees) {
+  if (m->body_treeid[body] >= 0) trees.insert(m->body_treeid[body]);
+}
+
+void insert_trees_of_tendon(const mjModel* m, int tendon, TreeSet& trees) {
+  const int begin = m->ten_J_rowadr[tendon];
+  for (int k = begin; k < begin + m->ten_J_rownnz[tendon]; ++k)
+    trees.insert(m->dof_treeid[m->ten_J_colind[k]]);
+}
+
+TreeSet trees_of_flex(const mjModel* m, int flex) {
+  TreeSet trees;
+  if (m->flex_interp[flex])
+    for (int i = 0; i < m->flex_nodenum[flex]; ++i)
+      insert_tree_of_body(m, m->flex_nodebodyid[m->flex_nodeadr[flex] + i], trees);
+  else
+    for (int i = 0; i < m->flex_vertnum[flex]; ++i)
+      insert_tree_of_body(m, m->flex_vertbodyid[m->flex_vertadr[flex] + i], trees);
+  return trees;
+}
+
+// The trees of every row, or family of rows, that may reach more than two.
+std::vector<TreeSet> coupled_trees(const mjModel* m) {
+  std::vector<TreeSet> coupled;
+  const auto add = [&](TreeSet trees, size_t allowed) {
+    if (trees.size() > allowed) coupled.push_back(std::move(trees));
+  };
+  for (int i = 0; i < m->ntendon; ++i) {
+    if (!m->tendon_limited[i] && m->tendon_frictionloss[i] == 0.0) continue;
+    TreeSet trees;
+    insert_trees_of_tendon(m, i, trees);
+    add(trees, 2);
+  }
+  for (int i = 0; i < m->neq; ++i) {
+    if (m->eq_type[i] != mjEQ_TENDON) continue;
+    TreeSet trees;
+    insert_trees_of_tendon(m, m->eq_obj1id[i], trees);
+    if (m->eq_obj2id[i] >= 0) insert_trees_of_tendon(m, m->eq_obj2id[i], trees);
+    add(trees, 2);
+  }
+  // A contact on an element of a flex reaches several vertices and the body on the other side.
+  for (int flex = 0; flex < m->nflex; ++flex) add(trees_of_flex(m, flex), 1);
+  return coupled;
+}
+
+// For every tree the first and last of the trees that it is one with. Trees in between are taken
+// along, so that the degrees of freedom stay one range.
+struct Range {
+  int first, last;
+};
+std::vector<Range> joined_ranges(const mjModel* m) {
+  std::vector<Range> range(m->ntree);
+  for (int i = 0; i < m->ntree; ++i) range[i] = {i, i};
+  for (const TreeSet& trees : coupled_trees(m)) {
+    const int first = range[*trees.begin()].first, last = range[*trees.rbegin()].last;
+    for (int i = first; i <= last; ++i) range[i] = {first, last};
+  }
+  return range;
+}
+
+}  // namespace
+
+int coupled_dof_count(const mjModel_* m) {
+  int largest = 0;
+  for (const Range& range : joined_ranges(m)) {
+    if (range.first == range.last) continue;
+    const int end = m->tree_dofadr[range.last] + m->tree_dofnum[range.last];
+    largest = std::max(largest, end - m->tree_dofadr[range.first]);
+  }
+  return largest;
+}
+
+void join_coupled_trees(mjModel_* m) {
+  const std::vector<Range> range = joined_ranges(m);
+  std::vector<int> joined(m->ntree);
+  int count = 0;
+  for (int i = 0; i < m->ntree; ++i) {
+    if (i > 0 && range[i].first != i) {
+      const int tree = joined[i] = joined[i - 1];
+      m->tree_bodynum[tree] += m->tree_bodynum[i];
+      m->tree_dofnum[tree] += m->tree_dofnum[i];
+      continue;
+    }
+    const int tree = joined[i] = count++;
+    m->tree_bodyadr[tree] = m->tree_bodyadr[i];
+    m->tree_bodynum[tree] = m->tree_bodynum[i];
+    m->tree_dofadr[tree] = m->tree_dofadr[i];
+    m->tree_dofnum[tree] = m->tree_dofnum[i];
+    m->tree_sleep_policy[tree] = m->tree_sleep_policy[i];
+  }
+  if (count == m->ntree) return;
+  m->ntree = count;
+  for (int i = 0; i < m->nbody; ++i)
+    if (m->body_treeid[i] >= 0) m->body_treeid[i] = joined[m->body_treeid[i]];
+  for (int i = 0; i < m->nv; ++i) m->dof_treeid[i] = joined[m->dof_treeid[i]];
+  for (int i = 0; i < m->ntendon; ++i) {
+    TreeSet trees;
+    insert_trees_of_tendon(m, i, trees);
+    m->tendon_treenum[i] = static_cast<int>(trees.size());
+    int side = 0;
+    for (int tree : trees)
+      if (side < 2) m->tendon_treeid[2 * i + side++] = tree;
+  }
+}
+
+}  // namespace dashpot::host
