@@ -184,6 +184,27 @@ def test_flat_field_is_a_box():
         np.testing.assert_allclose(found.normal, up, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", CONVEX)
+def test_aligned_with_a_flat_field(kind, capfd):
+    """Above corners, edges and diagonals of cells, just apart, touching and just overlapping."""
+    model, data = make_model(np.full((ROWS, COLUMNS), 0.5), pose="")
+    top = 0.5 * ELEVATION
+    x, y = 2 * HALF_X / (COLUMNS - 1), 2 * HALF_Y / (ROWS - 1)
+    turns = [Rotation.identity(), Rotation.from_euler("xyz", (90, 0, 45), degrees=True)]
+    for turn, at in itertools.product(turns, ((0, 0), (0, 0.5 * y), (0.5 * x, 0), (x / 2, y / 2))):
+        place(model, data, kind, (*at, 0), turn.as_matrix())
+        lowest = support(model, data, kind, np.array((0, 1e-300, -1.0)))[2]
+        for gap in (1.0, 1e-3, 1e-9, 1e-15, 0.0, -1e-15, -1e-9, -1e-5, -1e-3):
+            place(model, data, kind, (*at, top + gap - lowest), turn.as_matrix())
+            found = distance(model, data, "hills", kind)
+            # Curved overlaps: to 1e-10 of the size of the pair.
+            assert found.distance == pytest.approx(gap, abs=1e-10)
+            if abs(gap) > 1e-5:
+                np.testing.assert_allclose(found.normal, (0, 0, 1), atol=1e-4)
+    captured = capfd.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "box", "mesh"])
 def test_polytopes_against_all_prisms(kind):
     """The least signed distance over every prism, each by least squares or Qhull."""
