@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
 
+#include "dashpot/moving_shape.hpp"
 #include "dashpot/prisms.hpp"
 
 namespace dashpot {
@@ -18,6 +20,7 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kTurn = 0.25;  // rad, that a window of time allows
 
 // The pose of a shape seen from the frame of another.
 Pose relative_pose(const Pose& frame, const Pose& pose) {
@@ -49,12 +52,14 @@ double box_distance(const AlignedBox3d& box1, const AlignedBox3d& box2) {
   return largest <= 0.0 ? largest : gap.cwiseMax(0.0).norm();
 }
 
-using Candidate = std::pair<double, int>;  // lower bound of the signed distance, prism
+using Candidate = std::pair<double, int>;  // lower bound of the signed distance, index
 
-// Directions that were shortest for other prisms, and how far the shape reaches towards the field.
+// Directions that were shortest for some prisms, as bounds for others. `Lowest` gives the least
+// height of the shape along a direction.
+template <typename Lowest>
 class Directions {
  public:
-  Directions(const Shape& shape, const Pose& pose) : shape_(shape), pose_(pose) {}
+  explicit Directions(const Lowest& lowest) : lowest_of_(lowest) {}
 
   void add(const Vector3d& normal) {
     for (int i = 0; i < count_; ++i) {
@@ -63,23 +68,34 @@ class Directions {
     const int slot = next_++ % kKept;
     count_ = std::min(count_ + 1, kKept);
     normal_[slot] = normal;
-    lowest_[slot] = normal.dot(core_support(shape_, pose_, -normal)) - sweep_radius(shape_);
+    lowest_[slot] = lowest_of_(normal);
   }
 
-  // Lower bound of the signed distance from the prism to the shape.
-  double bound(const Prism& prism) const {
-    double best = -kInfinity;
+  // After a change of what `Lowest` answers.
+  void refresh() {
+    for (int i = 0; i < count_; ++i) lowest_[i] = lowest_of_(normal_[i]);
+  }
+
+  // Whether some direction proves the prism to be further from the shape than `distance`.
+  bool prove_further(const Prism& prism, double distance) const {
     for (int i = 0; i < count_; ++i) {
-      best = std::max(best, lowest_[i] - prism.reach(normal_[i]));
+      if (lowest_[i] - prism.reach(normal_[i]) >= distance) return true;
     }
-    return best;
+    return false;
+  }
+  bool prove_further(const AlignedBox3d& box, double distance) const {
+    for (int i = 0; i < count_; ++i) {
+      const double reach =
+          normal_[i].dot(box.center()) + 0.5 * normal_[i].cwiseAbs().dot(box.sizes());
+      if (lowest_[i] - reach >= distance) return true;
+    }
+    return false;
   }
 
  private:
   static constexpr int kKept = 8;
   static constexpr double kSame = 1e-3;  // rad
-  const Shape& shape_;
-  const Pose pose_;  // in the field's frame
+  Lowest lowest_of_;
   std::array<Vector3d, kKept> normal_;
   std::array<double, kKept> lowest_{};
   int count_ = 0, next_ = 0;
@@ -89,24 +105,22 @@ class Directions {
 
 AlignedBox3d height_field_box(const HeightField& field) {
   const Prisms prisms(field);
-  AlignedBox3d box;
-  for (int i = 0; i < prisms.count(); ++i) box.extend(prisms.at(i).box());
-  return box;
+  return prisms.box(prisms.all());
 }
 
 Shape height_field_hull(const HeightField& field) {
   const Prisms prisms(field);
-  auto corners = std::make_shared<Eigen::Matrix3Xd>(3, 6 * prisms.count());
-  Eigen::Index used = 0;
-  for (int i = 0; i < prisms.count(); ++i) {
-    for (const Vector3d& top : prisms.at(i).top) {
-      corners->col(used++) = top;
-      corners->col(used++) << top.x(), top.y(), -field.base;
+  std::vector<Vector3d> corners;
+  prisms.visit(prisms.all(), [&](int, const Prism& prism) {
+    for (const Vector3d& top : prism.top) {
+      corners.push_back(top);
+      corners.emplace_back(top.x(), top.y(), -field.base);
     }
-  }
+  });
   Shape hull;
   hull.type = ShapeType::kHull;
-  hull.vertices = corners;
+  hull.vertices = std::make_shared<const Eigen::Matrix3Xd>(
+      Eigen::Map<const Eigen::Matrix3Xd>(corners.front().data(), 3, corners.size()));
   return hull;
 }
 
@@ -116,7 +130,9 @@ Distance height_field_distance(const HeightField& field, const Pose& field_pose,
   const Pose local = relative_pose(field_pose, pose);
   const AlignedBox3d box = bounding_box(shape, local);
   PlacedPrism placed(field_pose);
-  Directions directions(shape, local);
+  Directions directions([&](const Vector3d& normal) {
+    return normal.dot(core_support(shape, local, -normal)) - sweep_radius(shape);
+  });
   Distance best;
   best.distance = kInfinity;
   const auto measure = [&](const Prism& prism) {
@@ -127,16 +143,30 @@ Distance height_field_distance(const HeightField& field, const Pose& field_pose,
   };
   measure(prisms.at(prisms.beneath(box.center())));
 
-  std::vector<Candidate> candidates;
-  prisms.visit(inflated(box, std::max(best.distance, 0.0)), [&](int index) {
-    const double bound = box_distance(prisms.at(index).box(), box);
-    if (bound < best.distance) candidates.emplace_back(bound, index);
-  });
-  std::sort(candidates.begin(), candidates.end());
-  for (const auto& [bound, index] : candidates) {
-    if (bound >= best.distance) break;
-    const Prism prism = prisms.at(index);
-    if (directions.bound(prism) < best.distance) measure(prism);
+  // Least bound first: blocks of cells (below zero, complemented) give way to their prisms.
+  const std::vector<CellRange> blocks =
+      Prisms::blocks(prisms.cells(inflated(box, std::max(best.distance, 0.0))));
+  std::vector<Candidate> heap;
+  const auto push = [&](double bound, int index) {
+    if (bound >= best.distance) return;
+    heap.emplace_back(bound, index);
+    std::push_heap(heap.begin(), heap.end(), std::greater<>());
+  };
+  for (std::size_t i = 0; i < blocks.size(); ++i) {
+    push(box_distance(prisms.box(blocks[i]), box), ~static_cast<int>(i));
+  }
+  while (!heap.empty() && heap.front().first < best.distance) {
+    const int index = heap.front().second;
+    std::pop_heap(heap.begin(), heap.end(), std::greater<>());
+    heap.pop_back();
+    if (index >= 0) {
+      const Prism prism = prisms.at(index);
+      if (!directions.prove_further(prism, best.distance)) measure(prism);
+    } else if (!directions.prove_further(prisms.box(blocks[~index]), best.distance)) {
+      prisms.visit(blocks[~index], [&](int inner, const Prism& prism) {
+        push(box_distance(prism.box(), box), inner);
+      });
+    }
   }
   return best;
 }
@@ -158,23 +188,19 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
   const double turn = motion.angular.norm() * arm;
   const double speed = drift.norm() + turn + field_turn;
 
-  TimeOfImpact result;
-  result.at = height_field_distance(field, field_pose, shape, pose);
-  result.evaluations = 1;
-  if (result.at.distance <= margin) {
-    result.hit = true;
-    return result;
-  }
-
+  const auto distance_at = [&](double time) {
+    return height_field_distance(field, advance(field_pose, field_motion, time), shape,
+                                 advance(pose, motion, time));
+  };
   const Prisms prisms(field);
   const AlignedBox3d whole = height_field_box(field);
   const double touching =
       kTouchingGap * (core_extent(shape) + sweep_radius(shape) + whole.diagonal().norm());
-  double time = 0.0;
+  TimeOfImpact result;
   std::vector<Candidate> candidates;
-  while (time < horizon) {
-    const Pose field_now = advance(field_pose, field_motion, time);
-    const Pose now = advance(pose, motion, time);
+  while (result.time < horizon) {
+    const Pose field_now = advance(field_pose, field_motion, result.time);
+    const Pose now = advance(pose, motion, result.time);
     const Pose local = relative_pose(field_now, now);
     const AlignedBox3d box = inflated(bounding_box(shape, local), margin + touching);
     const auto swept = [&](double length) {
@@ -182,42 +208,66 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
       const AlignedBox3d end(box.min() + moved, box.max() + moved);
       return inflated(box.merged(end), std::min(turn * length, 2.0 * arm) + field_turn * length);
     };
-    if (!swept(horizon - time).intersects(whole)) break;
+    const double remaining = horizon - result.time;
+    if (!swept(remaining).intersects(whole)) break;
     const double size = std::max(box.diagonal().norm(), prisms.cell_size());
-    const double window = std::min(horizon - time, std::max(size / (drift.norm() + field_turn),
-                                                            box_distance(box, whole) / speed));
+    const double short_motion =
+        std::min(size / (drift.norm() + field_turn), kTurn / motion.angular.norm());
+    const double window =
+        std::min(remaining, std::max(short_motion, box_distance(box, whole) / speed));
     const AlignedBox3d sweep = swept(window);
 
-    candidates.clear();
-    prisms.visit(sweep, [&](int index) {
-      const AlignedBox3d prism_box = prisms.at(index).box();
-      if (prism_box.intersects(sweep)) candidates.emplace_back(box_distance(prism_box, box), index);
+    // In the frame of the field, which bounds hold for as long as it does not turn.
+    double left = window;
+    const auto to_field = [&](const Vector3d& v) -> Vector3d {
+      return field_now.rotation.transpose() * v;
+    };
+    const Motion motion_now = later(motion, result.time);
+    const MovingShape moving = make_moving(shape, local,
+                                           {to_field(motion_now.centre - field_now.position),
+                                            to_field(drift), to_field(motion.angular)});
+    Directions directions([&](const Vector3d& normal) {
+      return std::min(moving.height(normal, -1.0, 0.0), moving.height(normal, -1.0, left));
     });
+    candidates.clear();
+    for (const CellRange& block : Prisms::blocks(prisms.cells(sweep))) {
+      if (!prisms.box(block).intersects(sweep)) continue;
+      prisms.visit(block, [&](int index, const Prism& prism) {
+        const AlignedBox3d prism_box = prism.box();
+        if (prism_box.intersects(sweep)) {
+          candidates.emplace_back(box_distance(prism_box, box), index);
+        }
+      });
+    }
     std::sort(candidates.begin(), candidates.end());
     PlacedPrism placed(field_now);
-    double left = window;
     for (const auto& [bound, index] : candidates) {
       if (bound > speed * left) break;
-      placed.set(prisms.at(index));
+      const Prism prism = prisms.at(index);
+      if (directions.prove_further(prism, margin + touching)) continue;
+      placed.set(prism);
       const TimeOfImpact found =
-          time_of_impact(placed.shape(), placed.pose(), later(field_motion, time), shape, now,
-                         later(motion, time), left, margin);
+          time_of_impact(placed.shape(), placed.pose(), later(field_motion, result.time), shape,
+                         now, motion_now, left, margin);
       result.evaluations += found.evaluations;
-      if (!found.hit) continue;
-      result.hit = true;
-      result.at = found.at;
-      left = found.time;
+      if (found.hit) {
+        result.hit = true;
+        result.at = found.at;
+        left = found.time;
+        directions.refresh();
+      }
       if (left == 0.0) break;
+      if (field_turn == 0.0) directions.add(to_field(found.at.normal));
     }
-    time += left;
+    result.time += left;
     if (result.hit) {
-      result.time = time;
+      // What overlaps at the start is as deep as its deepest prism.
+      if (result.time == 0.0) result.at = distance_at(0.0);
       return result;
     }
   }
   result.time = horizon;
-  result.at = height_field_distance(field, advance(field_pose, field_motion, horizon), shape,
-                                    advance(pose, motion, horizon));
+  result.at = distance_at(horizon);
   ++result.evaluations;
   return result;
 }

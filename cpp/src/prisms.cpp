@@ -28,6 +28,12 @@ double Prism::reach(const Vector3d& direction) const {
   return furthest;
 }
 
+namespace {
+
+constexpr int kBlock = 16;  // cells a side
+
+}  // namespace
+
 Prisms::Prisms(const HeightField& field)
     : field_(field),
       width_(2.0 * field.half_x / (field.columns - 1)),
@@ -43,28 +49,62 @@ Vector3d Prisms::corner(int row, int column) const {
   return {column * width_ - field_.half_x, row * depth_ - field_.half_y, field_.elevation * height};
 }
 
-Prism Prisms::at(int index) const {
-  const int cell = index / 2;
-  const int row = cell / (field_.columns - 1), column = cell % (field_.columns - 1);
-  const Vector3d low = corner(row, column), high = corner(row + 1, column + 1);
+Prism Prisms::at(int row, int column, int half) const {
   Prism prism;
   prism.base = field_.base;
-  prism.top = {low, high, index % 2 ? corner(row + 1, column) : corner(row, column + 1)};
+  prism.top = {corner(row, column), corner(row + 1, column + 1),
+               half ? corner(row + 1, column) : corner(row, column + 1)};
   return prism;
 }
 
-int Prisms::column(double x) const {
-  const double cell = std::floor((x + field_.half_x) / width_);
-  return static_cast<int>(std::clamp(cell, 0.0, field_.columns - 2.0));
+CellRange Prisms::cells(const AlignedBox3d& box) const {
+  const auto cell = [](double position, double size, int count) {
+    return static_cast<int>(std::clamp(std::floor(position / size), 0.0, count - 1.0));
+  };
+  const int rows = field_.rows - 1;
+  return {cell(box.min().y() + field_.half_y, depth_, rows),
+          cell(box.max().y() + field_.half_y, depth_, rows),
+          cell(box.min().x() + field_.half_x, width_, columns()),
+          cell(box.max().x() + field_.half_x, width_, columns())};
 }
 
-int Prisms::row(double y) const {
-  const double cell = std::floor((y + field_.half_y) / depth_);
-  return static_cast<int>(std::clamp(cell, 0.0, field_.rows - 2.0));
+std::vector<CellRange> Prisms::blocks(const CellRange& range) {
+  std::vector<CellRange> blocks;
+  for (int row = range.first_row; row <= range.last_row; row += kBlock) {
+    for (int column = range.first_column; column <= range.last_column; column += kBlock) {
+      blocks.push_back({row, std::min(row + kBlock - 1, range.last_row), column,
+                        std::min(column + kBlock - 1, range.last_column)});
+    }
+  }
+  return blocks;
+}
+
+AlignedBox3d Prisms::box(const CellRange& range) const {
+  // Rows are compared lane by lane, which compilers turn into vector instructions.
+  constexpr int kLanes = 8;
+  float highest[kLanes];
+  std::fill_n(highest, kLanes, -std::numeric_limits<float>::infinity());
+  const int count = range.last_column - range.first_column + 2;
+  for (int row = range.first_row; row <= range.last_row + 1; ++row) {
+    const float* heights = field_.heights + row * field_.columns + range.first_column;
+    int i = 0;
+    for (; i + kLanes <= count; i += kLanes) {
+      for (int lane = 0; lane < kLanes; ++lane) {
+        highest[lane] = heights[i + lane] > highest[lane] ? heights[i + lane] : highest[lane];
+      }
+    }
+    for (; i < count; ++i) highest[0] = heights[i] > highest[0] ? heights[i] : highest[0];
+  }
+  const double top = *std::max_element(highest, highest + kLanes);
+  return {Vector3d(range.first_column * width_ - field_.half_x,
+                   range.first_row * depth_ - field_.half_y, -field_.base),
+          Vector3d((range.last_column + 1) * width_ - field_.half_x,
+                   (range.last_row + 1) * depth_ - field_.half_y, field_.elevation * top)};
 }
 
 int Prisms::beneath(const Vector3d& point) const {
-  return 2 * (row(point.y()) * (field_.columns - 1) + column(point.x()));
+  const CellRange cell = cells(AlignedBox3d(point));
+  return 2 * (cell.first_row * columns() + cell.first_column);
 }
 
 PlacedPrism::PlacedPrism(const Pose& field)

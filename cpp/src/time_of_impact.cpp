@@ -1,16 +1,13 @@
 // Conservative advancement with a second-order bound.
 //
-// At time t let n be the direction between the closest points. A point x of a body that moves at v
-// about c and turns at w has, tau later, the height n.x(tau) within w_n r tau^2 / 2 of
-// n.x + tau (n.v + (x - c).(n x w)), where w_n = |w| |n x w| and r is its distance from the axis of
-// rotation. So the gap along n is at least
+// At time t let n be the direction between the closest points. From the bounds of moving_shape.hpp,
+// the gap along n is, tau later, at least
 //
 //     G(tau) = min_b b.(n + tau n x w2) - max_a a.(n + tau n x w1) + tau (...) - K tau^2 / 2 ,
 //
 // a concave function that costs two support points to evaluate. The bodies stay apart up to its
 // root, to which time advances, and n is found again. Near contact each advance leaves a gap
-// quadratic in the one before. Balls swept about the cores turn with nothing, so that only cores
-// enter r.
+// quadratic in the one before.
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,6 +16,7 @@
 #include <string>
 
 #include "dashpot/height_field.hpp"
+#include "dashpot/moving_shape.hpp"
 #include "dashpot/query.hpp"
 
 namespace dashpot {
@@ -29,48 +27,6 @@ namespace {
 
 constexpr int kMaxAdvances = 10000;
 constexpr int kMaxRootRounds = 40;
-
-struct Body {
-  const Shape& shape;
-  Motion motion;
-  Pose pose;
-  double axis_radius = 0.0;  // of the core, about the axis of rotation
-
-  // Bounds n.x over the core, `sign` +1 from above and -1 from below, `tau` after the present pose.
-  double height(const Vector3d& normal, double sign, double tau) const {
-    const double along = normal.dot(motion.linear);
-    if (shape.type == ShapeType::kPlane) return normal.dot(pose.position) + tau * along;
-    const Vector3d turn = normal.cross(motion.angular);
-    const Vector3d tilted = normal + tau * turn;
-    const double curvature = motion.angular.norm() * turn.norm() * axis_radius;
-    return core_support(shape, pose, sign * tilted).dot(tilted) +
-           tau * (along - motion.centre.dot(turn)) +
-           sign * (0.5 * curvature * tau * tau + sweep_radius(shape));
-  }
-};
-
-bool is_revolution(const Shape& shape) {
-  return shape.type == ShapeType::kSphere || shape.type == ShapeType::kCapsule ||
-         shape.type == ShapeType::kCylinder ||
-         (shape.type == ShapeType::kEllipsoid && shape.size[0] == shape.size[1]);
-}
-
-Body make_body(const Shape& shape, const Pose& pose, const Motion& motion) {
-  Body body{shape, motion, pose};
-  if (motion.angular.isZero(0.0)) return body;
-  if (shape.type == ShapeType::kPlane) {
-    throw std::invalid_argument("time of impact with a plane that turns is not defined");
-  }
-  const Vector3d axis = motion.angular.normalized();
-  body.axis_radius = core_axis_radius(shape, pose, motion.centre, axis);
-  const bool at_centre = (pose.position - motion.centre).cross(axis).isZero(0.0);
-  const bool on_axis = pose.rotation.col(2).cross(axis).isZero(0.0);
-  if (at_centre && is_revolution(shape) && (on_axis || shape.type == ShapeType::kSphere)) {
-    body.motion.angular.setZero();  // spins in place
-    body.axis_radius = 0.0;
-  }
-  return body;
-}
 
 double extent(const Shape& shape) {
   return shape.type == ShapeType::kPlane ? 0.0 : core_extent(shape) + sweep_radius(shape);
@@ -104,13 +60,13 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
     return height_field_time_of_impact(shape1.field, pose1, motion1, shape2, pose2, motion2,
                                        horizon, margin);
   }
-  Body body1 = make_body(shape1, pose1, motion1);
-  Body body2 = make_body(shape2, pose2, motion2);
+  MovingShape body1 = make_moving(shape1, pose1, motion1);
+  MovingShape body2 = make_moving(shape2, pose2, motion2);
   const double touching = kTouchingGap * (extent(shape1) + extent(shape2));
 
   TimeOfImpact result;
   for (; result.evaluations < kMaxAdvances;) {
-    const auto place = [&](Body& body, const Pose& pose, const Motion& motion) {
+    const auto place = [&](MovingShape& body, const Pose& pose, const Motion& motion) {
       body.pose = advance(pose, motion, result.time);
       body.motion.centre = motion.centre + result.time * motion.linear;
     };

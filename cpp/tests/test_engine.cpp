@@ -181,6 +181,41 @@ void check_queries(const mjModel* m) {
   mj_deleteData(d);
 }
 
+// Shapes over, beside and falling onto a height field of more than one block of cells.
+void check_height_field() {
+  std::vector<float> heights(40 * 30);
+  for (float& height : heights) height = static_cast<float>(0.5 + 0.5 * random());
+  dashpot::Shape field;
+  field.type = dashpot::ShapeType::kHeightField;
+  field.field.rows = 40;
+  field.field.columns = 30;
+  field.field.half_x = field.field.half_y = 1.0;
+  field.field.elevation = 0.1;
+  field.field.base = 0.2;
+  field.field.heights = heights.data();
+  dashpot::Shape box;
+  box.type = dashpot::ShapeType::kBox;
+  box.size << 0.1, 0.2, 0.3;
+  for (int trial = 0; trial < 100; ++trial) {
+    dashpot::Pose pose;
+    pose.position << 2.0 * random(), 2.0 * random(), 0.8 + 0.2 * random();
+    dashpot::Motion fall;
+    fall.centre = pose.position;
+    fall.linear.z() = -1.0;
+    fall.angular << 0.0, 3.0 * random(), random();
+    const double apart = dashpot::distance(field, {}, box, pose).distance;
+    const auto impact = dashpot::time_of_impact(field, {}, {}, box, pose, fall, 1.0);
+    const double then =
+        dashpot::distance(field, {}, box, dashpot::advance(pose, fall, impact.time)).distance;
+    check(apart > 0.0 && then > -1e-12, "a height field is not met late");
+    check(!impact.hit || then < 1e-8, "a height field is met where it is");
+    pose.position.z() = -0.2;
+    const bool above = pose.position.head<2>().cwiseAbs().maxCoeff() < 1.0;
+    check(!above || dashpot::distance(field, {}, box, pose).distance < 0.0,
+          "what is in a height field overlaps it");
+  }
+}
+
 }  // namespace
 
 int main() {
@@ -189,6 +224,7 @@ int main() {
   check_steps(m, p);
   check_rollouts(m, p);
   check_queries(m);
+  check_height_field();
   mj_deleteModel(m);
   if (failures) std::printf("%d checks failed\n", failures);
   return failures ? EXIT_FAILURE : EXIT_SUCCESS;

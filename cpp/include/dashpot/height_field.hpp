@@ -17,11 +17,12 @@
 
 namespace dashpot {
 
-// The bounding box (m) of a height field in its own frame. Reads every height.
-// Throws std::invalid_argument naming a height that is not finite.
+// The bounding box (m) of a height field in its own frame. Reads every height; those that are not
+// finite are left out.
 Eigen::AlignedBox3d height_field_box(const HeightField& field);
 
-// The convex hull of the solid, which is all that a plane sees of it. Throws as height_field_box.
+// The convex hull of the solid, which is all that a plane sees of it. Throws std::invalid_argument
+// naming a height that is not finite.
 Shape height_field_hull(const HeightField& field);
 
 // Signed distance from a height field (shape 1) to a bounded convex shape (shape 2). Reads the
@@ -31,8 +32,8 @@ Distance height_field_distance(const HeightField& field, const Pose& field_pose,
 
 // First contact of a moving height field (shape 1) with a moving bounded convex shape (shape 2), as
 // time_of_impact() has it: that of the first prism to be touched. Time is divided into windows in
-// which the shape moves by about its own size, or that of a cell; only prisms that its bounding box
-// sweeps there are examined.
+// which the shape moves by about its own size, or that of a cell, and turns little; only prisms
+// that its bounding box sweeps there are examined.
 TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& field_pose,
                                          const Motion& field_motion, const Shape& shape,
                                          const Pose& pose, const Motion& motion, double horizon,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <vector>
 
 #include "dashpot/shape.hpp"
 
@@ -17,39 +18,49 @@ struct Prism {
   double base = 0.0;
 
   Eigen::AlignedBox3d box() const;
-  // Furthest extent (m) along `direction`.
+  // How far (m) it reaches along `direction`.
   double reach(const Eigen::Vector3d& direction) const;
+};
+
+// A rectangle of cells, bounds included.
+struct CellRange {
+  int first_row = 0, last_row = 0, first_column = 0, last_column = 0;
 };
 
 class Prisms {
  public:
   explicit Prisms(const HeightField& field);
 
-  int count() const { return 2 * (field_.rows - 1) * (field_.columns - 1); }
-  // `index` in [0, count). Throws std::invalid_argument naming a height that is not finite.
-  Prism at(int index) const;
+  CellRange all() const { return {0, field_.rows - 2, 0, field_.columns - 2}; }
+  // The cells that meet a box, looking down z; the nearest ones where it is beyond the rim.
+  CellRange cells(const Eigen::AlignedBox3d& box) const;
+  // A range in blocks of at most 16 x 16 cells.
+  static std::vector<CellRange> blocks(const CellRange& range);
+  // Bounding box of the prisms of a range. Heights that are not finite are left out.
+  Eigen::AlignedBox3d box(const CellRange& range) const;
+
   // Index of a prism of the cell that holds a point or, beyond the rim, is nearest to it.
   int beneath(const Eigen::Vector3d& point) const;
-  // Calls `visit` with the indices of the prisms whose cells meet the box, looking down z, or are
-  // nearest to where it is beyond the rim.
+  // Throws std::invalid_argument naming a height that is not finite.
+  Prism at(int index) const { return at(index / 2 / columns(), index / 2 % columns(), index % 2); }
+  // Calls visit(index, prism) for every prism of a range. Throws as at().
   template <typename Visit>
-  void visit(const Eigen::AlignedBox3d& box, const Visit& visit) const {
-    const int first_column = column(box.min().x()), last_column = column(box.max().x());
-    const int first_row = row(box.min().y()), last_row = row(box.max().y());
-    for (int r = first_row; r <= last_row; ++r) {
-      for (int c = first_column; c <= last_column; ++c) {
-        const int cell = r * (field_.columns - 1) + c;
-        visit(2 * cell);
-        visit(2 * cell + 1);
+  void visit(const CellRange& range, const Visit& visit) const {
+    for (int row = range.first_row; row <= range.last_row; ++row) {
+      for (int column = range.first_column; column <= range.last_column; ++column) {
+        const int index = 2 * (row * columns() + column);
+        visit(index, at(row, column, 0));
+        visit(index + 1, at(row, column, 1));
       }
     }
   }
+
   // Length (m) of the longer side of a cell.
   double cell_size() const { return std::max(width_, depth_); }
 
  private:
-  int column(double x) const;
-  int row(double y) const;
+  int columns() const { return field_.columns - 1; }  // of cells
+  Prism at(int row, int column, int half) const;
   Eigen::Vector3d corner(int row, int column) const;
 
   const HeightField& field_;

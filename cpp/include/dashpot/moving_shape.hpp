@@ -1,0 +1,28 @@
+// Bounds on where a moving shape reaches.
+//
+// A point x of a body that moves at v about c and turns at w has, tau later, the height n.x(tau)
+// within w_n r tau^2 / 2 of n.x + tau (n.v + (x - c).(n x w)), where w_n = |w| |n x w| and r is its
+// distance from the axis of rotation. Balls swept about the core turn with nothing, so that only
+// the core enters r.
+
+#pragma once
+
+#include "dashpot/shape.hpp"
+
+namespace dashpot {
+
+struct MovingShape {
+  const Shape& shape;
+  Motion motion;  // `centre` where `pose` is
+  Pose pose;
+  double axis_radius = 0.0;  // of the core, about the axis of rotation
+
+  // Bounds n.x over the shape, `sign` +1 from above and -1 from below, `tau` (s, >= 0) after
+  // `pose`. The bound from above is convex in tau, that from below concave.
+  double height(const Eigen::Vector3d& normal, double sign, double tau) const;
+};
+
+// Throws std::invalid_argument for a plane that turns.
+MovingShape make_moving(const Shape& shape, const Pose& pose, const Motion& motion);
+
+}  // namespace dashpot
