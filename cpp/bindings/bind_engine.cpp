@@ -49,12 +49,14 @@ py::array_t<double> array(const std::vector<T>& rows, std::vector<py::ssize_t> s
 py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
   const ContactReport report = report_contacts(model_at(model), data_at(data));
   const py::ssize_t n = static_cast<py::ssize_t>(report.gap.size());
-  py::array_t<int> geom({n, py::ssize_t(2)});
+  py::array_t<int> geom({n, py::ssize_t(2)}), flex({n, py::ssize_t(2)});
   if (n > 0) std::memcpy(geom.mutable_data(), report.geom.data(), sizeof(int) * 2 * n);
+  if (n > 0) std::memcpy(flex.mutable_data(), report.flex.data(), sizeof(int) * 2 * n);
   py::array_t<bool> sticking(n);
   for (py::ssize_t i = 0; i < n; ++i) sticking.mutable_at(i) = report.sticking[i] != 0;
   py::dict result;
   result["geom"] = geom;
+  result["flex"] = flex;
   result["position"] = array(report.position, {n, 3});
   result["frame"] = array(report.frame, {n, 3, 3});
   result["gap"] = array(report.gap, {n});

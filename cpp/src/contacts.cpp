@@ -1,5 +1,7 @@
 #include "dashpot/contacts.hpp"
 
+#include <utility>
+
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot {
@@ -8,7 +10,7 @@ namespace {
 
 // Contacts that data remember at most: generous, since detection reaches ahead.
 constexpr int kMinimumContacts = 128;
-constexpr int kContactsPerGeom = 32;
+constexpr int kContactsPerSite = 32;
 
 Memory memory_of(const mjModel_* m, mjData_* d) {
   const MemoryLayout layout = memory_layout(m);
@@ -28,7 +30,7 @@ double along(const ContactInput& input, const double* local, int row) {
 
 MemoryLayout memory_layout(const mjModel_* m) {
   MemoryLayout layout;
-  layout.contacts = kMinimumContacts + kContactsPerGeom * host::geom_count(m);
+  layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m);
   layout.constraints = host::constraint_memory_count(m);
   return layout;
 }
@@ -47,7 +49,11 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
   }
   for (const ContactInput& input : inputs) {
     const std::array<double, 6> wrench = host::contact_force(m, d, input.source);
-    report.geom.push_back(input.geom);
+    std::array<int, 2> geom = input.geom, flex = {-1, -1};
+    for (int side = 0; side < 2; ++side)
+      if (geom[side] < 0) flex[side] = -1 - std::exchange(geom[side], -1);
+    report.geom.push_back(geom);
+    report.flex.push_back(flex);
     report.position.push_back(input.position);
     report.frame.push_back(input.frame);
     report.gap.push_back(input.gap);

@@ -105,6 +105,8 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
   host::check_supported(m, p.options.law);
   if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
     throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
+  if (p.options.impact == Impact::kCut && host::has_flexes(m))
+    throw std::invalid_argument("impact \"cut\" does not see flexes; use \"none\"");
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
@@ -228,7 +230,13 @@ GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
   const auto pair = parameters.pair_material.find({low, high});
   if (pair != parameters.pair_material.end()) return {pair->second};
   Material side[2];
-  for (int i = 0; i < 2; ++i) side[i] = parameters.geom_material[input.geom[i]];
+  for (int i = 0; i < 2; ++i) {
+    const bool flex = input.geom[i] < 0;
+    if (flex)
+      side[i].from_model = true;
+    else
+      side[i] = parameters.geom_material[input.geom[i]];
+  }
   if (side[0].from_model && side[1].from_model) return from_solref(input);
   const bool overridden = side[0].has_friction || side[1].has_friction;
   if (overridden)

@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kEqualityRows = 6;  // most rows of one equality (weld)
 constexpr int kLimitSides = 2;
+constexpr int kStrainRows = 18;  // of one cell of a flex
 
 // Calls visit(dof, value) for every nonzero of a row of efc_J.
 template <typename Visit>
@@ -37,16 +38,45 @@ struct Source {
   double margin;
 };
 
+bool is_flex_equality(const mjModel* m, int equality) {
+  const int type = m->eq_type[equality];
+  return type == mjEQ_FLEX || type == mjEQ_FLEXVERT || type == mjEQ_FLEXSTRAIN;
+}
+
+// Rows that an equality of a flex can have at most: one an edge, two a vertex, 18 a cell.
+int flex_equality_rows(const mjModel* m, int equality) {
+  const int flex = m->eq_obj1id[equality];
+  const int* cells = m->flex_cellnum + 3 * flex;
+  return std::max({m->flex_edgenum[flex], 2 * m->flex_vertnum[flex],
+                   kStrainRows * cells[0] * cells[1] * cells[2]});
+}
+
+// Memory of the rows of flex equalities before this one; they lie behind all others.
+int flex_equality_memory(const mjModel* m, int equality) {
+  int count = 0;
+  for (int i = 0; i < equality; ++i)
+    if (is_flex_equality(m, i)) count += flex_equality_rows(m, i);
+  return count;
+}
+
 // `index` counts the rows of the same equality from 0; `upper` tells the two sides of a limit.
 Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
   const int frictions = kEqualityRows * static_cast<int>(m->neq);
   const int tendon_frictions = frictions + static_cast<int>(m->nv);
   const int joint_limits = tendon_frictions + static_cast<int>(m->ntendon);
   const int tendon_limits = joint_limits + kLimitSides * static_cast<int>(m->njnt);
+  const int flex_equalities = tendon_limits + kLimitSides * static_cast<int>(m->ntendon);
   switch (type) {
-    case mjCNSTR_EQUALITY:
-      return {RowKind::kBilateral, kEqualityRows * id + index, m->eq_solref + mjNREF * id,
-              m->eq_solimp + mjNIMP * id, 0.0};
+    case mjCNSTR_EQUALITY: {
+      const bool flex = is_flex_equality(m, id);
+      if (index >= (flex ? flex_equality_rows(m, id) : kEqualityRows))
+        throw std::invalid_argument("equality #" + std::to_string(id) +
+                                    " has more rows than there is memory for");
+      const int memory =
+          flex ? flex_equalities + flex_equality_memory(m, id) + index : kEqualityRows * id + index;
+      return {RowKind::kBilateral, memory, m->eq_solref + mjNREF * id, m->eq_solimp + mjNIMP * id,
+              0.0};
+    }
     case mjCNSTR_FRICTION_DOF:
       return {RowKind::kSlider, frictions + id, m->dof_solref + mjNREF * id,
               m->dof_solimp + mjNIMP * id, 0.0};
@@ -72,9 +102,24 @@ bool is_default_impedance(const double* solref, const double* solimp) {
          std::equal(solimp, solimp + mjNIMP, default_solimp);
 }
 
+std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source) {
+  std::array<int, 2> trees{-1, -1};
+  int count = 0;
+  for_each_nonzero(m, d, source, [&](int dof, double) {
+    const int tree = m->dof_treeid[dof];
+    if (tree == trees[0] || tree == trees[1]) return;
+    if (count == 2)
+      throw std::invalid_argument("constraint row " + std::to_string(source) +
+                                  " couples more than two kinematic trees");
+    trees[count++] = tree;
+  });
+  return trees;
+}
+
 int constraint_memory_count(const mjModel_* m) {
   return static_cast<int>(kEqualityRows * m->neq + m->nv + m->ntendon +
-                          kLimitSides * (m->njnt + m->ntendon));
+                          kLimitSides * (m->njnt + m->ntendon)) +
+         flex_equality_memory(m, static_cast<int>(m->neq));
 }
 
 void read_constraints(const mjModel_* m, const mjData_* d,
@@ -87,18 +132,12 @@ void read_constraints(const mjModel_* m, const mjData_* d,
                                d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
     equality_row = same_equality ? equality_row + 1 : 0;
     ConstraintInput input;
+    input.tree = trees_of_row(m, d, row);
+    if (input.tree[0] < 0) continue;
     double first = 0.0;
-    int trees = 0;
-    for_each_nonzero(m, d, row, [&](int dof, double value) {
+    for_each_nonzero(m, d, row, [&](int, double value) {
       if (first == 0.0) first = value;
-      const int tree = m->dof_treeid[dof];
-      if (trees > 0 && (input.tree[0] == tree || input.tree[1] == tree)) return;
-      if (trees == 2)
-        throw std::invalid_argument("constraint row " + std::to_string(row) +
-                                    " couples more than two kinematic trees");
-      input.tree[trees++] = tree;
     });
-    if (trees == 0) continue;
     const Source source = source_of(m, type, id, equality_row, first < 0.0);
     input.kind = source.kind;
     input.source = row;
@@ -112,13 +151,18 @@ void read_constraints(const mjModel_* m, const mjData_* d,
   }
 }
 
-void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                   const RowGroup& group, const Trees& trees, double* row) {
-  for_each_nonzero(m, d, input.source, [&](int dof, double value) {
+void fill_from_row(const mjModel_* m, const mjData_* d, int source, const RowGroup& group,
+                   const Trees& trees, double* row) {
+  for_each_nonzero(m, d, source, [&](int dof, double value) {
     const int tree = m->dof_treeid[dof];
     const int column = group.tree[0] == tree ? 0 : group.dof_count[0];
     row[column + dof - trees.tree[tree].dof_begin] = value;
   });
+}
+
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                   const RowGroup& group, const Trees& trees, double* row) {
+  fill_from_row(m, d, input.source, group, trees, row);
 }
 
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical) {

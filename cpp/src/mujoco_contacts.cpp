@@ -15,16 +15,35 @@ namespace {
 
 double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-// Largest speed of any point of a geom's bounding sphere.
-double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
-  const int body = m->geom_bodyid[geom];
+// Largest speed of any point of a body within `radius` of `point`.
+double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
+                   const double* body_velocity) {
   const double* v = body_velocity + 6 * body;
   const mjtNum* com = d->subtree_com + 3 * m->body_rootid[body];
-  mjtNum arm[3], at_centre[3];
-  mju_sub3(arm, d->geom_xpos + 3 * geom, com);
-  mju_cross(at_centre, v, arm);
-  mju_addTo3(at_centre, v + 3);
-  return norm3(at_centre) + norm3(v) * m->geom_rbound[geom];
+  mjtNum arm[3], at_point[3];
+  mju_sub3(arm, point, com);
+  mju_cross(at_point, v, arm);
+  mju_addTo3(at_point, v + 3);
+  return norm3(at_point) + norm3(v) * radius;
+}
+
+double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
+  return speed_about(m, d, m->geom_bodyid[geom], d->geom_xpos + 3 * geom, m->geom_rbound[geom],
+                     body_velocity);
+}
+
+// Largest speed of the vertices of a flex, or of the nodes that carry them.
+double flex_speed(const mjModel* m, const mjData* d, int flex, const double* body_velocity) {
+  const bool nodes = m->flex_interp[flex];
+  const int begin = nodes ? m->flex_nodeadr[flex] : m->flex_vertadr[flex];
+  const int count = nodes ? m->flex_nodenum[flex] : m->flex_vertnum[flex];
+  double speed = 0.0;
+  for (int i = begin; i < begin + count; ++i) {
+    const int body = nodes ? m->flex_nodebodyid[i] : m->flex_vertbodyid[i];
+    const double radius = norm3(nodes ? m->flex_node + 3 * i : m->flex_vert + 3 * i);
+    speed = std::max(speed, speed_about(m, d, body, d->xpos + 3 * body, radius, body_velocity));
+  }
+  return speed;
 }
 
 // Widens the detection distance of every geom and limit by how far it can move in this step.
@@ -34,6 +53,7 @@ class WidenedReach {
       : m_(m),
         geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
         pair_gap_(m->pair_gap, m->pair_gap + m->npair),
+        flex_gap_(m->flex_gap, m->flex_gap + m->nflex),
         joint_margin_(m->jnt_margin, m->jnt_margin + m->njnt),
         tendon_margin_(m->tendon_margin, m->tendon_margin + m->ntendon) {
     const double h = m->opt.timestep;
@@ -52,6 +72,11 @@ class WidenedReach {
       m->pair_gap[pair] =
           std::max(pair_gap_[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
 
+    for (int flex = 0; flex < m->nflex; ++flex)
+      m->flex_gap[flex] = std::max(
+          flex_gap_[flex],
+          h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
+
     const auto dof_reach = [&](int dof) {
       return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
     };
@@ -68,14 +93,17 @@ class WidenedReach {
   ~WidenedReach() {
     std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
     std::copy(pair_gap_.begin(), pair_gap_.end(), m_->pair_gap);
+    std::copy(flex_gap_.begin(), flex_gap_.end(), m_->flex_gap);
     std::copy(joint_margin_.begin(), joint_margin_.end(), m_->jnt_margin);
     std::copy(tendon_margin_.begin(), tendon_margin_.end(), m_->tendon_margin);
   }
   // Whether MuJoCo would have found a contact without the wider reach.
   bool within_own(const mjContact& contact) const {
     const int first = contact.geom[0], second = contact.geom[1];
-    if (first < 0 || second < 0) return true;  // a flex; its reach is not widened
-    double gap = geom_gap_[first] + geom_gap_[second];
+    const auto own_gap = [&](int side) {
+      return contact.geom[side] < 0 ? flex_gap_[contact.flex[side]] : geom_gap_[contact.geom[side]];
+    };
+    double gap = own_gap(0) + own_gap(1);
     for (int pair = 0; pair < m_->npair; ++pair)
       if (std::minmax(m_->pair_geom1[pair], m_->pair_geom2[pair]) == std::minmax(first, second))
         gap = pair_gap_[pair];
@@ -86,7 +114,7 @@ class WidenedReach {
 
  private:
   mjModel* m_;
-  std::vector<mjtNum> geom_gap_, pair_gap_, joint_margin_, tendon_margin_;
+  std::vector<mjtNum> geom_gap_, pair_gap_, flex_gap_, joint_margin_, tendon_margin_;
 };
 
 std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,
@@ -95,6 +123,18 @@ std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,
   mju_sub3(arm, point, position);
   mju_mulMatTVec3(local, rotation, arm);
   return {local[0], local[1], local[2]};
+}
+
+// The frame that a contact is remembered in on one side: that of its geom; of the other side's geom
+// where this one is a flex, which has none; or the world's.
+struct Frame {
+  const mjtNum* position;
+  const mjtNum* rotation;
+};
+Frame frame_of_side(const mjData* d, const mjContact& contact, int side) {
+  for (int geom : {contact.geom[side], contact.geom[1 - side]})
+    if (geom >= 0) return {d->geom_xpos + 3 * geom, d->geom_xmat + 9 * geom};
+  return {d->xpos, d->xmat};
 }
 
 ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
@@ -111,15 +151,19 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
   input.has_solref = !is_default_impedance(contact.solref, contact.solimp);
   for (int side = 0; side < 2; ++side) {
     const int geom = contact.geom[side];
-    input.geom[side] = geom;
-    input.tree[side] = m->body_treeid[m->geom_bodyid[geom]];
-    input.local_position[side] =
-        to_local(d->geom_xpos + 3 * geom, d->geom_xmat + 9 * geom, contact.pos);
+    input.geom[side] = geom < 0 ? -1 - contact.flex[side] : geom;
+    if (geom >= 0) input.tree[side] = m->body_treeid[m->geom_bodyid[geom]];
+    const Frame frame = frame_of_side(d, contact, side);
+    input.local_position[side] = to_local(frame.position, frame.rotation, contact.pos);
   }
-  const mjtNum* rotation = d->geom_xmat + 9 * contact.geom[0];
+  if (contact.geom[0] < 0 || contact.geom[1] < 0)
+    input.tree = trees_of_row(m, d, contact.efc_address);
+  const mjtNum* rotation = frame_of_side(d, contact, 0).rotation;
   std::copy(rotation, rotation + 9, input.rotation.begin());
   return input;
 }
+
+bool has_flex(const ContactInput& input) { return input.geom[0] < 0 || input.geom[1] < 0; }
 
 }  // namespace
 
@@ -197,7 +241,9 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
   contacts.clear();
   for (int i = 0; i < d->ncon; ++i) {
     const mjContact& contact = d->contact[i];
-    if (contact.exclude == 0 && contact.geom[0] >= 0 && contact.geom[1] >= 0)
+    // Contacts of flexes are read from MuJoCo's rows.
+    const bool geoms = contact.geom[0] >= 0 && contact.geom[1] >= 0;
+    if (contact.exclude == 0 && (geoms || contact.efc_address >= 0))
       contacts.push_back(read_contact(m, d, i));
   }
 }
@@ -212,6 +258,10 @@ std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int ind
 
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input) {
+  if (has_flex(input)) {
+    const mjtNum* rate = d->efc_vel + d->contact[input.source].efc_address;
+    return {rate[0], input.dim > 1 ? rate[1] : 0.0, input.dim > 1 ? rate[2] : 0.0};
+  }
   mjtNum relative[3] = {0, 0, 0};
   for (int side = 0; side < 2; ++side) {
     const int body = m->geom_bodyid[input.geom[side]];
@@ -229,6 +279,12 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
 
 void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                    const RowGroup& contact, const Trees& trees, double* rows) {
+  if (has_flex(input)) {
+    const int address = d->contact[input.source].efc_address;
+    for (int i = 0; i < contact.dim; ++i)
+      fill_from_row(m, d, address + i, contact, trees, rows + i * contact.stride);
+    return;
+  }
   const double* frame = input.frame.data();
   for (int side = 0; side < 2; ++side) {
     if (input.tree[side] < 0) continue;

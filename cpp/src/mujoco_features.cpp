@@ -66,7 +66,7 @@ void report_options(const mjModel* m, Report& report) {
     report.add("flag override", Treatment::kRefused,
                "contact parameters come from materials, not from o_solref and o_solimp");
   if (o.enableflags & mjENBL_IPC)
-    report.add("flag ipc", Treatment::kRefused, "flex contacts are not stepped");
+    report.add("flag ipc", Treatment::kRefused, "contacts belong to the discrete integrator");
   if (o.disableflags & mjDSBL_CONTACT)
     report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
   report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
@@ -76,9 +76,16 @@ void report_options(const mjModel* m, Report& report) {
 }
 
 void report_contacts(const mjModel* m, Report& report) {
-  if (m->nflex > 0)
-    report.add("flex " + named(m, mjOBJ_FLEX, 0), Treatment::kRefused,
-               "deformable contacts are not stepped");
+  for (int flex = 0; flex < m->nflex; ++flex) {
+    const std::string name = "flex " + named(m, mjOBJ_FLEX, flex);
+    if (m->flex_passive[flex])
+      report.add(name + " passive", Treatment::kRefused,
+                 "its contacts are springs of MuJoCo's, not rows");
+    else
+      report.add(name, Treatment::kHonoured,
+                 "contact rows over its vertices; elasticity is MuJoCo's passive force");
+    report_solref(report, name, m->flex_solref + mjNREF * flex, m->flex_solimp + mjNIMP * flex);
+  }
   for (int geom = 0; geom < m->ngeom; ++geom) {
     if (any_nonzero(m->geom_surfacevel + 6 * geom, 6))
       report.add("geom " + named(m, mjOBJ_GEOM, geom) + " surfacevel", Treatment::kRefused,
@@ -111,11 +118,12 @@ void report_constraints(const mjModel* m, Report& report) {
       report.add(name, Treatment::kRefused,
                  "law comfree pushes one way only; use law kelvin_voigt");
     } else if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT ||
-               type == mjEQ_TENDON) {
+               type == mjEQ_TENDON || type == mjEQ_FLEX || type == mjEQ_FLEXVERT ||
+               type == mjEQ_FLEXSTRAIN) {
       report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
       report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i);
     } else {
-      report.add(name, Treatment::kRefused, "flex equalities are not stepped");
+      report.add(name, Treatment::kRefused, "equalities of this type are not stepped");
     }
   }
   for (int i = 0; i < m->njnt; ++i) {

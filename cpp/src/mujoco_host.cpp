@@ -73,13 +73,19 @@ void StepParts::set_length(double length) {
 }
 
 std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
-  const mjtNum* f = m->geom_friction + 3 * geom;
+  const mjtNum* f = geom < 0 ? m->flex_friction + 3 * (-1 - geom) : m->geom_friction + 3 * geom;
   return {f[0], f[1], f[2]};
 }
 
 int geom_tree(const mjModel_* m, int geom) { return m->body_treeid[m->geom_bodyid[geom]]; }
 
-int geom_priority(const mjModel_* m, int geom) { return m->geom_priority[geom]; }
+int geom_priority(const mjModel_* m, int geom) {
+  return geom < 0 ? m->flex_priority[-1 - geom] : m->geom_priority[geom];
+}
+
+bool has_flexes(const mjModel_* m) { return m->nflex > 0; }
+
+int contact_site_count(const mjModel_* m) { return static_cast<int>(m->ngeom + m->nflexvert); }
 
 double geom_inverse_mass(const mjModel_* m, int geom) {
   return m->body_invweight0[2 * m->geom_bodyid[geom]];

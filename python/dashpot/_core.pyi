@@ -535,7 +535,7 @@ def radial_return(
 
 def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> None:
     """
-    Enlarges nuserdata of a model by the size of contact memory.
+    Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees that a single constraint row couples by more than two.
     """
 
 def residuals(

@@ -22,7 +22,9 @@ class Contacts:
     Attributes
     ----------
     geom : (n, 2) int array
-        Geom ids.
+        Geom ids; -1 where that side is a flex.
+    flex : (n, 2) int array
+        Flex ids; -1 where that side is a geom.
     position : (n, 3) array
         Contact points, world, m.
     frame : (n, 3, 3) array
@@ -44,6 +46,7 @@ class Contacts:
     """
 
     geom: NDArray[np.int32]
+    flex: NDArray[np.int32]
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
     gap: NDArray[np.float64]

@@ -345,7 +345,8 @@ class Engine:
             chosen &= (found.geom == object_id(self.model, geom, "geom", "geom")).any(axis=1)
         if body is not None:
             index = object_id(self.model, body, "body", "body")
-            chosen &= (self.model.geom_bodyid[found.geom] == index).any(axis=1)
+            of_body = self.model.geom_bodyid[found.geom] == index
+            chosen &= (of_body & (found.geom >= 0)).any(axis=1)
         if pair is not None:
             if not isinstance(pair, tuple | list) or len(pair) != 2:
                 raise ValueError(f"pair is {pair!r}; it must be two geoms")

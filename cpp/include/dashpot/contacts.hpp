@@ -17,7 +17,8 @@ namespace dashpot {
 // contact frame (normal from geom 1 to geom 2, two tangents), relative motion and force those of
 // geom 2 relative to, and exerted by, geom 1.
 struct ContactReport {
-  std::vector<std::array<int, 2>> geom;
+  std::vector<std::array<int, 2>> geom;             // ids; -1 where that side is a flex
+  std::vector<std::array<int, 2>> flex;             // ids; -1 where that side is a geom
   std::vector<std::array<double, 3>> position;      // m, world
   std::vector<std::array<double, 9>> frame;         // rows: normal, tangent 1, tangent 2; world
   std::vector<double> gap;                          // m, negative in overlap

@@ -45,6 +45,7 @@ int geom_count(const mjModel_* m);
 int tree_count(const mjModel_* m);
 int dof_count(const mjModel_* m);
 double timestep(const mjModel_* m);
+// Friction and priority of a side of a contact: a geom, or -1 - id for a flex.
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
 int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
 int geom_priority(const mjModel_* m, int geom);
@@ -86,6 +87,10 @@ void join_coupled_trees(mjModel_* m);
 int coupled_dof_count(const mjModel_* m);
 // Beyond this the dense inverse inertia of one tree takes longer than everything else.
 inline constexpr int kMostCoupledDofs = 600;
+
+// Number of geoms, and vertices of flexes, that may have contacts.
+int contact_site_count(const mjModel_* m);
+bool has_flexes(const mjModel_* m);
 
 // Contact memory lives behind the model's own user data: `size` doubles.
 void reserve_memory(mjModel_* m, int size);
@@ -148,6 +153,12 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Factors a tree's effective inertia M + H D.
 void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree);
 
+// The trees that a row of MuJoCo's constraint Jacobian reaches, -1 where fewer than two. Throws
+// std::invalid_argument if there are more.
+std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source);
+// Fills a Jacobian row from MuJoCo's (before whitening).
+void fill_from_row(const mjModel_* m, const mjData_* d, int source, const RowGroup& group,
+                   const Trees& trees, double* row);
 // Fills the Jacobian row of a scalar constraint (before whitening).
 void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                    const RowGroup& group, const Trees& trees, double* row);

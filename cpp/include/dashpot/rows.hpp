@@ -35,7 +35,7 @@ struct Trees {
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
   int source = 0;                    // index in the list of detected contacts
-  std::array<int, 2> geom{};         // ids
+  std::array<int, 2> geom{};         // ids; -1 - id for a flex
   std::array<int, 2> tree{-1, -1};   // trees of the two bodies, -1 for static ones
   int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m
@@ -45,7 +45,8 @@ struct ContactInput {
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
-  // Position in the frames of the two geoms, and geom 1's rotation (row-major, local to world).
+  // Position in the frames of the two geoms, and geom 1's rotation (row-major, local to world). A
+  // flex has the frame of the geom on the other side, or the world's.
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 };
