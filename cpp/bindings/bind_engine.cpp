@@ -81,6 +81,8 @@ py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t s
   result["dissipated_friction"] = ledger.dissipated_friction;
   result["dissipated_constraint"] = ledger.dissipated_constraint;
   result["dissipated_recovery"] = ledger.dissipated_recovery;
+  result["dissipated_damping"] = ledger.dissipated_damping;
+  result["work"] = ledger.work;
   return result;
 }
 

@@ -14,6 +14,7 @@
 #include "dashpot/microstep.hpp"
 #include "dashpot/middle.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/position_recovery.hpp"
 #include "dashpot/row_products.hpp"
 #include "dashpot/rows.hpp"
 
@@ -64,6 +65,7 @@ struct Stepper::Impl {
   void update_complementarity_free(mjData_* d);
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
+  void account_smooth_work(mjData_* d);
   void remember(mjData_* d);
 
   GroupMaterial material_of(const ContactInput& input) const;
@@ -94,10 +96,13 @@ struct Stepper::Impl {
   Rows rows;
   RowData data;
   std::vector<Island> islands;
-  std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
-  std::vector<double> smooth_acceleration;  // generalized
-  std::vector<double> contact_impulse;      // whitened, over the whole step
-  std::vector<char> touched;                // by tree
+  std::vector<FreeMotion> free_motion;        // by tree; meaningful for free bodies
+  std::vector<double> smooth_acceleration;    // generalized
+  std::vector<double> contact_impulse;        // whitened, over the whole step
+  std::vector<char> touched;                  // by tree: rows moved it
+  std::vector<char> held;                     // by tree: rows that have a position moved it
+  std::vector<double> mean_displacement;      // generalized
+  std::vector<double> recovery_displacement;  // whitened, of equalities
   EnergyLedger ledger;
 };
 
@@ -152,6 +157,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   }
   report_forces(d);
   advance_state(d);
+  account_smooth_work(d);
   remember(d);
 }
 
@@ -351,8 +357,15 @@ void Stepper::Impl::run_islands() {
   for (const Island& island : islands)
     if (!stays_apart(rows, island, length, data))
       run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
-  collect_impulses(start);
   update_ledger(before, elastic_energy(rows, data));
+  recovery_displacement.assign(start.size(), 0.0);
+  for (const Island& island : islands)
+    ledger.dissipated_recovery -=
+        recover_positions(rows, trees, island, parameters.options.recovery_speed, length, data,
+                          recovery_displacement);
+  ledger.elastic = elastic_energy(rows, data).sum();
+  for (size_t i = 0; i < start.size(); ++i) data.total_displacement[i] += recovery_displacement[i];
+  collect_impulses(start);
 }
 
 // Nothing is remembered but the ledger, and no spring stores energy.
@@ -385,11 +398,15 @@ void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
   for (size_t i = 0; i < start.size(); ++i)
     contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
   touched.assign(trees.tree.size(), 0);
+  held.assign(trees.tree.size(), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (!data.touched[i] && !lands_in_next_step(c, start)) continue;
-    for (int tree : c.tree)
-      if (tree >= 0) touched[tree] = 1;
+    for (int tree : c.tree) {
+      if (tree < 0) continue;
+      touched[tree] = 1;
+      held[tree] |= c.kind != RowKind::kSlider;
+    }
   }
 }
 
@@ -464,9 +481,39 @@ void Stepper::Impl::advance_tree(mjData_* d, int index) {
     return;
   }
   std::vector<double> displacement(count), velocity(count);
-  unwhiten_velocity(trees, index, data.total_displacement.data() + begin, displacement.data());
   unwhiten_velocity(trees, index, data.velocity.data() + begin, velocity.data());
+  // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
+  if (held[index])
+    unwhiten_velocity(trees, index, data.total_displacement.data() + begin, displacement.data());
+  else
+    for (int i = 0; i < count; ++i) displacement[i] = length * velocity[i];
   host::write_tree(model, d, tree, start_position.data(), displacement.data(), velocity.data());
+}
+
+// Trees that rows moved went the integral of their velocity and what recovery displaced them; the
+// change of kinetic energy of all others goes with their mean velocity.
+void Stepper::Impl::account_smooth_work(mjData_* d) {
+  const double* velocity = host::velocity(d);
+  mean_displacement.resize(start_velocity.size());
+  for (size_t i = 0; i < start_velocity.size(); ++i)
+    mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
+  if (parameters.options.law != Law::kComFree) {
+    std::vector<double> recovered(start_velocity.size(), 0.0);
+    for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+      if (!touched[index]) continue;
+      const Tree& tree = trees.tree[index];
+      double* mean = mean_displacement.data() + tree.dof_begin;
+      double* shift = recovered.data() + tree.dof_begin;
+      unwhiten_velocity(trees, index, data.total_displacement.data() + tree.dof_begin, mean);
+      unwhiten_velocity(trees, index, recovery_displacement.data() + tree.dof_begin, shift);
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
+    }
+    ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
+  }
+  const host::SmoothWork work =
+      host::smooth_work(model, d, start_velocity.data(), mean_displacement.data());
+  ledger.dissipated_damping -= work.damping;
+  ledger.work += work.applied;
 }
 
 void Stepper::Impl::remember(mjData_* d) {

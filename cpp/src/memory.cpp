@@ -10,7 +10,7 @@ namespace dashpot {
 namespace {
 
 // Storage: count of contacts, ledger, constraints (deformation and stiffness of each), contacts.
-constexpr int kHeader = 6;
+constexpr int kHeader = 8;
 constexpr int kConstraint = 2;
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 
@@ -78,7 +78,8 @@ RememberedContact Memory::contact(int index) const {
 }
 
 EnergyLedger Memory::ledger() const {
-  return {storage_[1], storage_[2], storage_[3], storage_[4], storage_[5]};
+  return {storage_[1], storage_[2], storage_[3], storage_[4],
+          storage_[5], storage_[6], storage_[7]};
 }
 
 void Memory::set_ledger(const EnergyLedger& ledger) {
@@ -87,6 +88,8 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
   storage_[3] = ledger.dissipated_friction;
   storage_[4] = ledger.dissipated_constraint;
   storage_[5] = ledger.dissipated_recovery;
+  storage_[6] = ledger.dissipated_damping;
+  storage_[7] = ledger.work;
 }
 
 void Memory::recall(const std::vector<ContactInput>& contacts,

@@ -108,12 +108,13 @@ class Microstep {
     }
   }
 
-  // How fast a group's unstressed offset shrinks, m/s or rad/s. Recovery moves bodies, it does not
+  // How fast a group's unstressed offset shrinks, m/s or rad/s; that of equalities is recovered by
+  // displacement (position_recovery.hpp). Recovery moves bodies, it does not
   // squeeze what cannot move: it pauses while the spring stores more than the kinetic energy of its
   // apparent mass at the recovery speed, k x^2 > v^2 / w.
   double offset_rate(int index, const RowGroup& c) const {
     const double offset = data_.offset[index];
-    if (offset == 0.0) return 0.0;
+    if (offset == 0.0 || !is_unilateral(c)) return 0.0;
     const double x = data_.deformation[c.row];
     const double v = recovery_speed_;
     const double w = std::max(rows_.inverse_mass[c.row], rows_.typical_inverse_mass[c.row]);
@@ -211,8 +212,7 @@ class Microstep {
   }
 
   void flow_bilateral(int index, const RowGroup& c, double load) {
-    const double surface = data_.surface[index];
-    flow_spring_row(c.row, data_.rate[c.row] - surface, load);
+    flow_spring_row(c.row, data_.rate[c.row], load);
     double& impulse = data_.impulse[c.row];
     data_.sticking[index] = 1;
     if (c.kind == RowKind::kSlider) {
@@ -223,7 +223,6 @@ class Microstep {
         data_.moment[c.row] = 0.5 * h_ * impulse;
       }
     }
-    data_.recovery_input.constraint += impulse * surface;
   }
 
   const Rows& rows_;

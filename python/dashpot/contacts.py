@@ -73,7 +73,10 @@ class Energy:
     ``dissipated_constraint`` is what limits, equalities and dry friction loss have dissipated.
     ``dissipated_recovery`` is elastic energy
     given up where geometry left a spring behind, less what the recovery of unstressed overlap put
-    in; it can be negative.
+    in; it can be negative. ``dissipated_damping`` went to the dampers of joints and tendons and to
+    fluids; ``work`` is what actuators, applied forces and gravity compensation did, its negative
+    what they took. Scenes whose springs or masses the user moves by hand (mocap bodies, edits of
+    the model) gain or lose what that does.
     """
 
     kinetic: float
@@ -83,6 +86,8 @@ class Energy:
     dissipated_friction: float
     dissipated_constraint: float
     dissipated_recovery: float
+    dissipated_damping: float
+    work: float
 
     @property
     def mechanical(self) -> float:
@@ -91,15 +96,16 @@ class Energy:
 
     @property
     def dissipated(self) -> float:
-        """Everything that contacts and constraints took out."""
+        """Everything that contacts, constraints and dampers took out."""
         return (
             self.dissipated_normal
             + self.dissipated_friction
             + self.dissipated_constraint
             + self.dissipated_recovery
+            + self.dissipated_damping
         )
 
     @property
     def total(self) -> float:
-        """Mechanical and dissipated energy: constant in passive scenes."""
-        return self.mechanical + self.dissipated
+        """Mechanical and dissipated energy less the work done: constant but for integration."""
+        return self.mechanical + self.dissipated - self.work

@@ -24,6 +24,8 @@ struct EnergyLedger {
   double dissipated_friction = 0.0;
   double dissipated_constraint = 0.0;
   double dissipated_recovery = 0.0;  // negative when recovery has put energy in
+  double dissipated_damping = 0.0;   // by dampers of joints and tendons, and by fluids
+  double work = 0.0;                 // of actuators, applied forces and gravity compensation
 };
 
 // What one compressed contact remembers. Vectors are in the frame of geom 1.

@@ -199,6 +199,18 @@ void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* s
 const double* position(const mjData_* d);
 int position_count(const mjModel_* m);
 
+// Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
+// applied forces and gravity compensation. `displacement` (nv) is what the change of kinetic energy
+// goes with: the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved the tree.
+struct SmoothWork {
+  double damping = 0.0, applied = 0.0;
+};
+SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_velocity,
+                       const double* displacement);
+
+// Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
+double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
+
 // Kinetic and potential energy of the present state of `d`, J, evaluated in `scratch`, other data
 // of the same model, so that what the last step computed in `d` stays.
 std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch);

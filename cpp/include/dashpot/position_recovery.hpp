@@ -1,0 +1,32 @@
+// Recovery of equalities by displacement.
+//
+// Where the position of an equality row and the strain its spring remembers differ, the difference
+// o (its unstressed offset) is the error of geometry frozen over a step or of the initial state.
+// A surface that moved back at some speed would push bodies at that speed: near a singular
+// configuration, where little of the apparent mass moves along the row, that means fast bodies,
+// whose turning makes the next offset, so a straight chain connected at both ends gained energy
+// without bound. Displacing the bodies instead gives them no velocity. With t the offsets, limited
+// to what the recovery speed covers in a step, and W the typical inverse masses,
+//
+//     d = alpha inv(H) J' inv(W) t ,   alpha = min(1, t' inv(W) t / (d' H d))  at alpha = 1,
+//
+// the step of steepest descent towards J d = t, never longer than rows on their own would take.
+// Springs of all other rows follow the displacement.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/microstep.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+// The displacement of the trees of an island whose equalities have offsets, after its micro-steps
+// over `time` (s), is added to `displacement` (whitened, per degree of freedom). Returns the energy
+// that the springs of other rows took up by following it, J.
+double recover_positions(const Rows& rows, const Trees& trees, const Island& island,
+                         double recovery_speed, double time, RowData& data,
+                         std::vector<double>& displacement);
+
+}  // namespace dashpot

@@ -1,0 +1,82 @@
+// Work of the smooth forces over a step. Part of the mujoco_host room.
+//
+// A step solves (M + H D) dv = H f + J'p with f the smooth forces at its start and D what the
+// integrator treats implicitly. Over the displacement x that goes with the change of kinetic
+// energy, f does the work f'x, and D takes H (v1' D v1 - v0' D v0) / 2 besides: with x = H (v0 +
+// v1) / 2 and f = -D v0 that is H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
+
+#include <mujoco/mujoco.h>
+
+#include "dashpot/mujoco_host.hpp"
+
+extern "C" void mjd_passive_vel(const mjModel* m, mjData* d);
+
+namespace dashpot::host {
+
+namespace {
+
+double diagonal_form(const mjModel* m, const double* v) {
+  double sum = 0.0;
+  for (int i = 0; i < m->nv; ++i) sum += m->dof_damping[i] * v[i] * v[i];
+  return sum;
+}
+
+// v' D v with D = -qDeriv, whose lower triangle M's sparsity maps.
+double derivative_form(const mjModel* m, const mjData* d, const double* v) {
+  double sum = 0.0;
+  for (int i = 0; i < m->nv; ++i)
+    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
+      const int j = m->M_colind[k];
+      sum -= (i == j ? 1.0 : 2.0) * d->qDeriv[m->mapD2M[k]] * v[i] * v[j];
+    }
+  return sum;
+}
+
+}  // namespace
+
+SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_velocity,
+                       const double* displacement) {
+  SmoothWork work;
+  for (int i = 0; i < m->nv; ++i) {
+    const double damping = d->qfrc_damper[i] + d->qfrc_fluid[i];
+    work.damping += damping * displacement[i];
+    work.applied +=
+        (d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping) * displacement[i];
+  }
+  const double half = 0.5 * m->opt.timestep;
+  if (m->opt.integrator == mjINT_IMPLICITFAST) {
+    const double all = derivative_form(m, d, d->qvel) - derivative_form(m, d, start_velocity);
+    double passive = all;
+    if (m->nu > 0 && !(m->opt.disableflags & mjDSBL_ACTUATION)) {
+      mju_zero(d->qDeriv, m->nD);
+      mjd_passive_vel(m, d);
+      passive = derivative_form(m, d, d->qvel) - derivative_form(m, d, start_velocity);
+    }
+    work.damping -= half * passive;
+    work.applied -= half * (all - passive);
+  } else if (!(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER))) {
+    work.damping -= half * (diagonal_form(m, d->qvel) - diagonal_form(m, start_velocity));
+  }
+  return work;
+}
+
+double potential_work(const mjModel_* m, const mjData_* d, const double* displacement) {
+  const bool gravity = !(m->opt.disableflags & mjDSBL_GRAVITY);
+  double work = 0.0;
+  for (int i = 0; i < m->nv; ++i) {
+    if (displacement[i] == 0.0) continue;
+    work += d->qfrc_spring[i] * displacement[i];
+    if (!gravity) continue;
+    // The weight of the subtree that the degree of freedom moves, about the tree's centre of mass.
+    const int body = m->dof_bodyid[i];
+    mjtNum weight[3], arm[3], torque[3];
+    mju_scl3(weight, m->opt.gravity, m->body_subtreemass[body]);
+    mju_sub3(arm, d->subtree_com + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
+    mju_cross(torque, arm, weight);
+    const mjtNum* axis = d->cdof + 6 * i;
+    work += (mju_dot3(axis, torque) + mju_dot3(axis + 3, weight)) * displacement[i];
+  }
+  return work;
+}
+
+}  // namespace dashpot::host
