@@ -706,17 +706,22 @@ def test_two_planes_and_two_height_fields_are_refused():
 def test_queries_from_several_threads_are_bit_equal(zoo):
     data = mujoco.MjData(zoo)
     rng = np.random.default_rng(8)
-    for name in (k + c for k in CONVEX for c in "12"):
-        place(
-            zoo, data, name, rng.normal(size=3) * 0.1, Rotation.random(random_state=rng).as_matrix()
-        )
+    data.qpos[:] = rng.normal(size=zoo.nq) * 0.15
+    data.qvel[:] = rng.normal(size=zoo.nv) * 5
+    mujoco.mj_forward(zoo, data)
     pairs = [(a + "1", b + "2") for a, b in itertools.product(CONVEX, CONVEX)]
 
     def ask(pair):
         found = distance(zoo, data, *pair)
-        return found.distance, *found.point1, *found.point2, *found.normal
+        impact = time_of_impact(zoo, data, *pair, horizon=0.1)
+        near = closest(zoo, data, zoo.geom(pair[0]).bodyid[0], radius=0.1)
+        arrays = (found.point1, found.point2, found.normal, impact.point, impact.normal)
+        numbers = (found.distance, impact.hit, impact.time, impact.distance)
+        lists = (near.geom, near.distance, near.point1, near.point2, near.normal)
+        return numbers, [array.tobytes() for array in (*arrays, *lists)]
 
     alone = [ask(pair) for pair in pairs]
+    assert {numbers[1] for numbers, _ in alone} == {True, False}
     with ThreadPoolExecutor(4) as pool:
         assert list(pool.map(ask, pairs * 5)) == alone * 5
 
