@@ -532,6 +532,38 @@ def test_two_tumbling_bodies(zoo, kind1, kind2):
     assert hits >= 6
 
 
+def test_ball_that_hovers_at_a_turning_face():
+    """A face slides past and tilts at 3e-10 to 1e-8 m from the ball, and parts or touches.
+
+    Along a fixed direction the far corners of the face would soon be in the way, and there would be
+    no decision in thousands of advances.
+    """
+    half = np.array((0.09, 0.05, 0.07))
+    model, data = scene(geom("ball", "sphere", "0.08"), geom("box", "box", "0.09 0.05 0.07"))
+    rng = np.random.default_rng(13)
+    horizon = 0.05
+    hits = 0
+    for _ in range(60):
+        gap = 10.0 ** rng.uniform(-9.5, -8)
+        start = np.array((0, 0, 0.15 + gap))
+        linear, angular = np.append(rng.normal(size=2) * 5, 0.0), rng.normal(size=3) * 10
+        launch(model, data, "ball", (0, 0, 0))
+        launch(model, data, "box", start, None, linear, angular)
+        found = time_of_impact(model, data, "ball", "box", horizon=horizon)
+        times = np.linspace(0, found.time, 2001)
+        turns = Rotation.from_rotvec(times[:, None] * angular)
+        local = turns.inv().apply(-start - times[:, None] * linear)
+        outside = np.linalg.norm(np.maximum(np.abs(local) - half, 0.0), axis=1)
+        gaps = outside - 0.08
+        assert gaps.min() > 0.0  # never late
+        if found.hit:
+            hits += 1
+            assert gaps[-1] < 1e-9 * 0.3  # of the size of the pair
+        else:
+            assert found.time == horizon
+    assert 10 < hits < 50
+
+
 def test_parallel_motion_and_receding_do_not_hit():
     model, data = scene(geom("floor", "plane", "1 1 1"), geom("box", "box", "0.1 0.1 0.1"))
     launch(model, data, "box", (0, 0, 0.1 + 1e-6), linear=(100, 0, 0))

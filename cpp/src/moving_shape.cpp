@@ -28,8 +28,20 @@ double MovingShape::height(const Vector3d& normal, double sign, double tau) cons
          sign * (0.5 * curvature * tau * tau + sweep_radius(shape));
 }
 
+double MovingShape::turning_height(const Vector3d& normal, const Vector3d& rate, double sign,
+                                   double tau) const {
+  const Vector3d relative = rate - motion.angular;
+  const Vector3d tilted = normal + tau * relative.cross(normal);
+  const double curvature = relative.norm() * (motion.angular.norm() + rate.norm()) * centre_radius;
+  return (core_support(shape, pose, sign * tilted) - motion.centre).dot(tilted) +
+         sign * (0.5 * curvature * tau * tau + sweep_radius(shape));
+}
+
 MovingShape make_moving(const Shape& shape, const Pose& pose, const Motion& motion) {
   MovingShape moving{shape, motion, pose};
+  if (shape.type != ShapeType::kPlane) {
+    moving.centre_radius = (pose.position - motion.centre).norm() + core_extent(shape);
+  }
   if (motion.angular.isZero(0.0)) return moving;
   if (shape.type == ShapeType::kPlane) {
     throw std::invalid_argument("time of impact with a plane that turns is not defined");
