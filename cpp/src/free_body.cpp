@@ -22,34 +22,71 @@ struct SineCosine {
   double sine, cosine;
 };
 
-// Most bodies in a pile barely turn: below 1e-3 rad two terms beyond the first are exact to 1e-20.
+// Series that are exact to rounding for the small angles of almost every call.
 SineCosine sine_cosine(double angle) {
   const double square = angle * angle;
-  if (square > 1.0e-6) return {std::sin(angle), std::cos(angle)};
-  return {angle * (1.0 - square / 6.0 * (1.0 - square / 20.0)),
-          1.0 - square / 2.0 * (1.0 - square / 12.0)};
+  if (square < 1.0e-6)
+    return {angle * (1.0 - square / 6.0 * (1.0 - square / 20.0)),
+            1.0 - square / 2.0 * (1.0 - square / 12.0)};
+  if (square < 2.5e-3)
+    return {
+        angle * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))),
+        1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)))};
+  return {std::sin(angle), std::cos(angle)};
 }
 
-// Exact flow of L_i^2 / (2 I_i): the body turns about its principal axis i.
-void turn_about_axis(Rotation& r, const Eigen::Vector3d& inertia, int axis, double time) {
-  const Eigen::Vector3d direction = r.orientation * Eigen::Vector3d::Unit(axis);
-  const double half = 0.5 * time * direction.dot(r.angular_momentum) / inertia[axis];
-  Eigen::Vector3d imaginary = Eigen::Vector3d::Zero();
-  const SineCosine turn = sine_cosine(half);
-  imaginary[axis] = turn.sine;
-  r.orientation *= Eigen::Quaterniond(turn.cosine, imaginary.x(), imaginary.y(), imaginary.z());
-}
+// Splitting in the principal frame, where turns about the axes mix two components at a time.
+class SplitRotation {
+ public:
+  SplitRotation(const Rotation& start, const Eigen::Vector3d& inertia,
+                const Eigen::Vector3d& torque)
+      : orientation_(start.orientation),
+        momentum_(start.orientation.conjugate() * start.angular_momentum),
+        inverse_inertia_(inertia.cwiseInverse()),
+        torque_(torque),
+        has_torque_(!torque.isZero(0.0)) {}
 
-void strang(Rotation& r, const Eigen::Vector3d& inertia, const Eigen::Vector3d& torque,
-            double time) {
-  r.angular_momentum += 0.5 * time * torque;
-  turn_about_axis(r, inertia, 0, 0.5 * time);
-  turn_about_axis(r, inertia, 1, 0.5 * time);
-  turn_about_axis(r, inertia, 2, time);
-  turn_about_axis(r, inertia, 1, 0.5 * time);
-  turn_about_axis(r, inertia, 0, 0.5 * time);
-  r.angular_momentum += 0.5 * time * torque;
-}
+  void strang(double time) {
+    if (has_torque_) momentum_ += orientation_.conjugate() * (0.5 * time * torque_);
+    turn<0>(pending_ + 0.5 * time);
+    turn<1>(0.5 * time);
+    turn<2>(time);
+    turn<1>(0.5 * time);
+    pending_ = 0.5 * time;
+    if (!has_torque_) return;  // joins the first turn of the next step
+    finish();
+    momentum_ += orientation_.conjugate() * (0.5 * time * torque_);
+  }
+  void finish() {
+    turn<0>(pending_);
+    pending_ = 0.0;
+  }
+  Eigen::Quaterniond orientation() const { return orientation_.normalized(); }
+
+ private:
+  // Exact flow of L_i^2 / (2 I_i): the body turns about its principal axis i.
+  template <int i>
+  void turn(double time) {
+    constexpr int j = (i + 1) % 3, k = (i + 2) % 3;
+    const auto [sine, cosine] = sine_cosine(0.5 * time * momentum_[i] * inverse_inertia_[i]);
+    const double whole_sine = 2.0 * sine * cosine, whole_cosine = 1.0 - 2.0 * sine * sine;
+    const double along_j = momentum_[j];
+    momentum_[j] = whole_cosine * along_j + whole_sine * momentum_[k];
+    momentum_[k] = whole_cosine * momentum_[k] - whole_sine * along_j;
+    Eigen::Vector4d& q = orientation_.coeffs();  // x, y, z, w
+    const Eigen::Vector4d p = q;
+    q[i] = cosine * p[i] + sine * p[3];
+    q[j] = cosine * p[j] + sine * p[k];
+    q[k] = cosine * p[k] - sine * p[j];
+    q[3] = cosine * p[3] - sine * p[i];
+  }
+
+  Eigen::Quaterniond orientation_;
+  Eigen::Vector3d momentum_;  // in the principal frame
+  const Eigen::Vector3d inverse_inertia_, torque_;
+  const bool has_torque_;
+  double pending_ = 0.0;
+};
 
 Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle) {
   const double norm = angle.norm();
@@ -79,17 +116,19 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
     r.orientation = rotation_of(time * mean) * start.orientation;
     return r;
   }
-  const Eigen::Vector3d end_momentum = start.angular_momentum + time * torque;
-  const double turn =
-      time * std::max(start.angular_momentum.norm(), end_momentum.norm()) / inertia.minCoeff();
+  r.angular_momentum += time * torque;
+  const double turn = time * std::max(start.angular_momentum.norm(), r.angular_momentum.norm()) /
+                      inertia.minCoeff();
+  SplitRotation split(start, inertia, torque);
   if (turn < kStrangTurn) {
-    strang(r, inertia, torque, time);
+    split.strang(time);
   } else {
     const int steps = static_cast<int>(std::ceil(turn / kComposedTurn));
     for (int i = 0; i < steps; ++i)
-      for (double weight : kYoshida) strang(r, inertia, torque, weight * time / steps);
+      for (double weight : kYoshida) split.strang(weight * time / steps);
   }
-  r.orientation.normalize();
+  split.finish();
+  r.orientation = split.orientation();
   return r;
 }
 
