@@ -55,7 +55,7 @@ struct Stepper::Impl {
 
   // The stages of a step (DESIGN section 2).
   void read_state(const mjData_* d);
-  void find_smooth_acceleration(mjData_* d);
+  void find_smooth_acceleration(mjData_* d, bool rough = false);
   Part cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
   void freeze_at_middle(const mjData_* d);
@@ -76,6 +76,7 @@ struct Stepper::Impl {
   bool lands_in_next_step(const RowGroup& c, const std::vector<double>& start) const;
   void check_finite() const;
   void update_ledger(const EnergyShares& before, const EnergyShares& after);
+  double contact_work(const Tree& tree) const;
   void advance_tree(mjData_* d, int tree);
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
@@ -88,6 +89,7 @@ struct Stepper::Impl {
   // Rebuilt in every step.
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
+  bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<double> start_position, start_velocity;
   Trees trees;
   std::vector<ContactInput> contacts;
@@ -141,11 +143,16 @@ StepStats Stepper::Impl::step(mjData_* d) {
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   read_state(d);
   host::smooth_stage(model, d, !parts.cut());
-  find_smooth_acceleration(d);
+  // A part that another will follow needs no more than directions for the search of its end.
+  const bool rough = parts.cut() && cuts < kMaxCuts;
+  const double searched = length;
+  find_smooth_acceleration(d, rough);
   host::detect(model, d, smooth_acceleration, contacts, constraints);
   Part part;
   if (parameters.options.impact == Impact::kCut) part = cut_at_impact(d, parts);
-  if (part.impact)
+  if (rough || length != searched) find_smooth_acceleration(d);
+  geometry_of_middle = part.impact;
+  if (geometry_of_middle)
     build_rows_in_the_middle(d, part.apart);
   else
     build_rows(d);
@@ -172,7 +179,6 @@ Part Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
     ++cuts;
     length = part.length;
     parts.set_length(length);
-    find_smooth_acceleration(d);
   }
   return part;
 }
@@ -304,7 +310,7 @@ bool Stepper::Impl::moves_as_free_body(int tree) const {
 }
 
 // Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
-void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
+void Stepper::Impl::find_smooth_acceleration(mjData_* d, bool rough) {
   host::prepare_effective_inertia(model, d);
   data.reset_motion(host::dof_count(model));
   free_motion.resize(trees.tree.size());
@@ -318,7 +324,8 @@ void Stepper::Impl::find_smooth_acceleration(mjData_* d) {
     unwhiten_velocity(trees, index, whitened, acceleration);
     if (moves_as_free_body(index)) {
       FreeMotion& motion = free_motion[index];
-      motion = predict_free_motion(host::read_free_body(model, d, index, acceleration), length);
+      motion =
+          predict_free_motion(host::read_free_body(model, d, index, acceleration), length, rough);
       Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
       whiten_velocity(trees, index, acceleration, whitened);
     }
@@ -461,6 +468,19 @@ void Stepper::Impl::advance_state(mjData_* d) {
     if (touched[index] || host::is_free_body(model, index)) advance_tree(d, index);
 }
 
+// Work that rows did on a tree, in the frozen geometry: its gain less the work of the smooth load.
+double Stepper::Impl::contact_work(const Tree& tree) const {
+  double work = 0.0;
+  for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i) {
+    const double a = data.smooth_acceleration[i], end = data.velocity[i];
+    const double start = end - contact_impulse[i] - length * a;
+    work += 0.5 * (end - start) * (end + start) - a * data.total_displacement[i];
+  }
+  return work;
+}
+
+// Seen from the geometry of the middle, a body's inertia differs a little from what it is at the
+// start and at the end. What this would add to its energy is taken out of its rotation.
 void Stepper::Impl::advance_tree(mjData_* d, int index) {
   const Tree& tree = trees.tree[index];
   const int begin = tree.dof_begin, count = tree.dof_count;
@@ -475,9 +495,12 @@ void Stepper::Impl::advance_tree(mjData_* d, int index) {
       unwhiten_velocity(trees, index, whitened.data(), displacement.data());
       unwhiten_velocity(trees, index, contact_impulse.data() + begin, velocity_change.data());
     }
-    host::write_free_body(
-        model, d, index,
-        finish_free_motion(free_motion[index], length, velocity_change, displacement));
+    FreeBody end = finish_free_motion(free_motion[index], length, velocity_change, displacement);
+    if (touched[index] && geometry_of_middle) {
+      const double excess = energy_gain(free_motion[index], length, end) - contact_work(tree);
+      if (excess > 0.0) brake_rotation(end, excess);
+    }
+    host::write_free_body(model, d, index, end);
     return;
   }
   std::vector<double> displacement(count), velocity(count);

@@ -15,6 +15,8 @@ constexpr std::array<double, 7> kYoshida = {0.784513610477560, 0.235573213359357
 
 // Turn per composed step for which the sixth-order error is at rounding level over long runs.
 constexpr double kComposedTurn = 0.05;
+// The same for a prediction that is taken again before it counts: errors below 1e-6.
+constexpr double kPredictedTurn = 0.5;
 // Turn below which one Strang step (error ~ turn^3 / 12) is at rounding level.
 constexpr double kStrangTurn = 1.0e-4;
 
@@ -23,7 +25,7 @@ struct SineCosine {
 };
 
 // Series that are exact to rounding for the small angles of almost every call.
-SineCosine sine_cosine(double angle) {
+inline SineCosine sine_cosine(double angle) {
   const double square = angle * angle;
   if (square < 1.0e-6)
     return {angle * (1.0 - square / 6.0 * (1.0 - square / 20.0)),
@@ -108,7 +110,7 @@ Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d
 }
 
 Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
-                     const Eigen::Vector3d& torque, double time) {
+                     const Eigen::Vector3d& torque, double time, bool rough) {
   Rotation r = start;
   if (inertia[0] == inertia[1] && inertia[1] == inertia[2]) {
     const Eigen::Vector3d mean = (start.angular_momentum + 0.5 * time * torque) / inertia[0];
@@ -123,7 +125,7 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
   if (turn < kStrangTurn) {
     split.strang(time);
   } else {
-    const int steps = static_cast<int>(std::ceil(turn / kComposedTurn));
+    const int steps = static_cast<int>(std::ceil(turn / (rough ? kPredictedTurn : kComposedTurn)));
     for (int i = 0; i < steps; ++i)
       for (double weight : kYoshida) split.strang(weight * time / steps);
   }
@@ -132,7 +134,7 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
   return r;
 }
 
-FreeMotion predict_free_motion(const FreeBody& body, double step) {
+FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough) {
   FreeMotion motion;
   motion.start = body;
   freeze_at(motion, body.orientation);
@@ -147,7 +149,7 @@ FreeMotion predict_free_motion(const FreeBody& body, double step) {
   start.angular_momentum = momentum_of(start.orientation, body.inertia, omega);
   const Eigen::Vector3d torque =
       momentum_of(start.orientation, body.inertia, alpha) + omega.cross(start.angular_momentum);
-  motion.end = rotate_free(start, body.inertia, torque, step);
+  motion.end = rotate_free(start, body.inertia, torque, step, rough);
   return motion;
 }
 
@@ -196,6 +198,39 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
   body.velocity.head<3>() = centre_velocity - omega.cross(arm);
   body.velocity.tail<3>() = body.orientation.conjugate() * omega;
   return body;
+}
+
+double energy_gain(const FreeMotion& motion, double step, const FreeBody& end) {
+  const FreeBody& start = motion.start;
+  const auto rotation_energy = [](const FreeBody& body) {
+    const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
+    return 0.5 * body.inertia.dot(local.cwiseProduct(local));
+  };
+  const Eigen::Vector3d omega = end.orientation * end.velocity.tail<3>();
+  const Eigen::Vector3d arm = end.orientation * end.offset;
+  const Eigen::Vector3d centre_velocity = end.velocity.head<3>() + omega.cross(arm);
+  const Eigen::Vector3d way = end.origin + arm - start.origin - start.orientation * start.offset;
+  const Eigen::Vector3d alpha = start.orientation * start.acceleration.tail<3>();
+  const Eigen::Quaterniond principal = start.orientation * start.principal;
+  const Eigen::Vector3d torque =
+      momentum_of(principal, start.inertia, alpha) +
+      motion.angular_velocity.cross(momentum_of(principal, start.inertia, motion.angular_velocity));
+  const double translation =
+      0.5 * start.mass * (centre_velocity.squaredNorm() - motion.centre_velocity.squaredNorm());
+  return translation - start.mass * motion.centre_acceleration.dot(way) + rotation_energy(end) -
+         rotation_energy(start) - 0.5 * step * torque.dot(motion.angular_velocity + omega);
+}
+
+void brake_rotation(FreeBody& body, double energy) {
+  const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
+  const double rotation = 0.5 * body.inertia.dot(local.cwiseProduct(local));
+  if (rotation == 0.0) return;
+  const double loss = 1.0 - std::sqrt(std::max(0.0, 1.0 - energy / rotation));
+  // The centre of mass keeps its velocity.
+  const Eigen::Vector3d arm = body.orientation * body.offset;
+  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
+  body.velocity.head<3>() += loss * omega.cross(arm);
+  body.velocity.tail<3>() *= 1.0 - loss;
 }
 
 }  // namespace dashpot

@@ -37,9 +37,10 @@ struct Rotation {
 // Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
 Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
 
-// Advances a rotation by `time` (s) under a constant world `torque` (N m).
+// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about 1e-6
+// instead of rounding.
 Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
-                     const Eigen::Vector3d& torque, double time);
+                     const Eigen::Vector3d& torque, double time, bool rough = false);
 
 // Motion over a step without contact.
 struct FreeMotion {
@@ -52,7 +53,7 @@ struct FreeMotion {
   Rotation end;
 };
 // Frozen at the start.
-FreeMotion predict_free_motion(const FreeBody& body, double step);
+FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough = false);
 
 // Freezes the geometry, and so the body frame, at another attitude of the step.
 void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation);
@@ -68,5 +69,12 @@ Vector6 mean_acceleration(const FreeMotion& motion, double step);
 // and its position by `displacement`, both in the frozen frame. `acceleration` is left as it is.
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement);
+
+// Kinetic energy (J) that the motion from `motion.start` to `end` gained beyond the work of the smooth
+// load. Exact under a force; under a torque the turn is taken from the mean angular velocity.
+double energy_gain(const FreeMotion& motion, double step, const FreeBody& end);
+
+// Takes `energy` (J) out of the body's rotation, or all that is there.
+void brake_rotation(FreeBody& body, double energy);
 
 }  // namespace dashpot
