@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 #include <string>
 
@@ -58,6 +59,7 @@ struct Stepper::Impl {
   void find_smooth_acceleration(mjData_* d, bool rough = false);
   Part cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
+  void give_rigid_impacts_springs(mjData_* d, const std::vector<GeomPair>& impact);
   void freeze_at_middle(const mjData_* d);
   void build_rows(mjData_* d);
   void plan_and_recall(mjData_* d);
@@ -151,11 +153,13 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   Part part;
   if (parameters.options.impact == Impact::kCut) part = cut_at_impact(d, parts);
   if (rough || length != searched) find_smooth_acceleration(d);
-  geometry_of_middle = part.impact;
-  if (geometry_of_middle)
+  geometry_of_middle = !part.impact.empty();
+  if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart);
-  else
+    give_rigid_impacts_springs(d, part.impact);
+  } else {
     build_rows(d);
+  }
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
@@ -208,6 +212,28 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
       if (same.memory == constraint.memory) constraint.position = same.position;
   }
   take_gaps_at_start(start, way, contacts);
+}
+
+// A rigid contact under impact is a spring whose contact time is about a part, so that the part
+// resolves it; one that is compressed keeps its spring. What rigid means is thus the limit of ever
+// stiffer springs with the same damping ratio.
+void Stepper::Impl::give_rigid_impacts_springs(mjData_* d, const std::vector<GeomPair>& impact) {
+  std::map<GeomPair, double> compressed;
+  const Memory view = memory(d);
+  for (int i = 0; i < view.contact_count(); ++i) {
+    const RememberedContact contact = view.contact(i);
+    double& stiffness = compressed[{int(contact.geom[0]), int(contact.geom[1])}];
+    stiffness = std::max(stiffness, contact.stiffness);
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || !materials[i].rigid()) continue;
+    const GeomPair& pair = contacts[c.input].geom;
+    if (!std::binary_search(impact.begin(), impact.end(), pair)) continue;
+    const auto before = compressed.find(pair);
+    make_impact_spring(materials[i].material, rows.inverse_mass[c.row], length,
+                       before == compressed.end() ? 0.0 : before->second);
+  }
 }
 
 // Velocities and inertia as the geometry of the middle sees them.

@@ -22,6 +22,11 @@ constexpr double kFastTurn = 0.02;  // rad, in a step with contact, that needs a
 // Below this turn (rad) in a part an arm's circle departs from its tangent by less than rounding of
 // the standoff, and the axis of the turn may be far away.
 constexpr double kSmallTurn = 1e-3;
+// Of a rigid contact under impact: sqrt(k / m) in units of the inverse length of the part, as it
+// begins and the largest that no more than 64 micro-steps resolve; and its largest damping ratio.
+constexpr double kImpactRate = 3.5;
+constexpr double kResolvedRate = 7.0;
+constexpr double kLargestRatio = 5.0;
 constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
 
 struct Side {
@@ -145,10 +150,6 @@ class ImpactSearch {
     }
   }
   bool any() const { return !pairs_.empty(); }
-  bool impact() const {
-    return std::any_of(pairs_.begin(), pairs_.end(), [](const Pair& p) { return !p.apart; });
-  }
-
   // The motion over a shorter part is nearer to its mean: the second search sharpens the first.
   double find_part(int cuts_left) {
     const double shortest_contact = remaining_ / (2.0 * cuts_left);
@@ -160,6 +161,14 @@ class ImpactSearch {
     }
     length = std::max(length, kShortest * remaining_);
     return length > (1.0 - kShortest) * remaining_ ? remaining_ : length;
+  }
+
+  std::vector<GeomPair> pairs_in_touch() const {
+    std::vector<GeomPair> touching;
+    for (const Pair& pair : pairs_)
+      if (!pair.apart) touching.push_back({pair.side[0].geom, pair.side[1].geom});
+    std::sort(touching.begin(), touching.end());
+    return touching;
   }
 
   // Pairs that fly apart of each other, undisturbed.
@@ -355,9 +364,25 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
   search.find_fast(contacts);
   if (!search.any()) return part;
   part.length = search.find_part(cuts_left);
-  part.impact = search.impact();
+  part.impact = search.pairs_in_touch();
   part.apart = search.pairs_apart(constraints, contacts);
   return part;
+}
+
+void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness) {
+  if (inverse_mass == 0.0) return;
+  // At unit stiffness and mass the damping is twice its ratio.
+  const double ratio = std::min(0.5 * damping_of(material, 1.0, 1.0), kLargestRatio);
+  material.form = DampingForm::kRatio;
+  material.damping = ratio;
+  material.added_damping = 0.0;
+  material.rigid = false;
+  // Large damping must be resolved too: 2 zeta omega in place of omega.
+  const double rate = kImpactRate / (length * std::max(1.0, 2.0 * ratio));
+  material.stiffness = rate * rate / inverse_mass;
+  if (stiffness == 0.0) return;
+  const double stiffest = std::pow(kResolvedRate / kImpactRate, 2) * material.stiffness;
+  material.stiffness = std::min(stiffest, stiffness);
 }
 
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts) {
