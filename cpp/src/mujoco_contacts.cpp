@@ -9,9 +9,44 @@
 
 #include "dashpot/mujoco_host.hpp"
 
+// Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
+// any two convex geoms.
+extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
+                          mjtNum margin);
+
 namespace dashpot::host {
 
 namespace {
+
+// Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
+constexpr double kFarReach = 0.005;
+
+thread_local bool reach_is_widened = false;
+mjfCollision collide_boxes = nullptr;
+
+// MuJoCo's own collision of boxes, which finds nothing between boxes that are apart and face each
+// other with corners or edges. Under a widened reach such contacts may start in this step.
+int collide_boxes_apart(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                        mjtNum margin) {
+  const int count = collide_boxes(m, d, contact, geom1, geom2, margin);
+  if (count > 0 || !reach_is_widened) return count;
+  double half_width = mjMAXVAL;
+  for (int geom : {geom1, geom2})
+    for (int i = 0; i < 3; ++i) half_width = std::min(half_width, m->geom_size[3 * geom + i]);
+  if (margin <= kFarReach * half_width) return 0;
+  return mjc_Convex(m, d, contact, geom1, geom2, margin);
+}
+
+// Once in a process; collisions outside detect() stay as they are.
+void install_collision_of_boxes() {
+  static const bool installed = [] {
+    mjfCollision& entry = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
+    collide_boxes = entry;
+    entry = collide_boxes_apart;
+    return true;
+  }();
+  static_cast<void>(installed);
+}
 
 double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
@@ -52,10 +87,13 @@ class WidenedReach {
   WidenedReach(mjModel* m, const mjData* d, const std::vector<double>& acceleration)
       : m_(m),
         geom_gap_(m->geom_gap, m->geom_gap + m->ngeom),
+        body_margin_(m->body_margin, m->body_margin + m->nbody),
         pair_gap_(m->pair_gap, m->pair_gap + m->npair),
         flex_gap_(m->flex_gap, m->flex_gap + m->nflex),
         joint_margin_(m->jnt_margin, m->jnt_margin + m->njnt),
         tendon_margin_(m->tendon_margin, m->tendon_margin + m->ntendon) {
+    install_collision_of_boxes();
+    reach_is_widened = true;
     const double h = m->opt.timestep;
     std::vector<double> now, later, end_velocity(m->nv);
     for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
@@ -67,6 +105,9 @@ class WidenedReach {
       reach[geom] =
           h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
       m->geom_gap[geom] = std::max(geom_gap_[geom], reach[geom]);
+      // The broadphase goes by the largest of a body's geoms.
+      mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
+      margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
     }
     for (int pair = 0; pair < m->npair; ++pair)
       m->pair_gap[pair] =
@@ -91,7 +132,9 @@ class WidenedReach {
         m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
   }
   ~WidenedReach() {
+    reach_is_widened = false;
     std::copy(geom_gap_.begin(), geom_gap_.end(), m_->geom_gap);
+    std::copy(body_margin_.begin(), body_margin_.end(), m_->body_margin);
     std::copy(pair_gap_.begin(), pair_gap_.end(), m_->pair_gap);
     std::copy(flex_gap_.begin(), flex_gap_.end(), m_->flex_gap);
     std::copy(joint_margin_.begin(), joint_margin_.end(), m_->jnt_margin);
@@ -114,7 +157,7 @@ class WidenedReach {
 
  private:
   mjModel* m_;
-  std::vector<mjtNum> geom_gap_, pair_gap_, flex_gap_, joint_margin_, tendon_margin_;
+  std::vector<mjtNum> geom_gap_, body_margin_, pair_gap_, flex_gap_, joint_margin_, tendon_margin_;
 };
 
 std::array<double, 3> to_local(const mjtNum* position, const mjtNum* rotation,

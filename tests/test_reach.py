@@ -1,0 +1,49 @@
+"""Detection reaches as far as bodies move in a step."""
+
+from __future__ import annotations
+
+import mujoco
+import pytest
+
+import dashpot
+from reach import starts_and_misses
+
+SCENES_PER_TEST = 25
+
+
+@pytest.mark.parametrize("first", range(0, 200, SCENES_PER_TEST))
+def test_no_contact_that_starts_inside_a_step_is_missed(first):
+    results = [starts_and_misses(seed) for seed in range(first, first + SCENES_PER_TEST)]
+    assert sum(len(started) for started, _ in results) > 0
+    assert [misses for _, misses in results if misses] == []
+
+
+def test_boxes_that_will_meet_corner_to_corner():
+    """Seen from either, the other is beyond an edge: face clipping finds no point."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
+        <body><freejoint/><geom type="box" size=".1 .1 .1"/></body>
+        <body pos=".3 .3 .3"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[6:9] = -15.0
+    engine.step(data)
+    assert data.ncon > 0
+    assert data.contact.dist[0] == pytest.approx(0.1 * 3**0.5, rel=1e-6)
+
+
+def test_reach_leaves_the_model_as_it_was():
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+        <body pos="0 0 1"><freejoint/><geom size=".1" margin=".01" gap=".02"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[2] = -50.0
+    before = engine.model.body_margin.copy(), engine.model.geom_gap.copy()
+    engine.step(data)
+    assert engine.model.body_margin.tolist() == before[0].tolist()
+    assert engine.model.geom_gap.tolist() == before[1].tolist()
