@@ -204,3 +204,27 @@ def test_pushed_cart_feels_contact_through_its_mechanism():
     np.testing.assert_allclose((data.qvel[:2] - before) / 0.5, 2.0, rtol=1e-9)
     # The spring between them carries the ball's share, 3 kg at 2 m/s^2.
     assert data.qpos[0] - (data.qpos[1] - 0.2) == pytest.approx(6 / 1e4, rel=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+@pytest.mark.parametrize("where", ["joint", "actuator"])
+@pytest.mark.parametrize("quadratic", [2.0, 2000.0])
+def test_quadratic_damping_is_implicit_with_rows_as_without(integrator, where, quadratic):
+    """Speed falls as v_0 / (1 + c v_0 t / m); dry friction of 1 uN puts the joint into rows."""
+    damping = f'damping="0 {quadratic} 0"'
+    on_joint = damping if where == "joint" else ""
+    # An actuator's damping counts with the square of its gear.
+    halved = f'gear="2" damping="0 {quadratic / 4} 0"'
+    motor = f'<motor joint="cart" {halved}/>' if where == "actuator" else ""
+    xml = f"""<mujoco><option timestep="0.001" gravity="0 0 0" integrator="{integrator}"/>
+      <worldbody><body><joint name="cart" type="slide" axis="1 0 0" frictionloss="1e-6" {on_joint}/>
+        <geom size="0.1" mass="2"/></body></worldbody><actuator>{motor}</actuator></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    data = engine.make_data()
+    data.qvel[0] = 3.0
+    engine.step(data, nstep=1000)
+    exact = 3.0 / (1 + quadratic * 3.0 / 2)
+    # First order in the step, 0.2 % of the exact change; the stiff one forgets its first steps.
+    assert data.qvel[0] == pytest.approx(exact, rel=0.01)
+    # Explicitly, 2000 would have multiplied the speed by -2 in the first step.
+    assert data.qvel[0] > 0.0

@@ -158,7 +158,7 @@ void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree) {
       entry = d->M[k];
       if (fast) entry -= h * d->qDeriv[m->mapD2M[k]];
     }
-    if (damped) inertia[i * t.dof_count + i] += h * m->dof_damping[dof];
+    if (damped) inertia[i * t.dof_count + i] += h * euler_damping(m, dof, d->qvel[dof]);
   }
   factor_inertia(trees, tree, inertia);
 }

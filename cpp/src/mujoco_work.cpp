@@ -7,6 +7,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include <cmath>
+
 #include "dashpot/mujoco_host.hpp"
 
 extern "C" void mjd_passive_vel(const mjModel* m, mjData* d);
@@ -15,10 +17,21 @@ namespace dashpot::host {
 
 namespace {
 
-double diagonal_form(const mjModel* m, const double* v) {
+// v' D v with the Euler integrator's D, which it takes at the start of the step.
+double diagonal_form(const mjModel* m, const double* v, const double* start_velocity) {
   double sum = 0.0;
-  for (int i = 0; i < m->nv; ++i) sum += m->dof_damping[i] * v[i] * v[i];
+  for (int i = 0; i < m->nv; ++i) sum += euler_damping(m, i, start_velocity[i]) * v[i] * v[i];
   return sum;
+}
+
+// Derivative of the damping force (c + c_1 |v| + c_2 v^2) v.
+double damping_derivative(double damping, const mjtNum* high_order, double velocity) {
+  double slope = damping, power = 1.0;
+  for (int i = 0; i < mjNPOLY; ++i) {
+    power *= std::abs(velocity);
+    slope += (i + 2) * high_order[i] * power;
+  }
+  return slope;
 }
 
 // v' D v with D = -qDeriv, whose lower triangle M's sparsity maps.
@@ -33,6 +46,17 @@ double derivative_form(const mjModel* m, const mjData* d, const double* v) {
 }
 
 }  // namespace
+
+double euler_damping(const mjModel_* m, int dof, double velocity) {
+  double damping =
+      damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);
+  const int actuator = m->jnt_actuatorid[m->dof_jntid[dof]];
+  if (actuator < 0) return damping;
+  const double gear = m->actuator_gear[6 * m->actuator_outadr[actuator]];
+  return damping + gear * gear *
+                       damping_derivative(m->actuator_damping[actuator],
+                                          m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
+}
 
 SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_velocity,
                        const double* displacement) {
@@ -55,7 +79,8 @@ SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_veloci
     work.damping -= half * passive;
     work.applied -= half * (all - passive);
   } else if (!(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER))) {
-    work.damping -= half * (diagonal_form(m, d->qvel) - diagonal_form(m, start_velocity));
+    work.damping -= half * (diagonal_form(m, d->qvel, start_velocity) -
+                            diagonal_form(m, start_velocity, start_velocity));
   }
   return work;
 }
