@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/row_products.hpp"
-
 namespace dashpot {
 
 namespace {
@@ -59,34 +57,34 @@ void facet_forces(const ComFree& law, double mass, double gap, const double* pre
   }
 }
 
-void update_complementarity_free(const ComFree& law, const Rows& rows,
+void update_complementarity_free(const ComFree& law, const Rows& rows, const Trees& trees,
                                  const std::vector<double>& gap, const std::vector<double>& mass,
                                  double step, RowData& data) {
-  const auto read_rates = [&](const RowGroup& c, double* rate) {
-    gather(rows.jacobian.data() + c.jacobian, c, data.velocity.data(), rate);
-  };
-  for (const RowGroup& c : rows.group) read_rates(c, data.rate.data() + c.row);
+  for (const RowGroup& c : rows.group)
+    gather(rows, c, data.velocity.data(), data.rate.data() + c.row);
   for (size_t i = 0; i < data.velocity.size(); ++i)
     data.velocity[i] += step * data.smooth_acceleration[i];
 
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (gap[index] >= 0.0) continue;
-    double predicted_rate[kMaxRows];
-    read_rates(c, predicted_rate);
-    double* force = data.force.data() + c.row;
+    double predicted_rate[kMaxRows], force[kMaxRows];
+    gather(rows, c, data.velocity.data(), predicted_rate);
     facet_forces(law, mass[index], gap[index], predicted_rate, rows.friction.data() + c.row + 1,
                  c.dim, step, force);
     data.touched[index] = force[0] > 0.0;
     for (int i = 0; i < c.dim; ++i) data.total_impulse[c.row + i] = step * force[i];
+    scatter(rows, c, data.total_impulse.data() + c.row, data.coordinate_impulse.data());
+  }
+  for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
+    const int begin = trees.tree[tree].begin;
+    add_response(trees, static_cast<int>(tree), data.coordinate_impulse.data() + begin,
+                 data.velocity.data() + begin);
   }
 
-  for (const RowGroup& c : rows.group)
-    scatter(rows.jacobian.data() + c.jacobian, c, data.total_impulse.data() + c.row,
-            data.velocity.data());
   for (const RowGroup& c : rows.group) {
     double rate[kMaxRows];
-    read_rates(c, rate);
+    gather(rows, c, data.velocity.data(), rate);
     for (int i = 0; i < c.dim; ++i) {
       share(data.work, c, i) +=
           0.5 * data.total_impulse[c.row + i] * (data.rate[c.row + i] + rate[i]);

@@ -16,7 +16,6 @@
 #include "dashpot/middle.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/position_recovery.hpp"
-#include "dashpot/row_products.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
@@ -34,6 +33,14 @@ GroupMaterial from_solref(const Input& input) {
   given.normalised_stiffness = stiffness;
   given.normalised_damping = damping;
   return given;
+}
+
+// The coordinates of a free body without their zeros.
+Vector6 of_body(const double* coordinates) {
+  Vector6 body;
+  std::copy_n(coordinates, 3, body.data());
+  std::copy_n(coordinates + 4, 3, body.data() + 3);
+  return body;
 }
 
 void accumulate(const StepStats& step, StepStats& total) {
@@ -74,11 +81,14 @@ struct Stepper::Impl {
   void append_constraint(int index, mjData_* d);
   void append_contact(int index, mjData_* d);
   bool moves_as_free_body(int tree) const;
-  void collect_impulses(const std::vector<double>& start);
-  bool lands_in_next_step(const RowGroup& c, const std::vector<double>& start) const;
+  void invert_inertia_of(const std::array<int, 2>& tree);
+  void to_coordinates(int tree, const double* generalized, double* coordinates) const;
+  void to_generalized(int tree, const double* coordinates, double* generalized) const;
+  void find_touched_trees();
+  bool lands_in_next_step(const RowGroup& c) const;
   void check_finite() const;
   void update_ledger(const EnergyShares& before, const EnergyShares& after);
-  double contact_work(const Tree& tree) const;
+  double contact_work(int tree) const;
   void advance_tree(mjData_* d, int tree);
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
@@ -99,14 +109,20 @@ struct Stepper::Impl {
   std::vector<GroupMaterial> materials;  // per group
   Rows rows;
   RowData data;
-  std::vector<Island> islands;
-  std::vector<FreeMotion> free_motion;        // by tree; meaningful for free bodies
-  std::vector<double> smooth_acceleration;    // generalized
-  std::vector<double> contact_impulse;        // whitened, over the whole step
+  Islands islands;
+  MicrostepLoop microsteps;
+  std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
+  std::vector<double> inertia_factor;       // of trees that are not free bodies
+  std::vector<double> start_motion;         // start velocity in motion coordinates
+  std::vector<char> inverted;               // by tree: its inverse inertia is filled in
+  std::vector<double> smooth_acceleration;  // generalized
+  std::vector<double> constraint_force, row_force;
+  std::vector<double> displacement;           // generalized, of one tree
   std::vector<char> touched;                  // by tree: rows moved it
   std::vector<char> held;                     // by tree: rows that have a position moved it
   std::vector<double> mean_displacement;      // generalized
-  std::vector<double> recovery_displacement;  // whitened, of equalities
+  std::vector<double> recovery_displacement;  // of equalities, in motion coordinates
+  std::vector<double> recovered;              // the same, generalized
   EnergyLedger ledger;
 };
 
@@ -197,9 +213,8 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   std::vector<double> way;  // m, of each contact's points along each other up to the middle
   for (const RowGroup& c : rows.group) {
     double rate[kMaxRows], load[kMaxRows];
-    const double* jacobian = rows.jacobian.data() + c.jacobian;
-    gather(jacobian, c, data.velocity.data(), rate);
-    gather(jacobian, c, data.smooth_acceleration.data(), load);
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
     for (int i = 0; i < c.dim; ++i) rate[i] = 0.5 * length * (rate[i] + 0.25 * length * load[i]);
     if (c.kind == RowKind::kContact) {
       contacts[c.input].gap -= rate[0];
@@ -238,21 +253,22 @@ void Stepper::Impl::give_rigid_impacts_springs(mjData_* d, const std::vector<Geo
 
 // Velocities and inertia as the geometry of the middle sees them.
 void Stepper::Impl::freeze_at_middle(const mjData_* d) {
+  host::find_effective_inertia(model, d, trees, inertia_factor);
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
-    host::factor_tree(model, d, trees, index);
-    const int begin = trees.tree[index].dof_begin;
-    double* acceleration = smooth_acceleration.data() + begin;
-    Vector6 velocity;
-    const double* start = start_velocity.data() + begin;
+    const Tree& tree = trees.tree[index];
+    double* acceleration = smooth_acceleration.data() + tree.dof_begin;
+    Vector6 of_free_body;
+    const double* velocity = start_velocity.data() + tree.dof_begin;
+    inverted[index] = tree.free_body;
     if (moves_as_free_body(index)) {
       FreeMotion& motion = free_motion[index];
       freeze_at(motion, host::orientation(model, d, index));
       Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
-      velocity = dashpot::start_velocity(motion);
-      start = velocity.data();
+      of_free_body = dashpot::start_velocity(motion);
+      velocity = of_free_body.data();
     }
-    whiten_velocity(trees, index, acceleration, data.smooth_acceleration.data() + begin);
-    whiten_velocity(trees, index, start, data.velocity.data() + begin);
+    to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
+    to_coordinates(index, velocity, data.velocity.data() + tree.begin);
   }
 }
 
@@ -305,17 +321,18 @@ GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
 
 void Stepper::Impl::append_constraint(int index, mjData_* d) {
   const ConstraintInput& input = constraints[index];
-  const RowGroup& c = rows.append(input.kind, index, 1, trees, input.tree);
+  const RowGroup& c = rows.append(input.kind, index, 1, input.tree);
   rows.friction[c.row] = input.limit;
   host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
-  host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
-  whiten(rows, c, trees);
   materials.push_back(from_solref(input));
+  host::append_jacobian(model, d, input, trees, rows);
+  invert_inertia_of(c.tree);
+  find_inverse_mass(rows, c, trees);
 }
 
 void Stepper::Impl::append_contact(int index, mjData_* d) {
   const ContactInput& input = contacts[index];
-  const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, trees, input.tree);
+  const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, input.tree);
   host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
   materials.push_back(material_of(input));
   const Material& material = materials.back().material;
@@ -326,8 +343,18 @@ void Stepper::Impl::append_contact(int index, mjData_* d) {
     if (material.has_friction && !std::isnan(overriding)) friction[i] = overriding;
   }
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
-  host::fill_jacobian(model, d, input, c, trees, rows.jacobian.data() + c.jacobian);
-  whiten(rows, c, trees);
+  host::append_jacobian(model, d, input, trees, rows);
+  invert_inertia_of(c.tree);
+  find_inverse_mass(rows, c, trees);
+}
+
+// Trees that no row touches never need the inverse of their inertia.
+void Stepper::Impl::invert_inertia_of(const std::array<int, 2>& tree) {
+  for (int index : tree) {
+    if (index < 0 || inverted[index]) continue;
+    invert_inertia(trees, index, inertia_factor.data() + trees.tree[index].inverse);
+    inverted[index] = 1;
+  }
 }
 
 // The complementarity-free law leaves every tree to MuJoCo's semi-implicit integrator.
@@ -338,29 +365,53 @@ bool Stepper::Impl::moves_as_free_body(int tree) const {
 // Implicit in velocity as the integrator is; free bodies get the mean of their accurate motion.
 void Stepper::Impl::find_smooth_acceleration(mjData_* d, bool rough) {
   host::prepare_effective_inertia(model, d);
-  data.reset_motion(host::dof_count(model));
+  host::find_effective_inertia(model, d, trees, inertia_factor);
+  data.reset_motion(trees.coordinates);
   free_motion.resize(trees.tree.size());
-  smooth_acceleration.assign(start_velocity.size(), 0.0);
+  smooth_acceleration.resize(start_velocity.size());
+  inverted.resize(trees.tree.size());
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
-    host::factor_tree(model, d, trees, index);
-    const int begin = trees.tree[index].dof_begin;
-    double* acceleration = smooth_acceleration.data() + begin;
-    double* whitened = data.smooth_acceleration.data() + begin;
-    whiten_force(trees, index, host::smooth_force(d) + begin, whitened);
-    unwhiten_velocity(trees, index, whitened, acceleration);
-    if (moves_as_free_body(index)) {
+    const Tree& tree = trees.tree[index];
+    double* acceleration = smooth_acceleration.data() + tree.dof_begin;
+    inverted[index] = tree.free_body;
+    host::smooth_acceleration(d, trees, index, inertia_factor, acceleration);
+    if (host::is_free_body(model, index)) {
       FreeMotion& motion = free_motion[index];
       motion =
           predict_free_motion(host::read_free_body(model, d, index, acceleration), length, rough);
-      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
-      whiten_velocity(trees, index, acceleration, whitened);
+      if (moves_as_free_body(index))
+        Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
     }
-    whiten_velocity(trees, index, start_velocity.data() + begin, data.velocity.data() + begin);
+    to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
+    to_coordinates(index, start_velocity.data() + tree.dof_begin,
+                   data.velocity.data() + tree.begin);
   }
   for (size_t i = 0; i < smooth_acceleration.size(); ++i)
     if (!(std::abs(smooth_acceleration[i]) <= host::kLargestValue))
       throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
                                " diverged; data are as they were before the step");
+}
+
+void Stepper::Impl::to_coordinates(int index, const double* generalized,
+                                   double* coordinates) const {
+  const Tree& tree = trees.tree[index];
+  if (!tree.free_body) {
+    std::copy_n(generalized, tree.dof_count, coordinates);
+    return;
+  }
+  const Vector6 centre =
+      motion_of_centre(free_motion[index], Eigen::Map<const Vector6>(generalized));
+  std::copy_n(centre.data(), 3, coordinates);
+  std::copy_n(centre.data() + 3, 3, coordinates + 4);
+}
+
+void Stepper::Impl::to_generalized(int index, const double* coordinates,
+                                   double* generalized) const {
+  const Tree& tree = trees.tree[index];
+  if (!tree.free_body)
+    std::copy_n(coordinates, tree.dof_count, generalized);
+  else
+    Eigen::Map<Vector6>{generalized} = motion_of_origin(free_motion[index], of_body(coordinates));
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
@@ -376,35 +427,37 @@ void Stepper::Impl::build_rows(mjData_* d) {
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
-  islands = find_islands(rows, trees);
-  for (Island& island : islands)
-    plan_microsteps(island, rows, trees, materials, length, parameters.options);
-  const Memory view = memory(d);
+  start_motion = data.velocity;
+  islands.find(rows, trees);
+  islands.plan(rows, trees, materials, length, parameters.options);
+  Memory view = memory(d);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
   ledger = view.ledger();
 }
 
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data);
-  const std::vector<double> start = data.velocity;
-  for (const Island& island : islands)
+  for (const Island& island : islands.all())
     if (!stays_apart(rows, island, length, data))
-      run_microsteps(rows, trees, island, parameters.options.recovery_speed, data);
+      microsteps.run(rows, trees, island, parameters.options.recovery_speed, data);
+  check_finite();
   update_ledger(before, elastic_energy(rows, data));
-  recovery_displacement.assign(start.size(), 0.0);
-  for (const Island& island : islands)
+  recovery_displacement.assign(trees.coordinates, 0.0);
+  for (const Island& island : islands.all())
     ledger.dissipated_recovery -=
         recover_positions(rows, trees, island, parameters.options.recovery_speed, length, data,
                           recovery_displacement);
   ledger.elastic = elastic_energy(rows, data).sum();
-  for (size_t i = 0; i < start.size(); ++i) data.total_displacement[i] += recovery_displacement[i];
-  collect_impulses(start);
+  for (int i = 0; i < trees.coordinates; ++i)
+    data.total_displacement[i] += recovery_displacement[i];
+  find_touched_trees();
 }
 
 // Nothing is remembered but the ledger, and no spring stores energy.
 void Stepper::Impl::update_complementarity_free(mjData_* d) {
   data.reset_rows(rows);
-  islands = find_islands(rows, trees);
+  start_motion = data.velocity;
+  islands.find(rows, trees);
   ledger = memory(d).ledger();
   std::vector<double> gap, mass;
   for (const RowGroup& c : rows.group) {
@@ -417,24 +470,19 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
         impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gap.back()),
         rows.typical_inverse_mass[c.row]));
   }
-  const std::vector<double> start = data.velocity;
   const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
-  dashpot::update_complementarity_free(law, rows, gap, mass, length, data);
-  collect_impulses(start);
+  dashpot::update_complementarity_free(law, rows, trees, gap, mass, length, data);
+  check_finite();
+  find_touched_trees();
   update_ledger({}, {});
 }
 
-// The motion that rows caused, and the trees it reached.
-void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
-  check_finite();
-  contact_impulse.resize(start.size());
-  for (size_t i = 0; i < start.size(); ++i)
-    contact_impulse[i] = data.velocity[i] - start[i] - length * data.smooth_acceleration[i];
+void Stepper::Impl::find_touched_trees() {
   touched.assign(trees.tree.size(), 0);
   held.assign(trees.tree.size(), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (!data.touched[i] && !lands_in_next_step(c, start)) continue;
+    if (!data.touched[i] && !lands_in_next_step(c)) continue;
     for (int tree : c.tree) {
       if (tree < 0) continue;
       touched[tree] = 1;
@@ -446,19 +494,21 @@ void Stepper::Impl::collect_impulses(const std::vector<double>& start) {
 // Where the semi-implicit update would take a tree into an overlap that its motion does not have,
 // it takes the motion of the micro-steps: otherwise a tree at rest is thrown back by the recovery
 // of that overlap, step after step.
-bool Stepper::Impl::lands_in_next_step(const RowGroup& c, const std::vector<double>& start) const {
+bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
   if (parameters.options.law == Law::kComFree) return false;
   const double gap =
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
-  return overlaps_semi_implicitly(rows, c, gap, start.data(), data.smooth_acceleration.data(),
-                                  length);
+  return overlaps_semi_implicitly(rows, c, gap, start_motion.data(),
+                                  data.smooth_acceleration.data(), length);
 }
 
 void Stepper::Impl::check_finite() const {
-  for (size_t i = 0; i < data.velocity.size(); ++i)
-    if (!(std::abs(data.velocity[i]) <= host::kLargestValue))
-      throw std::runtime_error("contact forces diverged at degree of freedom " + std::to_string(i) +
-                               "; data are as they were before the step");
+  for (const Tree& tree : trees.tree)
+    for (int i = 0; i < tree.count; ++i)
+      if (!(std::abs(data.velocity[tree.begin + i]) <= host::kLargestValue))
+        throw std::runtime_error(
+            "contact forces diverged at the kinematic tree of degree of freedom " +
+            std::to_string(tree.dof_begin) + "; data are as they were before the step");
 }
 
 // Elastic energy that memory did not bring back, and work of the recovering surface, count as
@@ -474,15 +524,19 @@ void Stepper::Impl::update_ledger(const EnergyShares& before, const EnergyShares
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {
-  std::vector<double> constraint_force(start_velocity.size(), 0.0);
+  constraint_force.assign(start_velocity.size(), 0.0);
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     if (!touched[index]) continue;
-    const int begin = trees.tree[index].dof_begin;
-    generalized_impulse(trees, index, contact_impulse.data() + begin,
-                        constraint_force.data() + begin);
+    const Tree& tree = trees.tree[index];
+    const double* impulse = data.coordinate_impulse.data() + tree.begin;
+    double* force = constraint_force.data() + tree.dof_begin;
+    if (tree.free_body)
+      Eigen::Map<Vector6>{force} = generalized_force(free_motion[index], of_body(impulse));
+    else
+      std::copy_n(impulse, tree.dof_count, force);
   }
   for (double& force : constraint_force) force /= length;
-  std::vector<double> row_force = data.total_impulse;
+  row_force = data.total_impulse;
   for (double& force : row_force) force /= length;
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
@@ -494,14 +548,20 @@ void Stepper::Impl::advance_state(mjData_* d) {
     if (touched[index] || host::is_free_body(model, index)) advance_tree(d, index);
 }
 
-// Work that rows did on a tree, in the frozen geometry: its gain less the work of the smooth load.
-double Stepper::Impl::contact_work(const Tree& tree) const {
-  double work = 0.0;
-  for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i) {
-    const double a = data.smooth_acceleration[i], end = data.velocity[i];
-    const double start = end - contact_impulse[i] - length * a;
-    work += 0.5 * (end - start) * (end + start) - a * data.total_displacement[i];
-  }
+// Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the
+// work of the smooth load.
+double Stepper::Impl::contact_work(int index) const {
+  const Tree& tree = trees.tree[index];
+  const auto centre = [&](const std::vector<double>& coordinates) -> Vector6 {
+    const double* own = coordinates.data() + tree.begin;
+    if (tree.free_body) return of_body(own);
+    return motion_of_centre(free_motion[index], Eigen::Map<const Vector6>(own));
+  };
+  const Vector6 twice_mean = centre(start_motion) + centre(data.velocity);
+  const Vector6 load = wrench_of(free_motion[index], centre(data.smooth_acceleration));
+  double work = load.dot(0.5 * length * twice_mean - centre(data.total_displacement));
+  for (int i = tree.begin; i < tree.begin + tree.count; ++i)
+    work += 0.5 * data.coordinate_impulse[i] * (start_motion[i] + data.velocity[i]);
   return work;
 }
 
@@ -509,34 +569,42 @@ double Stepper::Impl::contact_work(const Tree& tree) const {
 // start and at the end. What this would add to its energy is taken out of its rotation.
 void Stepper::Impl::advance_tree(mjData_* d, int index) {
   const Tree& tree = trees.tree[index];
-  const int begin = tree.dof_begin, count = tree.dof_count;
-  if (host::is_free_body(model, index)) {
-    Vector6 velocity_change = Vector6::Zero(), displacement = Vector6::Zero();
-    if (touched[index]) {
-      Vector6 whitened;
-      for (int i = 0; i < 6; ++i)
-        whitened[i] = data.total_displacement[begin + i] -
-                      length * (data.velocity[begin + i] - contact_impulse[begin + i]) +
-                      0.5 * length * length * data.smooth_acceleration[begin + i];
-      unwhiten_velocity(trees, index, whitened.data(), displacement.data());
-      unwhiten_velocity(trees, index, contact_impulse.data() + begin, velocity_change.data());
+  const double* moved = data.total_displacement.data() + tree.begin;
+  const double* end_velocity = data.velocity.data() + tree.begin;
+  if (!host::is_free_body(model, index)) {
+    // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
+    if (!held[index]) {
+      displacement.assign(end_velocity, end_velocity + tree.dof_count);
+      for (double& way : displacement) way *= length;
+      moved = displacement.data();
     }
-    FreeBody end = finish_free_motion(free_motion[index], length, velocity_change, displacement);
-    if (touched[index] && geometry_of_middle) {
-      const double excess = energy_gain(free_motion[index], length, end) - contact_work(tree);
-      if (excess > 0.0) brake_rotation(end, excess);
-    }
-    host::write_free_body(model, d, index, end);
+    host::write_tree(model, d, tree, start_position.data(), moved, end_velocity);
     return;
   }
-  std::vector<double> displacement(count), velocity(count);
-  unwhiten_velocity(trees, index, data.velocity.data() + begin, velocity.data());
-  // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
-  if (held[index])
-    unwhiten_velocity(trees, index, data.total_displacement.data() + begin, displacement.data());
-  else
-    for (int i = 0; i < count; ++i) displacement[i] = length * velocity[i];
-  host::write_tree(model, d, tree, start_position.data(), displacement.data(), velocity.data());
+  const FreeMotion& motion = free_motion[index];
+  Vector6 velocity_change = Vector6::Zero(), shift = Vector6::Zero();
+  if (touched[index]) {
+    // What contacts added to the smooth motion.
+    double change[kBodyCoordinates], move[kBodyCoordinates];
+    const double* velocity = start_motion.data() + tree.begin;
+    const double* acceleration = data.smooth_acceleration.data() + tree.begin;
+    for (int i = 0; i < tree.count; ++i) {
+      change[i] = end_velocity[i] - velocity[i] - length * acceleration[i];
+      move[i] = moved[i] - length * (velocity[i] + 0.5 * length * acceleration[i]);
+    }
+    velocity_change = of_body(change);
+    shift = of_body(move);
+    if (!tree.free_body) {
+      velocity_change = motion_of_centre(motion, Eigen::Map<const Vector6>(change));
+      shift = motion_of_centre(motion, Eigen::Map<const Vector6>(move));
+    }
+  }
+  FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
+  if (touched[index] && geometry_of_middle) {
+    const double excess = energy_gain(motion, length, end) - contact_work(index);
+    if (excess > 0.0) brake_rotation(end, excess);
+  }
+  host::write_free_body(model, d, index, end);
 }
 
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
@@ -547,14 +615,14 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   for (size_t i = 0; i < start_velocity.size(); ++i)
     mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
   if (parameters.options.law != Law::kComFree) {
-    std::vector<double> recovered(start_velocity.size(), 0.0);
+    recovered.assign(start_velocity.size(), 0.0);
     for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
       if (!touched[index]) continue;
       const Tree& tree = trees.tree[index];
       double* mean = mean_displacement.data() + tree.dof_begin;
       double* shift = recovered.data() + tree.dof_begin;
-      unwhiten_velocity(trees, index, data.total_displacement.data() + tree.dof_begin, mean);
-      unwhiten_velocity(trees, index, recovery_displacement.data() + tree.dof_begin, shift);
+      to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+      to_generalized(index, recovery_displacement.data() + tree.begin, shift);
       for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
     }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
@@ -578,8 +646,8 @@ Memory Stepper::Impl::memory(mjData_* d) const {
 StepStats Stepper::Impl::statistics() const {
   StepStats stats;
   stats.contacts = static_cast<int>(contacts.size());
-  stats.islands = static_cast<int>(islands.size());
-  for (const Island& island : islands) {
+  stats.islands = static_cast<int>(islands.all().size());
+  for (const Island& island : islands.all()) {
     stats.microsteps = std::max(stats.microsteps, island.microsteps);
     stats.clipped += island.clipped;
   }

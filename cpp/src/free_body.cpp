@@ -178,11 +178,10 @@ Vector6 mean_acceleration(const FreeMotion& motion, double step) {
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement) {
   const FreeBody& start = motion.start;
-  const Eigen::Vector3d omega_change = motion.frame * velocity_change.tail<3>();
-  const Eigen::Vector3d turn = motion.frame * displacement.tail<3>();
   Rotation end = motion.end;
-  end.angular_momentum += momentum_of(motion.frame * start.principal, start.inertia, omega_change);
-  end.orientation = (rotation_of(turn) * end.orientation).normalized();
+  end.angular_momentum +=
+      momentum_of(motion.frame * start.principal, start.inertia, velocity_change.tail<3>());
+  end.orientation = (rotation_of(displacement.tail<3>()) * end.orientation).normalized();
 
   FreeBody body = start;
   body.orientation = (end.orientation * start.principal.conjugate()).normalized();
@@ -190,10 +189,9 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
   const Eigen::Vector3d arm = body.orientation * start.offset;
   const Eigen::Vector3d centre_displacement = step * motion.centre_velocity +
                                               0.5 * step * step * motion.centre_acceleration +
-                                              displacement.head<3>() + turn.cross(motion.arm);
+                                              displacement.head<3>();
   const Eigen::Vector3d centre_velocity =
-      motion.centre_velocity + step * motion.centre_acceleration + velocity_change.head<3>() +
-      omega_change.cross(motion.arm);
+      motion.centre_velocity + step * motion.centre_acceleration + velocity_change.head<3>();
   body.origin = start.origin + centre_displacement + (start.orientation * start.offset - arm);
   body.velocity.head<3>() = centre_velocity - omega.cross(arm);
   body.velocity.tail<3>() = body.orientation.conjugate() * omega;
@@ -231,6 +229,37 @@ void brake_rotation(FreeBody& body, double energy) {
   const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
   body.velocity.head<3>() += loss * omega.cross(arm);
   body.velocity.tail<3>() *= 1.0 - loss;
+}
+
+Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized) {
+  const Eigen::Vector3d angular = motion.frame * generalized.tail<3>();
+  Vector6 centre;
+  centre.head<3>() = generalized.head<3>() + angular.cross(motion.arm);
+  centre.tail<3>() = angular;
+  return centre;
+}
+
+Vector6 motion_of_origin(const FreeMotion& motion, const Vector6& centre) {
+  Vector6 generalized;
+  generalized.head<3>() = centre.head<3>() - centre.tail<3>().cross(motion.arm);
+  generalized.tail<3>() = motion.frame.conjugate() * centre.tail<3>();
+  return generalized;
+}
+
+Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench) {
+  Vector6 force;
+  force.head<3>() = wrench.head<3>();
+  force.tail<3>() =
+      motion.frame.conjugate() * (wrench.tail<3>() + motion.arm.cross(wrench.head<3>()));
+  return force;
+}
+
+Vector6 wrench_of(const FreeMotion& motion, const Vector6& centre_acceleration) {
+  Vector6 wrench;
+  wrench.head<3>() = motion.start.mass * centre_acceleration.head<3>();
+  wrench.tail<3>() = momentum_of(motion.frame * motion.start.principal, motion.start.inertia,
+                                 centre_acceleration.tail<3>());
+  return wrench;
 }
 
 }  // namespace dashpot

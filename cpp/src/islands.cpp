@@ -10,58 +10,53 @@ namespace dashpot {
 
 namespace {
 
-constexpr int kLargeTree = 12;        // degrees of freedom above which S_T is not squared
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
-// S_T of one tree for one diagonal (stiffness, damping or unit): lower triangle, row-major.
-class CoupledBound {
- public:
-  explicit CoupledBound(int dofs) : dofs_(dofs), sum_(dofs * dofs, 0.0) {}
+// S += weight row' row over the entries that a row has in one tree.
+void add_outer(const double* value, const int* local, int count, double weight, double* sum,
+               int stride) {
+  for (int i = 0; i < count; ++i) {
+    const double scaled = weight * value[i];
+    double* column = sum + local[i] * stride;
+    for (int j = 0; j < count; ++j) column[local[j]] += scaled * value[j];
+  }
+}
 
-  void add(const double* block, double weight) {
-    empty_ = false;
-    double* entry = sum_.data();
-    for (int i = 0; i < dofs_; ++i, entry += dofs_) {
-      const double scaled = weight * block[i];
-      for (int j = 0; j <= i; ++j) entry[j] += scaled * block[j];
+constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
+
+// trace(B^8)^(1/8) for the 6x6 matrix B of a free body.
+double body_bound(const double* sum, const double* inverse) {
+  using Matrix = Eigen::Matrix<double, 6, 6>;
+  Matrix b;
+  for (int column = 0; column < 6; ++column) {
+    const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
+    for (int i = 0; i < 3; ++i) {
+      b(i, column) = inverse[i] * s[i];
+      b(3 + i, column) = inverse[4 + i] * s[4] + inverse[8 + i] * s[5] + inverse[12 + i] * s[6];
     }
   }
+  const double trace = b.trace();
+  if (trace == 0.0) return 0.0;
+  b /= trace;
+  const Matrix square = b * b;
+  const Matrix fourth = square * square;
+  return trace * std::pow(fourth.cwiseProduct(fourth.transpose()).sum(), 0.125);
+}
 
-  double largest_eigenvalue_bound() const {
-    if (empty_) return 0.0;
-    using Matrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-    const Eigen::Map<const Matrix> lower(sum_.data(), dofs_, dofs_);
-    const double trace = lower.trace();
-    if (trace == 0.0) return 0.0;
-    if (dofs_ == 6) return fourth_power_bound<6>(lower, trace);
-    const Matrix full = lower.selfadjointView<Eigen::Lower>();
-    if (dofs_ <= kLargeTree) return fourth_power_bound<Eigen::Dynamic>(full, trace);
-    return std::min(full.norm(), full.cwiseAbs().rowwise().sum().maxCoeff());
-  }
-
- private:
-  template <int Size, typename Lower>
-  static double fourth_power_bound(const Lower& lower, double trace) {
-    using Matrix = Eigen::Matrix<double, Size, Size>;
-    const Matrix full = Matrix(lower.template selfadjointView<Eigen::Lower>()) / trace;
-    const Matrix square = full * full;
-    return trace * std::pow((square * square).norm(), 0.25);
-  }
-
-  int dofs_;
-  std::vector<double> sum_;
-  bool empty_ = true;
-};
-
-// Bounds of one tree: SI stiffness, SI damping, and rigid rows weighted by 1/w.
-struct TreeBounds {
-  double stiffness = 0.0, damping = 0.0, rigid = 0.0;
-  bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
-  // Part of the resolution that SI rows may use, and that rigid rows may use.
-  double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
-  double rigid_share() const { return mixed() ? 0.5 : 1.0; }
-};
+// trace(B^4)^(1/4).
+double tree_bound(const double* sum, const double* inverse, const Tree& t) {
+  using Matrix = Eigen::MatrixXd;
+  using Map = Eigen::Map<const Matrix>;
+  const int n = t.dof_count;
+  Matrix b = Map(inverse, t.count, t.count).topLeftCorner(n, n) *
+             Map(sum, t.count, t.count).topLeftCorner(n, n);
+  const double trace = b.trace();
+  if (trace == 0.0) return 0.0;
+  b /= trace;
+  const Matrix square = b * b;
+  return trace * std::pow(square.cwiseProduct(square.transpose()).sum(), 0.25);
+}
 
 // Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
 // rolling rows the larger, so that springs are isotropic whatever the tangents are.
@@ -148,158 +143,178 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
   }
 }
 
-class Planner {
- public:
-  Planner(const Island& island, Rows& rows, const Trees& trees,
-          const std::vector<GroupMaterial>& materials)
-      : island_(island), rows_(rows), trees_(trees), materials_(materials) {
-    bounds_.resize(island.tree.size());
-    for (int index : island.group)
-      if (!materials[index].rigid()) fill_given_rows(rows, rows.group[index], materials[index]);
-    measure();
-  }
-
-  // Longest micro-step that resolves every SI value.
-  double longest_si_microstep() const {
-    double h = std::numeric_limits<double>::infinity();
-    for (const TreeBounds& b : bounds_) {
-      if (b.stiffness > 0.0) h = std::min(h, kResolution * std::sqrt(b.si_share() / b.stiffness));
-      if (b.damping > 0.0) h = std::min(h, kResolution * b.si_share() / b.damping);
-    }
-    return h;
-  }
-
-  bool has_rigid() const {
-    return std::any_of(island_.group.begin(), island_.group.end(),
-                       [&](int index) { return materials_[index].rigid(); });
-  }
-
-  // Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
-  int fill(double h) {
-    int clipped = 0;
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      double stiffness_scale = 1.0, damping_scale = 1.0, coupling = 0.0;
-      for (int side = 0; side < 2; ++side) {
-        if (c.tree[side] < 0) continue;
-        const TreeBounds& b = bounds_[slot(c.tree[side])];
-        const double share = b.si_share();
-        stiffness_scale =
-            std::min(stiffness_scale, limit(share * std::pow(kResolution / h, 2), b.stiffness));
-        damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
-        coupling = std::max(coupling, b.rigid / b.rigid_share());
-      }
-      if (materials_[index].rigid()) {
-        fill_rigid_rows(rows_, c, materials_[index].material, coupling, h);
-        continue;
-      }
-      if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;
-      for (int row = c.row; row < c.row + c.dim; ++row) {
-        rows_.stiffness[row] *= stiffness_scale;
-        rows_.damping[row] *= damping_scale;
-      }
-      clipped += c.dim;
-    }
-    return clipped;
-  }
-
- private:
-  static double limit(double allowed, double bound) {
-    return bound > allowed ? allowed / bound : 1.0;
-  }
-
-  size_t slot(int tree) const {
-    return std::lower_bound(island_.tree.begin(), island_.tree.end(), tree) - island_.tree.begin();
-  }
-
-  void measure() {
-    std::vector<CoupledBound> stiffness, damping, rigid;
-    for (int tree : island_.tree) {
-      const int dofs = trees_.tree[tree].dof_count;
-      stiffness.emplace_back(dofs);
-      damping.emplace_back(dofs);
-      rigid.emplace_back(dofs);
-    }
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      for (int i = 0; i < c.dim; ++i) {
-        const int row = c.row + i;
-        const double* blocks = rows_.jacobian.data() + c.jacobian + i * c.stride;
-        const double* block[2] = {blocks, blocks + c.dof_count[0]};
-        double norm[2];
-        for (int side = 0; side < 2; ++side)
-          norm[side] = Eigen::Map<const Eigen::VectorXd>(block[side], c.dof_count[side]).norm();
-        for (int side = 0; side < 2; ++side) {
-          if (norm[side] == 0.0) continue;
-          const double split = 1.0 + norm[1 - side] / norm[side];
-          const size_t s = slot(c.tree[side]);
-          if (materials_[index].rigid()) {
-            rigid[s].add(block[side], split / rows_.inverse_mass[row]);
-          } else {
-            stiffness[s].add(block[side], split * rows_.stiffness[row]);
-            damping[s].add(block[side], split * rows_.damping[row]);
-          }
-        }
-      }
-    }
-    for (size_t s = 0; s < bounds_.size(); ++s)
-      bounds_[s] = {stiffness[s].largest_eigenvalue_bound(), damping[s].largest_eigenvalue_bound(),
-                    rigid[s].largest_eigenvalue_bound()};
-  }
-
-  const Island& island_;
-  Rows& rows_;
-  const Trees& trees_;
-  const std::vector<GroupMaterial>& materials_;
-  std::vector<TreeBounds> bounds_;  // in the order of island.tree
-};
+double limit(double allowed, double bound) { return bound > allowed ? allowed / bound : 1.0; }
 
 }  // namespace
 
-std::vector<Island> find_islands(const Rows& rows, const Trees& trees) {
-  std::vector<int> root(trees.tree.size());
-  std::iota(root.begin(), root.end(), 0);
-  const auto find = [&](int tree) {
-    while (root[tree] != tree) tree = root[tree] = root[root[tree]];
-    return tree;
-  };
-  for (const RowGroup& c : rows.group)
-    if (c.tree[0] >= 0 && c.tree[1] >= 0) {
-      const int a = find(c.tree[0]), b = find(c.tree[1]);
-      root[std::max(a, b)] = std::min(a, b);
-    }
-  std::vector<int> island_of(trees.tree.size(), -1);
-  std::vector<Island> islands;
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    const int tree = find(c.tree[0] >= 0 ? c.tree[0] : c.tree[1]);
-    if (island_of[tree] < 0) {
-      island_of[tree] = static_cast<int>(islands.size());
-      islands.emplace_back();
-    }
-    islands[island_of[tree]].group.push_back(static_cast<int>(i));
-  }
-  for (size_t tree = 0; tree < trees.tree.size(); ++tree) {
-    const int island = island_of[find(static_cast<int>(tree))];
-    if (island >= 0) islands[island].tree.push_back(static_cast<int>(tree));
-  }
-  return islands;
+void Islands::CoupledSum::reset(const Trees& trees) {
+  entry.resize(trees.inverse.size(), 0.0);
+  empty.assign(trees.tree.size(), 1);
 }
 
-void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
-                     const std::vector<GroupMaterial>& materials, double step,
-                     const Options& options) {
-  Planner planner(island, rows, trees, materials);
-  double count = options.microsteps;
-  if (options.microsteps == 0) {
-    count = std::max<double>(kMinimumMicrosteps, step / planner.longest_si_microstep());
-    if (planner.has_rigid()) count = std::max(count, step / kRigidMicrostep);
+double Islands::CoupledSum::take_bound(const Trees& trees, int tree) {
+  if (empty[tree]) return 0.0;
+  const Tree& t = trees.tree[tree];
+  double* sum = entry.data() + t.inverse;
+  const double* inverse = trees.inverse.data() + t.inverse;
+  const double bound = t.free_body ? body_bound(sum, inverse) : tree_bound(sum, inverse, t);
+  std::fill_n(sum, t.count * t.count, 0.0);
+  empty[tree] = 1;
+  return bound;
+}
+
+const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
+  const int tree_count = static_cast<int>(trees.tree.size());
+  root_.resize(tree_count);
+  std::iota(root_.begin(), root_.end(), 0);
+  const auto find_root = [&](int tree) {
+    while (root_[tree] != tree) tree = root_[tree] = root_[root_[tree]];
+    return tree;
+  };
+  const auto tree_of = [](const RowGroup& c) { return c.tree[0] >= 0 ? c.tree[0] : c.tree[1]; };
+  for (const RowGroup& c : rows.group)
+    if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+      const int a = find_root(c.tree[0]), b = find_root(c.tree[1]);
+      root_[std::max(a, b)] = std::min(a, b);
+    }
+  // Number islands by their first group, then count and sort groups and trees into them.
+  island_of_.assign(tree_count, -1);
+  int count = 0;
+  for (const RowGroup& c : rows.group) {
+    int& island = island_of_[find_root(tree_of(c))];
+    if (island < 0) island = count++;
   }
-  // Rounding up must not add a micro-step for the last bit of a quotient.
-  island.microsteps =
-      static_cast<int>(std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - 1e-12)));
-  island.duration = step / island.microsteps;
-  island.clipped = planner.fill(island.duration);
+  islands_.assign(count, Island{});
+  const auto sort_into = [&](std::vector<int>& order, int members, const auto& island_of_member,
+                             Indices Island::*range) {
+    first_.assign(count + 1, 0);
+    for (int i = 0; i < members; ++i)
+      if (const int island = island_of_member(i); island >= 0) ++first_[island + 1];
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+    order.resize(first_.back());
+    for (int island = 0; island < count; ++island)
+      (islands_[island].*range).first = (islands_[island].*range).last =
+          order.data() + first_[island];
+    for (int i = 0; i < members; ++i)
+      if (const int island = island_of_member(i); island >= 0)
+        order[(islands_[island].*range).last++ - order.data()] = i;
+  };
+  sort_into(
+      group_order_, static_cast<int>(rows.group.size()),
+      [&](int i) { return island_of_[find_root(tree_of(rows.group[i]))]; }, &Island::group);
+  sort_into(
+      tree_order_, tree_count, [&](int i) { return island_of_[find_root(i)]; }, &Island::tree);
+  return islands_;
+}
+
+void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
+                   double step, const Options& options) {
+  bounds_.assign(trees.tree.size(), TreeBounds{});
+  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_}) sum->reset(trees);
+  for (Island& island : islands_) {
+    for (int index : island.group)
+      if (!materials[index].rigid()) fill_given_rows(rows, rows.group[index], materials[index]);
+    measure(island, rows, trees, materials);
+    double count = options.microsteps;
+    if (options.microsteps == 0) {
+      count = std::max<double>(kMinimumMicrosteps, step / longest_si_microstep(island));
+      if (std::any_of(island.group.begin(), island.group.end(),
+                      [&](int index) { return materials[index].rigid(); }))
+        count = std::max(count, step / kRigidMicrostep);
+    }
+    // Rounding up must not add a micro-step for the last bit of a quotient.
+    island.microsteps = static_cast<int>(
+        std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - 1e-12)));
+    island.duration = step / island.microsteps;
+    island.clipped = fill(island, rows, materials, island.duration);
+  }
+}
+
+void Islands::measure(const Island& island, const Rows& rows, const Trees& trees,
+                      const std::vector<GroupMaterial>& materials) {
+  for (int index : island.group) {
+    const RowGroup& c = rows.group[index];
+    const bool is_rigid = materials[index].rigid();
+    for (int side = 0; side < 2; ++side) {
+      if (c.tree[side] < 0) continue;
+      const Tree& t = trees.tree[c.tree[side]];
+      const int count = c.pair >= 0 ? 6 : c.columns[side];
+      local_.resize(std::max<size_t>(local_.size(), count));
+      if (c.pair >= 0) {
+        std::copy_n(kBodyLocal, 6, local_.begin());
+      } else {
+        const int* column = rows.column.data() + c.column + (side == 0 ? 0 : c.columns[0]);
+        for (int k = 0; k < count; ++k) local_[k] = column[k] - t.begin;
+      }
+      for (int i = 0; i < c.dim; ++i) {
+        const int row = c.row + i;
+        const std::array<double, 2>& part = rows.tree_inverse_mass[row];
+        if (part[side] <= 0.0) continue;
+        const double split = 1.0 + std::sqrt(part[1 - side] / part[side]);
+        std::array<double, 6> of_pair;
+        const double* value =
+            rows.value.data() + c.value + i * c.width() + (side == 0 ? 0 : c.columns[0]);
+        if (c.pair >= 0) {
+          of_pair = pair_row(rows.pair[c.pair], i, side);
+          value = of_pair.data();
+        }
+        const auto add = [&](CoupledSum& sum, double weight) {
+          sum.empty[c.tree[side]] = 0;
+          add_outer(value, local_.data(), count, weight, sum.entry.data() + t.inverse, t.count);
+        };
+        if (is_rigid) {
+          add(rigid_, split / rows.inverse_mass[row]);
+        } else {
+          add(stiffness_, split * rows.stiffness[row]);
+          add(damping_, split * rows.damping[row]);
+        }
+      }
+    }
+  }
+  for (int tree : island.tree)
+    bounds_[tree] = {stiffness_.take_bound(trees, tree), damping_.take_bound(trees, tree),
+                     rigid_.take_bound(trees, tree)};
+}
+
+// Longest micro-step that resolves every SI value.
+double Islands::longest_si_microstep(const Island& island) const {
+  double h = std::numeric_limits<double>::infinity();
+  for (int tree : island.tree) {
+    const TreeBounds& b = bounds_[tree];
+    if (b.stiffness > 0.0) h = std::min(h, kResolution * std::sqrt(b.si_share() / b.stiffness));
+    if (b.damping > 0.0) h = std::min(h, kResolution * b.si_share() / b.damping);
+  }
+  return h;
+}
+
+// Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
+int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials,
+                  double h) {
+  int clipped = 0;
+  for (int index : island.group) {
+    const RowGroup& c = rows.group[index];
+    double stiffness_scale = 1.0, damping_scale = 1.0, coupling = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      if (c.tree[side] < 0) continue;
+      const TreeBounds& b = bounds_[c.tree[side]];
+      const double share = b.si_share();
+      stiffness_scale =
+          std::min(stiffness_scale, limit(share * std::pow(kResolution / h, 2), b.stiffness));
+      damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
+      coupling = std::max(coupling, b.rigid / b.rigid_share());
+    }
+    if (materials[index].rigid()) {
+      fill_rigid_rows(rows, c, materials[index].material, coupling, h);
+      continue;
+    }
+    if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;
+    for (int row = c.row; row < c.row + c.dim; ++row) {
+      rows.stiffness[row] *= stiffness_scale;
+      rows.damping[row] *= damping_scale;
+    }
+    clipped += c.dim;
+  }
+  return clipped;
 }
 
 }  // namespace dashpot

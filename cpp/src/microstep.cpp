@@ -1,296 +1,566 @@
 #include "dashpot/microstep.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <tuple>
 
-#include "dashpot/friction.hpp"
-#include "dashpot/row_products.hpp"
+#include "dashpot/contact_lanes.hpp"
 
 namespace dashpot {
 
 namespace {
 
-KelvinVoigt law_of(const Rows& rows, int row) {
-  return {rows.stiffness[row], rows.damping[row], rows.inverse_mass[row]};
-}
-
 bool is_unilateral(const RowGroup& c) {
   return c.kind == RowKind::kContact || c.kind == RowKind::kUnilateral;
 }
 
-class Microstep {
- public:
-  Microstep(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
-            RowData& data)
-      : rows_(rows),
-        trees_(trees),
-        island_(island),
-        h_(island.duration),
-        recovery_speed_(recovery_speed),
-        data_(data) {
-    for (int index : island.group) {
-      const RowGroup& c = rows.group[index];
-      gather(jacobian(c), c, data.smooth_acceleration.data(), data.smooth_load.data() + c.row);
-      for (int row = c.row; row < c.row + c.dim; ++row) {
-        const KelvinVoigt law = law_of(rows, row);
-        data.relaxation[row] =
-            law.damping > 0.0 ? std::exp(-law.stiffness * h_ / law.damping) : 0.0;
-        const Propagator e = propagate(law, h_);
-        if (row == c.row && is_unilateral(c))
-          data.propagator[row] = e;
-        else
-          data.linear_flow[row] = linear_flow(law, e);
-      }
-    }
-  }
-
-  // Rates and deformations as the last micro-step left them, and the acceleration that the present
-  // forces of all rows cause together.
-  void apply_present_forces() {
-    for_each_dof([&](int i) { data_.acceleration[i] = data_.smooth_acceleration[i]; });
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      read_motion(index, c);
-      double* force = data_.force.data() + c.row;
-      std::fill(force, force + c.dim, 0.0);
-      if (is_unilateral(c) && data_.deformation[c.row] >= 0.0) continue;
-      find_present_force(index, c, force);
-      scatter(jacobian(c), c, force, data_.acceleration.data());
-    }
-  }
-
-  // Motion without the rows' impulses.
-  void advance_smooth() {
-    for_each_dof([&](int i) {
-      const double a = data_.smooth_acceleration[i];
-      data_.displacement[i] = h_ * (data_.velocity[i] + 0.5 * h_ * a);
-      data_.velocity[i] += h_ * a;
-    });
-  }
-
-  // Closed-form flow of every row under its load, and the motion its impulse causes.
-  void flow() {
-    for (int index : island_.group) {
-      const RowGroup& c = rows_.group[index];
-      double load[kMaxRows];
-      gather(jacobian(c), c, data_.acceleration.data(), load);
-      for (int i = 0; i < c.dim; ++i)
-        load[i] -= rows_.inverse_mass[c.row + i] * data_.force[c.row + i];
-      if (is_unilateral(c)) {
-        flow_normal(index, c, load[0]);
-        if (c.dim > 1) flow_friction(index, c, load);
-      } else {
-        flow_bilateral(index, c, load[0]);
-      }
-      double* impulse = data_.impulse.data() + c.row;
-      if (impulse[0] == 0.0) continue;
-      data_.touched[index] = 1;
-      scatter(jacobian(c), c, impulse, data_.velocity.data());
-      scatter(jacobian(c), c, data_.moment.data() + c.row, data_.displacement.data());
-      for (int i = 0; i < c.dim; ++i) data_.total_impulse[c.row + i] += impulse[i];
-    }
-    for_each_dof([&](int i) { data_.total_displacement[i] += data_.displacement[i]; });
-  }
-
-  // Rates and deformations after the last micro-step.
-  void read_motion() {
-    for (int index : island_.group) read_motion(index, rows_.group[index]);
-  }
-
- private:
-  const double* jacobian(const RowGroup& c) const { return rows_.jacobian.data() + c.jacobian; }
-
-  template <typename Function>
-  void for_each_dof(Function function) {
-    for (int tree : island_.tree) {
-      const Tree& t = trees_.tree[tree];
-      for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) function(i);
-    }
-  }
-
-  // How fast a group's unstressed offset shrinks, m/s or rad/s; that of equalities is recovered by
-  // displacement (position_recovery.hpp). Recovery moves bodies, it does not
-  // squeeze what cannot move: it pauses while the spring stores more than the kinetic energy of its
-  // apparent mass at the recovery speed, k x^2 > v^2 / w.
-  double offset_rate(int index, const RowGroup& c) const {
-    const double offset = data_.offset[index];
-    if (offset == 0.0 || !is_unilateral(c)) return 0.0;
-    const double x = data_.deformation[c.row];
-    const double v = recovery_speed_;
-    const double w = std::max(rows_.inverse_mass[c.row], rows_.typical_inverse_mass[c.row]);
-    if (rows_.stiffness[c.row] * w * x * x > v * v) return 0.0;
-    return std::clamp(offset / h_, -v, v);
-  }
-
-  // Rates, the work of the last impulses, and deformations: springs follow the relative motion,
-  // the unstressed offset recovers, springs behind a slipping slider relax towards the limit
-  // (k s + d s' = -p/h).
-  void read_motion(int index, const RowGroup& c) {
-    double rate[kMaxRows], displacement[kMaxRows];
-    gather(jacobian(c), c, data_.velocity.data(), rate);
-    gather(jacobian(c), c, data_.displacement.data(), displacement);
-    displacement[0] -= h_ * data_.surface[index];
-    data_.offset[index] -= h_ * data_.surface[index];
-    for (int i = 0; i < c.dim; ++i) {
-      const int row = c.row + i;
-      const bool slides = i > 0 || c.kind == RowKind::kSlider;
-      const double p = data_.impulse[row];
-      double& deformation = data_.deformation[row];
-      if (slides && rows_.friction[row] == 0.0) {
-        deformation = 0.0;  // a slider without friction loads no spring
-      } else if (slides && !data_.sticking[index]) {
-        const double limit = -p / (rows_.stiffness[row] * h_);
-        deformation = limit + data_.relaxation[row] * (deformation - limit);
-      } else {
-        deformation += displacement[i];
-      }
-      share(data_.work, c, i) += 0.5 * p * (data_.rate[row] + rate[i]) +
-                                 data_.smooth_load[row] * (0.5 * h_ * p - data_.moment[row]);
-      data_.rate[row] = rate[i];
-    }
-    data_.surface[index] = offset_rate(index, c);
-  }
-
-  void find_present_force(int index, const RowGroup& c, double* force) const {
-    for (int i = 0; i < c.dim; ++i) {
-      const int row = c.row + i;
-      force[i] =
-          -rows_.stiffness[row] * data_.deformation[row] - rows_.damping[row] * data_.rate[row];
-    }
-    force[0] += rows_.damping[c.row] * data_.surface[index];
-    if (c.kind == RowKind::kSlider) {
-      const double limit = rows_.friction[c.row];
-      force[0] = std::clamp(force[0], -limit, limit);
-    }
-    if (!is_unilateral(c)) return;
-    force[0] = std::max(0.0, force[0]);
-    if (c.dim > 1) return_friction(c, force);
-  }
-
-  void flow_normal(int index, const RowGroup& c, double load) {
-    const double surface = data_.surface[index];
-    const Flow flow = flow_contact(law_of(rows_, c.row), data_.deformation[c.row],
-                                   data_.rate[c.row] - surface, load, h_, &data_.propagator[c.row]);
-    data_.impulse[c.row] = flow.impulse;
-    data_.moment[c.row] = flow.moment;
-    share(data_.recovery_input, c, 0) += flow.impulse * surface;
-  }
-
-  // Impulse and moment of a spring-damper row.
-  void flow_spring_row(int row, double rate, double load) {
-    const LinearFlow& flow = data_.linear_flow[row];
-    const double x = data_.deformation[row];
-    data_.impulse[row] = flow.impulse[0] * x + flow.impulse[1] * rate + flow.impulse[2] * load;
-    data_.moment[row] = flow.moment[0] * x + flow.moment[1] * rate + flow.moment[2] * load;
-  }
-
-  // Friction impulses or forces behind the normal one are returned to the limit surface; true if
-  // the contact sticks.
-  bool return_friction(const RowGroup& c, double* impulse) const {
-    double response[kMaxFrictionDirections];
-    for (int i = 1; i < c.dim; ++i) response[i - 1] = -data_.linear_flow[c.row + i].impulse[1];
-    return return_to_limit(impulse + 1, rows_.friction.data() + c.row + 1, response, c.dim - 1,
-                           impulse[0]);
-  }
-
-  void flow_friction(int index, const RowGroup& c, const double* load) {
-    double* impulse = data_.impulse.data() + c.row;
-    double* moment = data_.moment.data() + c.row;
-    data_.sticking[index] = 0;
-    if (impulse[0] == 0.0) {
-      std::fill(impulse + 1, impulse + c.dim, 0.0);
-      std::fill(moment + 1, moment + c.dim, 0.0);
-      return;
-    }
-    for (int i = 1; i < c.dim; ++i) flow_spring_row(c.row + i, data_.rate[c.row + i], load[i]);
-    data_.sticking[index] = return_friction(c, impulse);
-    for (int i = 1; i < c.dim; ++i)
-      if (rows_.friction[c.row + i] == 0.0) moment[i] = 0.0;
-    // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
-    if (!data_.sticking[index])
-      for (int i = 1; i < c.dim; ++i) moment[i] = impulse[i] * (moment[0] / impulse[0]);
-  }
-
-  void flow_bilateral(int index, const RowGroup& c, double load) {
-    flow_spring_row(c.row, data_.rate[c.row], load);
-    double& impulse = data_.impulse[c.row];
-    data_.sticking[index] = 1;
-    if (c.kind == RowKind::kSlider) {
-      const double limit = rows_.friction[c.row] * h_;
-      data_.sticking[index] = std::abs(impulse) <= limit;
-      if (!data_.sticking[index]) {
-        impulse = std::copysign(limit, impulse);
-        data_.moment[c.row] = 0.5 * h_ * impulse;
-      }
-    }
-  }
-
-  const Rows& rows_;
-  const Trees& trees_;
-  const Island& island_;
-  const double h_;
-  const double recovery_speed_;
-  RowData& data_;
+// The Jacobian of four contacts between free bodies.
+struct PairLanes {
+  Lanes frame[9], arm[2][3];
+  int body[2][kLanes];  // coordinates; lanes to spare act on the ground
 };
 
+// The Jacobian of four groups of sparse rows; lanes to spare have none.
+struct SparseLanes {
+  const double* value[kLanes];
+  const int* column[kLanes];
+  int width[kLanes];
+};
+
+[[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
+  out[0] = a[1] * b[2] - a[2] * b[1];
+  out[1] = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+[[gnu::always_inline]] inline Lanes dot(const Lanes* a, const Lanes* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Linear and angular coordinates of four bodies.
+[[gnu::always_inline]] inline void load_bodies(const double* motion, const int* body,
+                                               Lanes (&linear)[kLanes], Lanes (&angular)[kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    linear[lane] = load_lanes(motion + body[lane]);
+    angular[lane] = load_lanes(motion + body[lane] + 4);
+  }
+  transpose(linear);
+  transpose(angular);
+}
+
+[[gnu::always_inline]] inline void add_to_bodies(Lanes (&linear)[kLanes], Lanes (&angular)[kLanes],
+                                                 const int* body, double* force) {
+  transpose(linear);
+  transpose(angular);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double* at = force + body[lane];
+    store_lanes(load_lanes(at) + linear[lane], at);
+    store_lanes(load_lanes(at + 4) + angular[lane], at + 4);
+  }
+}
+
+// out = J motion.
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const PairLanes& j, const double* motion, Lanes* out) {
+  Lanes v1[kLanes], w1[kLanes], v2[kLanes], w2[kLanes], at1[3], at2[3], relative[3];
+  load_bodies(motion, j.body[0], v1, w1);
+  load_bodies(motion, j.body[1], v2, w2);
+  cross(w1, j.arm[0], at1);
+  cross(w2, j.arm[1], at2);
+  for (int i = 0; i < 3; ++i) relative[i] = (v2[i] + at2[i]) - (v1[i] + at1[i]);
+  for (int i = 0; i < std::min(Dim, 3); ++i) out[i] = dot(j.frame + 3 * i, relative);
+  if (Dim <= 3) return;
+  for (int i = 0; i < 3; ++i) relative[i] = w2[i] - w1[i];
+  for (int i = 3; i < Dim; ++i) out[i] = dot(j.frame + 3 * (i - 3), relative);
+}
+
+// force += J' impulse.
+template <int Dim>
+[[gnu::always_inline]] inline void scatter(const PairLanes& j, const Lanes* impulse,
+                                           double* force) {
+  Lanes linear[3] = {}, torque[3] = {};
+  for (int i = 0; i < std::min(Dim, 3); ++i)
+    for (int k = 0; k < 3; ++k) linear[k] += j.frame[3 * i + k] * impulse[i];
+  for (int i = 3; i < Dim; ++i)
+    for (int k = 0; k < 3; ++k) torque[k] += j.frame[3 * (i - 3) + k] * impulse[i];
+  for (int side = 0; side < 2; ++side) {
+    const double sign = side == 0 ? -1.0 : 1.0;
+    Lanes moment[3], f[kLanes], t[kLanes];
+    cross(j.arm[side], linear, moment);
+    for (int k = 0; k < 3; ++k) {
+      f[k] = sign * linear[k];
+      t[k] = sign * (moment[k] + torque[k]);
+    }
+    f[3] = t[3] = Lanes{};
+    add_to_bodies(f, t, j.body[side], force);
+  }
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
+  for (int i = 0; i < Dim; ++i) out[i] = Lanes{};
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int width = j.width[lane];
+    const double* value = j.value[lane];
+    double sum[Dim] = {};
+    for (int k = 0; k < width; ++k) {
+      const double at = motion[j.column[lane][k]];
+      for (int i = 0; i < Dim; ++i) sum[i] += value[i * width + k] * at;
+    }
+    for (int i = 0; i < Dim; ++i) out[i][lane] = sum[i];
+  }
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void scatter(const SparseLanes& j, const Lanes* impulse,
+                                           double* force) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int width = j.width[lane];
+    const double* value = j.value[lane];
+    double factor[Dim];
+    for (int i = 0; i < Dim; ++i) factor[i] = impulse[i][lane];
+    for (int k = 0; k < width; ++k) {
+      double sum = 0.0;
+      for (int i = 0; i < Dim; ++i) sum += value[i * width + k] * factor[i];
+      force[j.column[lane][k]] += sum;
+    }
+  }
+}
+
+// Four groups with the same kind of Jacobian and law.
+template <typename Jacobian, typename Law>
+struct Block {
+  static constexpr int kDim = sizeof(Law::rate) / sizeof(Lanes);
+  Jacobian jacobian{};
+  Law law{};
+};
+struct BlockGroups {
+  std::array<int, kLanes> group{};
+  int count = 0;
+};
+template <typename Jacobian, typename Law>
+struct Blocks {
+  std::vector<Block<Jacobian, Law>> block;
+  std::vector<BlockGroups> groups;  // of each block
+
+  void clear() {
+    block.clear();
+    groups.clear();
+  }
+};
+using AllBlocks =
+    std::tuple<Blocks<PairLanes, ContactLanes<1>>, Blocks<PairLanes, ContactLanes<3>>,
+               Blocks<PairLanes, ContactLanes<4>>, Blocks<PairLanes, ContactLanes<6>>,
+               Blocks<SparseLanes, ContactLanes<1>>, Blocks<SparseLanes, ContactLanes<3>>,
+               Blocks<SparseLanes, ContactLanes<4>>, Blocks<SparseLanes, ContactLanes<6>>,
+               Blocks<SparseLanes, SpringLanes>>;
+
+// The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
+// impulses and moments of the impulses; `acceleration` is the one with all present forces.
+struct Motion {
+  double h = 0.0;
+  double recovery_speed = 0.0;
+  double *velocity, *displacement, *acceleration;
+  double *force, *impulse, *moment;
+  double *total_displacement, *total_impulse;
+  const double *smooth_acceleration, *inverse;
+};
+
+// A micro-step is four sweeps, over rows and trees in turn.
+enum class Sweep {
+  kPresentForces,  // rows: motion of the last micro-step, then the forces all rows have now
+  kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
+  kFlow,           // rows: closed-form flow of every row under its load
+  kContactMotion,  // trees: the motion that the impulses cause
+  kRead            // rows, after the last micro-step: its motion
+};
+
+template <typename Jacobian, typename Law>
+[[gnu::always_inline]] inline void sweep_one(Sweep sweep, Block<Jacobian, Law>& block,
+                                             const Motion& m) {
+  constexpr int kDim = Block<Jacobian, Law>::kDim;
+  Law& law = block.law;
+  if (sweep == Sweep::kFlow) {
+    Lanes acceleration[kDim];
+    gather<kDim>(block.jacobian, m.acceleration, acceleration);
+    flow(law, acceleration, m.h);
+    scatter<kDim>(block.jacobian, law.impulse, m.impulse);
+    scatter<kDim>(block.jacobian, law.moment, m.moment);
+    return;
+  }
+  Lanes rate[kDim], displacement[kDim];
+  gather<kDim>(block.jacobian, m.velocity, rate);
+  gather<kDim>(block.jacobian, m.displacement, displacement);
+  read_motion(law, rate, displacement, m.h, m.recovery_speed);
+  if (sweep == Sweep::kRead) return;
+  find_present_force(law);
+  scatter<kDim>(block.jacobian, law.force, m.force);
+}
+
+// out += inv(H) applied.
+[[gnu::always_inline]] inline void respond(const Tree& t, const double* inverse,
+                                           const double* applied, double* out) {
+  const double* column = inverse + t.inverse;
+  applied += t.begin;
+  out += t.begin;
+  if (t.free_body) {
+    store_lanes(load_lanes(out) + load_lanes(column) * load_lanes(applied), out);
+    Lanes sum = load_lanes(out + 4);
+    for (int j = 0; j < 3; ++j) sum += load_lanes(column + 4 * (j + 1)) * applied[4 + j];
+    store_lanes(sum, out + 4);
+    return;
+  }
+  for (int j = 0; j < t.dof_count; ++j, column += t.count) {
+    if (applied[j] == 0.0) continue;
+    for (int i = 0; i < t.count; i += kLanes)
+      store_lanes(load_lanes(out + i) + load_lanes(column + i) * applied[j], out + i);
+  }
+}
+
+[[gnu::always_inline]] inline void add_lanes(const double* term, double* sum) {
+  store_lanes(load_lanes(sum) + load_lanes(term), sum);
+}
+
+[[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const Motion& m) {
+  if (sweep == Sweep::kSmoothMotion) {
+    for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+      const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
+      store_lanes(a, m.acceleration + i);
+      store_lanes(m.h * (v + 0.5 * m.h * a), m.displacement + i);
+      store_lanes(v + m.h * a, m.velocity + i);
+    }
+    respond(t, m.inverse, m.force, m.acceleration);
+    return;
+  }
+  respond(t, m.inverse, m.impulse, m.velocity);
+  respond(t, m.inverse, m.moment, m.displacement);
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    add_lanes(m.displacement + i, m.total_displacement + i);
+    add_lanes(m.impulse + i, m.total_impulse + i);
+    for (double* applied : {m.force, m.impulse, m.moment}) store_lanes(Lanes{}, applied + i);
+  }
+}
+
+template <typename Item>
+[[gnu::always_inline]] inline void sweep_all(Sweep sweep, Item* first, Item* last,
+                                             const Motion& m) {
+  for (Item* item = first; item != last; ++item) sweep_one(sweep, *item, m);
+}
+
+// The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
+// same bits.
+template <typename Item>
+[[gnu::flatten]] void sweep_portable(Sweep sweep, Item* first, Item* last, const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+#if defined(__x86_64__)
+template <typename Item>
+[[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Sweep sweep, Item* first, Item* last,
+                                                      const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+template <typename Item>
+[[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(Sweep sweep,
+                                                                             Item* first,
+                                                                             Item* last,
+                                                                             const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+enum class InstructionSet { kPortable, kAvx2, kAvx512 };
+InstructionSet find_instruction_set() {
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+      __builtin_cpu_supports("avx512dq"))
+    return InstructionSet::kAvx512;
+  return __builtin_cpu_supports("avx2") ? InstructionSet::kAvx2 : InstructionSet::kPortable;
+}
+#endif
+
+template <typename Item>
+void sweep_fastest(Sweep sweep, Item* first, Item* last, const Motion& m) {
+#if defined(__x86_64__)
+  static const InstructionSet instructions = find_instruction_set();
+  if (instructions == InstructionSet::kAvx512) return sweep_avx512(sweep, first, last, m);
+  if (instructions == InstructionSet::kAvx2) return sweep_avx2(sweep, first, last, m);
+#endif
+  sweep_portable(sweep, first, last, m);
+}
+
 }  // namespace
+
+struct MicrostepLoop::Impl {
+  const Rows* rows = nullptr;
+  const Trees* trees = nullptr;
+  const Island* island = nullptr;
+  RowData* data = nullptr;
+  double h = 0.0;
+  double recovery_speed = 0.0;
+  AllBlocks blocks;
+  std::vector<Tree> island_trees;
+  std::vector<double> displacement, force, impulse, moment, acceleration;
+
+  void pack();
+  void run_microsteps();
+  void unpack();
+
+  void sweep_rows(Sweep sweep, const Motion& motion) {
+    std::apply(
+        [&](auto&... list) {
+          (sweep_fastest(sweep, list.block.data(), list.block.data() + list.block.size(), motion),
+           ...);
+        },
+        blocks);
+  }
+  void sweep_trees(Sweep sweep, const Motion& motion) const {
+    sweep_fastest(sweep, island_trees.data(), island_trees.data() + island_trees.size(), motion);
+  }
+
+  template <typename Jacobian, typename Law>
+  void append(Blocks<Jacobian, Law>& list, int index);
+  void pack_jacobian(const RowGroup& c, int lane, PairLanes& j) const;
+  void pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const;
+  template <int Dim>
+  void pack_rows(const RowGroup& c, int index, int lane, RowLanes<Dim>& law) const;
+  SpringCoefficients& pack_spring(int row, int lane, SpringCoefficients& spring) const;
+  template <int Dim>
+  void pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const;
+  void pack_law(const RowGroup& c, int lane, SpringLanes& law) const;
+};
+
+void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, PairLanes& j) const {
+  const PairGeometry& pair = rows->pair[c.pair];
+  for (int i = 0; i < 9; ++i) j.frame[i][lane] = pair.frame[i];
+  for (int side = 0; side < 2; ++side) {
+    for (int i = 0; i < 3; ++i) j.arm[side][i][lane] = pair.arm[side][i];
+    j.body[side][lane] = pair.begin[side];
+  }
+}
+
+void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const {
+  j.value[lane] = rows->value.data() + c.value;
+  j.column[lane] = rows->column.data() + c.column;
+  j.width[lane] = c.width();
+}
+
+template <int Dim>
+void MicrostepLoop::Impl::pack_rows(const RowGroup& c, int index, int lane,
+                                    RowLanes<Dim>& law) const {
+  double load[kMaxRows];
+  dashpot::gather(*rows, c, data->smooth_acceleration.data(), load);
+  for (int i = 0; i < Dim; ++i) {
+    law.stiffness[i][lane] = rows->stiffness[c.row + i];
+    law.damping[i][lane] = rows->damping[c.row + i];
+    law.inverse_mass[i][lane] = rows->inverse_mass[c.row + i];
+    law.smooth_load[i][lane] = load[i];
+    law.deformation[i][lane] = data->deformation[c.row + i];
+  }
+  const double w = std::max(rows->inverse_mass[c.row], rows->typical_inverse_mass[c.row]);
+  law.recovers_within[lane] = recovery_speed * recovery_speed / (rows->stiffness[c.row] * w);
+  law.offset[lane] = data->offset[index];
+  law.sticking[lane] = -1;
+}
+
+SpringCoefficients& MicrostepLoop::Impl::pack_spring(int row, int lane,
+                                                     SpringCoefficients& spring) const {
+  const KelvinVoigt law{rows->stiffness[row], rows->damping[row], rows->inverse_mass[row]};
+  const LinearFlow flow = linear_flow(law, propagate(law, h));
+  spring.impulse_displacement[lane] = flow.impulse[0];
+  spring.impulse_rate[lane] = flow.impulse[1];
+  spring.impulse_load[lane] = flow.impulse[2];
+  spring.moment_displacement[lane] = flow.moment[0];
+  spring.moment_load[lane] = flow.moment[2];
+  spring.relaxation[lane] = law.damping > 0.0 ? std::exp(-law.stiffness * h / law.damping) : 0.0;
+  spring.compliance_h[lane] = 1.0 / (law.stiffness * h);
+  return spring;
+}
+
+template <int Dim>
+void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const {
+  const int n = c.row;
+  const Propagator e = propagate({rows->stiffness[n], rows->damping[n], rows->inverse_mass[n]}, h);
+  const double values[5] = {e.e0, e.e1, e.e2, e.e3, e.e4};
+  for (int i = 0; i < 5; ++i) law.e[i][lane] = values[i];
+  double slip[kMaxRows] = {}, largest = 0.0;
+  for (int i = 1; i < Dim; ++i) {
+    const double mu = rows->friction[n + i];
+    if (mu > 0.0) {
+      law.inverse_friction[i - 1][lane] = 1.0 / mu;
+      const double response = -pack_spring(n + i, lane, law.spring[i - 1]).impulse_rate[lane];
+      slip[i] = response / mu / mu;
+    } else {
+      law.stiffness[i][lane] = law.damping[i][lane] = 0.0;
+    }
+    largest = std::max(largest, slip[i]);
+  }
+  for (int i = 1; i < Dim; ++i)
+    law.slip[i - 1][lane] = largest > 0.0 && std::isfinite(largest) ? slip[i] / largest : 0.0;
+}
+
+void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, SpringLanes& law) const {
+  pack_spring(c.row, lane, law.spring);
+  law.limit[lane] =
+      c.kind == RowKind::kSlider ? rows->friction[c.row] : std::numeric_limits<double>::infinity();
+}
+
+template <typename Jacobian, typename Law>
+void MicrostepLoop::Impl::append(Blocks<Jacobian, Law>& list, int index) {
+  if (list.groups.empty() || list.groups.back().count == kLanes) {
+    list.block.emplace_back();
+    list.groups.emplace_back();
+    // Lanes to spare are open contacts far away.
+    list.block.back().law.deformation[0] = all_lanes(1.0);
+  }
+  const RowGroup& c = rows->group[index];
+  BlockGroups& groups = list.groups.back();
+  Block<Jacobian, Law>& block = list.block.back();
+  pack_jacobian(c, groups.count, block.jacobian);
+  pack_rows(c, index, groups.count, block.law);
+  pack_law(c, groups.count, block.law);
+  groups.group[groups.count++] = index;
+}
+
+void MicrostepLoop::Impl::pack() {
+  std::apply([](auto&... list) { (list.clear(), ...); }, blocks);
+  // After every micro-step forces and impulses are zero again, but for those on the ground.
+  for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration}) {
+    array->resize(trees->coordinates, 0.0);
+    std::fill_n(array->begin(), kBodyCoordinates, 0.0);
+  }
+  island_trees.clear();
+  for (int index : island->tree) {
+    const Tree& t = trees->tree[index];
+    island_trees.push_back(t);
+    std::fill_n(displacement.begin() + t.begin, t.count, 0.0);
+  }
+  const auto append_contact = [&](auto jacobian, int index, int dim) {
+    using Jacobian = decltype(jacobian);
+    switch (dim) {
+      case 1:
+        return append(std::get<Blocks<Jacobian, ContactLanes<1>>>(blocks), index);
+      case 3:
+        return append(std::get<Blocks<Jacobian, ContactLanes<3>>>(blocks), index);
+      case 4:
+        return append(std::get<Blocks<Jacobian, ContactLanes<4>>>(blocks), index);
+      default:
+        return append(std::get<Blocks<Jacobian, ContactLanes<6>>>(blocks), index);
+    }
+  };
+  for (int index : island->group) {
+    const RowGroup& c = rows->group[index];
+    if (!is_unilateral(c))
+      append(std::get<Blocks<SparseLanes, SpringLanes>>(blocks), index);
+    else if (c.pair >= 0)
+      append_contact(PairLanes{}, index, c.dim);
+    else
+      append_contact(SparseLanes{}, index, c.dim);
+  }
+}
+
+void MicrostepLoop::Impl::run_microsteps() {
+  Motion m;
+  m.h = h;
+  m.recovery_speed = recovery_speed;
+  m.velocity = data->velocity.data();
+  m.displacement = displacement.data();
+  m.acceleration = acceleration.data();
+  m.force = force.data();
+  m.impulse = impulse.data();
+  m.moment = moment.data();
+  m.total_displacement = data->total_displacement.data();
+  m.total_impulse = data->coordinate_impulse.data();
+  m.smooth_acceleration = data->smooth_acceleration.data();
+  m.inverse = trees->inverse.data();
+  for (int i = 0; i < island->microsteps; ++i) {
+    sweep_rows(Sweep::kPresentForces, m);
+    sweep_trees(Sweep::kSmoothMotion, m);
+    sweep_rows(Sweep::kFlow, m);
+    sweep_trees(Sweep::kContactMotion, m);
+  }
+  sweep_rows(Sweep::kRead, m);
+}
+
+void MicrostepLoop::Impl::unpack() {
+  const auto unpack_group = [&](int index, int lane, const auto& law) {
+    const RowGroup& c = rows->group[index];
+    for (int i = 0; i < c.dim; ++i) {
+      const int row = c.row + i;
+      const bool frictionless = c.kind == RowKind::kContact && i > 0 && rows->friction[row] == 0.0;
+      data->deformation[row] = frictionless ? 0.0 : law.deformation[i][lane];
+      data->rate[row] = law.rate[i][lane];
+      data->total_impulse[row] = law.total_impulse[i][lane];
+    }
+    data->offset[index] = law.offset[lane];
+    data->sticking[index] = law.sticking[lane] != 0;
+    data->touched[index] = law.touched[lane] != 0;
+    share(data->work, c, 0) += law.work[0][lane];
+    if (c.dim > 1) share(data->work, c, 1) += law.work[1][lane];
+    share(data->recovery_input, c, 0) += law.recovery_input[lane];
+  };
+  const auto unpack_list = [&](const auto& list) {
+    for (size_t i = 0; i < list.groups.size(); ++i)
+      for (int lane = 0; lane < list.groups[i].count; ++lane)
+        unpack_group(list.groups[i].group[lane], lane, list.block[i].law);
+  };
+  std::apply([&](const auto&... list) { (unpack_list(list), ...); }, blocks);
+}
+
+MicrostepLoop::MicrostepLoop() : impl_(std::make_unique<Impl>()) {}
+MicrostepLoop::~MicrostepLoop() = default;
+MicrostepLoop::MicrostepLoop(MicrostepLoop&&) noexcept = default;
+
+void MicrostepLoop::run(const Rows& rows, const Trees& trees, const Island& island,
+                        double recovery_speed, RowData& data) {
+  impl_->rows = &rows;
+  impl_->trees = &trees;
+  impl_->island = &island;
+  impl_->data = &data;
+  impl_->h = island.duration;
+  impl_->recovery_speed = recovery_speed;
+  impl_->pack();
+  impl_->run_microsteps();
+  impl_->unpack();
+}
 
 double& share(EnergyShares& shares, const RowGroup& c, int i) {
   if (c.kind != RowKind::kContact) return shares.constraint;
   return i == 0 ? shares.normal : shares.friction;
 }
 
-void RowData::reset_motion(int dofs) {
-  for (auto* array :
-       {&velocity, &smooth_acceleration, &displacement, &total_displacement, &acceleration})
-    array->assign(dofs, 0.0);
+void RowData::reset_motion(int coordinates) {
+  for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse})
+    array->assign(coordinates, 0.0);
 }
 
 void RowData::reset_rows(const Rows& rows) {
-  const size_t row_count = rows.inverse_mass.size();
-  const size_t group_count = rows.group.size();
-  for (auto* array :
-       {&deformation, &rate, &force, &impulse, &moment, &total_impulse, &smooth_load, &relaxation})
-    array->assign(row_count, 0.0);
-  propagator.resize(row_count);
-  linear_flow.resize(row_count);
-  offset.assign(group_count, 0.0);
-  surface.assign(group_count, 0.0);
-  sticking.assign(group_count, 1);
-  touched.assign(group_count, 0);
+  for (auto* array : {&deformation, &rate, &total_impulse})
+    array->assign(rows.inverse_mass.size(), 0.0);
+  offset.assign(rows.group.size(), 0.0);
+  sticking.assign(rows.group.size(), 1);
+  touched.assign(rows.group.size(), 0);
   work = recovery_input = EnergyShares{};
-}
-
-void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
-                    double recovery_speed, RowData& data) {
-  Microstep microstep(rows, trees, island, recovery_speed, data);
-  for (int i = 0; i < island.microsteps; ++i) {
-    microstep.apply_present_forces();
-    microstep.advance_smooth();
-    microstep.flow();
-  }
-  microstep.read_motion();
 }
 
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
                               const double* velocity, const double* acceleration, double time) {
   if (!is_unilateral(c) || gap <= 0.0) return false;
   double rate[kMaxRows], load[kMaxRows];
-  const double* jacobian = rows.jacobian.data() + c.jacobian;
-  gather(jacobian, c, velocity, rate);
-  gather(jacobian, c, acceleration, load);
+  gather(rows, c, velocity, rate);
+  gather(rows, c, acceleration, load);
   return gap + time * (rate[0] + time * load[0]) <= 0.0;
 }
 
 bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data) {
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
+    if (!is_unilateral(c) || data.deformation[c.row] <= 0.0) return false;
+  }
+  for (int index : island.group) {
+    const RowGroup& c = rows.group[index];
     const double gap = data.deformation[c.row];
-    if (!is_unilateral(c) || gap <= 0.0) return false;
     double rate[kMaxRows], load[kMaxRows];
-    const double* jacobian = rows.jacobian.data() + c.jacobian;
-    gather(jacobian, c, data.velocity.data(), rate);
-    gather(jacobian, c, data.smooth_acceleration.data(), load);
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
     // The parabola's least value within the time: at an end, or where it turns.
     const double end = gap + time * (rate[0] + 0.5 * load[0] * time);
     const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;

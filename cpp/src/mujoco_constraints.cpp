@@ -93,6 +93,17 @@ Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
   }
 }
 
+// A row over the generalized velocity of a free body (origin; rotation in its frame) becomes one
+// over the velocity of its centre of mass and its angular velocity, in world axes.
+void to_centre(const mjModel* m, const mjData* d, const Tree& t, double* row) {
+  const int body = m->dof_bodyid[t.dof_begin];
+  mjtNum arm[3], turn[3], angular[3];
+  mju_sub3(arm, d->xipos + 3 * body, d->xpos + 3 * body);
+  mju_cross(turn, arm, row);
+  mju_mulMatVec3(angular, d->xmat + 9 * body, row + 3);
+  mju_sub3(row + 3, angular, turn);
+}
+
 }  // namespace
 
 bool is_default_impedance(const double* solref, const double* solimp) {
@@ -151,18 +162,42 @@ void read_constraints(const mjModel_* m, const mjData_* d,
   }
 }
 
-void fill_from_row(const mjModel_* m, const mjData_* d, int source, const RowGroup& group,
-                   const Trees& trees, double* row) {
-  for_each_nonzero(m, d, source, [&](int dof, double value) {
-    const int tree = m->dof_treeid[dof];
-    const int column = group.tree[0] == tree ? 0 : group.dof_count[0];
-    row[column + dof - trees.tree[tree].dof_begin] = value;
-  });
+void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& trees, Rows& rows) {
+  RowGroup& c = rows.group.back();
+  std::vector<double> dense[2];  // dim rows over the degrees of freedom of each tree
+  for (int side = 0; side < 2; ++side) {
+    if (c.tree[side] < 0) continue;
+    const Tree& t = trees.tree[c.tree[side]];
+    dense[side].assign(c.dim * t.dof_count, 0.0);
+    for (int i = 0; i < c.dim; ++i) {
+      double* row = dense[side].data() + i * t.dof_count;
+      for_each_nonzero(m, d, source + i, [&](int dof, double value) {
+        if (m->dof_treeid[dof] == c.tree[side]) row[dof - t.dof_begin] = value;
+      });
+      if (t.free_body) to_centre(m, d, t, row);
+    }
+    for (int j = 0; j < t.dof_count; ++j) {
+      bool any = false;
+      for (int i = 0; i < c.dim; ++i) any = any || dense[side][i * t.dof_count + j] != 0.0;
+      if (!any) continue;
+      rows.column.push_back(t.begin + (t.free_body && j >= 3 ? j + 1 : j));
+      ++c.columns[side];
+    }
+  }
+  const int* column = rows.column.data() + c.column;
+  for (int i = 0; i < c.dim; ++i)
+    for (int k = 0; k < c.width(); ++k) {
+      const int side = k < c.columns[0] ? 0 : 1;
+      const Tree& t = trees.tree[c.tree[side]];
+      const int coordinate = column[k] - t.begin;
+      const int dof = t.free_body && coordinate > 3 ? coordinate - 1 : coordinate;
+      rows.value.push_back(dense[side][i * t.dof_count + dof]);
+    }
 }
 
-void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                   const RowGroup& group, const Trees& trees, double* row) {
-  fill_from_row(m, d, input.source, group, trees, row);
+void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                     const Trees& trees, Rows& rows) {
+  append_rows(m, d, input.source, trees, rows);
 }
 
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical) {

@@ -18,6 +18,8 @@ namespace dashpot::host {
 
 namespace {
 
+constexpr int kBodyRows = 6;  // coordinates of a free body that are not zero
+
 // Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
 
@@ -208,6 +210,67 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
 
 bool has_flex(const ContactInput& input) { return input.geom[0] < 0 || input.geom[1] < 0; }
 
+// Last degree of freedom that moves a body, -1 if none does.
+int last_dof(const mjModel* m, int body) {
+  while (body > 0 && m->body_dofnum[body] == 0) body = m->body_parentid[body];
+  return body > 0 ? m->body_dofadr[body] + m->body_dofnum[body] - 1 : -1;
+}
+
+// Appends the coordinates of a tree that move either geom of a contact; returns how many.
+int append_columns(const mjModel* m, const ContactInput& input, const Tree& t, int tree,
+                   Rows& rows) {
+  const size_t before = rows.column.size();
+  if (t.free_body) {
+    for (int i : {0, 1, 2, 4, 5, 6}) rows.column.push_back(t.begin + i);
+    return kBodyRows;
+  }
+  // Both chains from the leaves down, merged; each descends strictly.
+  int dof[2] = {-1, -1};
+  for (int side = 0; side < 2; ++side)
+    if (input.tree[side] == tree) dof[side] = last_dof(m, m->geom_bodyid[input.geom[side]]);
+  while (dof[0] >= 0 || dof[1] >= 0) {
+    const int next = std::max(dof[0], dof[1]);
+    rows.column.push_back(t.begin + next - t.dof_begin);
+    for (int& end : dof)
+      if (end == next) end = m->dof_parentid[end];
+  }
+  std::reverse(rows.column.begin() + before, rows.column.end());
+  return static_cast<int>(rows.column.size() - before);
+}
+
+// Adds what the body on one side contributes to the sparse rows of a contact.
+void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int side,
+              const PairGeometry& pair, const Trees& trees, const RowGroup& c, Rows& rows) {
+  const int block = c.tree[0] == input.tree[side] ? 0 : 1;
+  const Tree& t = trees.tree[input.tree[side]];
+  const int first = block == 0 ? 0 : c.columns[0];
+  const int* column = rows.column.data() + c.column + first;
+  double* value = rows.value.data() + c.value + first;
+  if (t.free_body) {
+    for (int i = 0; i < c.dim; ++i) {
+      const std::array<double, 6> row = pair_row(pair, i, side);
+      for (int k = 0; k < kBodyRows; ++k) value[i * c.width() + k] = row[k];
+    }
+    return;
+  }
+  const double* frame = input.frame.data();
+  const double sign = side ? 1.0 : -1.0;
+  const int body = m->geom_bodyid[input.geom[side]];
+  mjtNum arm[3];
+  mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+  int k = c.columns[block] - 1;
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
+    while (column[k] != t.begin + dof - t.dof_begin) --k;
+    const mjtNum* axis = d->cdof + 6 * dof;
+    mjtNum linear[3];
+    mju_cross(linear, axis, arm);
+    mju_addTo3(linear, axis + 3);
+    for (int i = 0; i < c.dim; ++i)
+      value[i * c.width() + k] +=
+          sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
+  }
+}
+
 }  // namespace
 
 void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
@@ -320,36 +383,32 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   return result;
 }
 
-void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                   const RowGroup& contact, const Trees& trees, double* rows) {
-  if (has_flex(input)) {
-    const int address = d->contact[input.source].efc_address;
-    for (int i = 0; i < contact.dim; ++i)
-      fill_from_row(m, d, address + i, contact, trees, rows + i * contact.stride);
+void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                     const Trees& trees, Rows& rows) {
+  RowGroup& c = rows.group.back();
+  if (has_flex(input)) return append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
+  PairGeometry pair;
+  pair.frame = input.frame;
+  bool is_pair = true;
+  for (int side = 0; side < 2; ++side) {
+    const int tree = input.tree[side];
+    if (tree < 0) continue;
+    is_pair = is_pair && trees.tree[tree].free_body && input.tree[0] != input.tree[1];
+    pair.begin[side] = trees.tree[tree].begin;
+    const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
+    for (int i = 0; i < 3; ++i) pair.arm[side][i] = input.position[i] - centre[i];
+  }
+  if (is_pair) {
+    c.pair = static_cast<int>(rows.pair.size());
+    rows.pair.push_back(pair);
     return;
   }
-  const double* frame = input.frame.data();
-  for (int side = 0; side < 2; ++side) {
-    if (input.tree[side] < 0) continue;
-    const int block = contact.tree[0] == input.tree[side] ? 0 : 1;
-    const int column = (block ? contact.dof_count[0] : 0) - trees.tree[input.tree[side]].dof_begin;
-    const double sign = side ? 1.0 : -1.0;
-    int body = m->geom_bodyid[input.geom[side]];
-    mjtNum arm[3];
-    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
-    while (m->body_dofnum[body] == 0) body = m->body_parentid[body];
-    for (int dof = m->body_dofadr[body] + m->body_dofnum[body] - 1; dof >= 0;
-         dof = m->dof_parentid[dof]) {
-      const mjtNum* axis = d->cdof + 6 * dof;
-      mjtNum linear[3];
-      mju_cross(linear, axis, arm);
-      mju_addTo3(linear, axis + 3);
-      double* entry = rows + column + dof;
-      for (int i = 0; i < contact.dim; ++i)
-        entry[i * contact.stride] +=
-            sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
-    }
-  }
+  for (int block = 0; block < 2; ++block)
+    if (c.tree[block] >= 0)
+      c.columns[block] = append_columns(m, input, trees.tree[c.tree[block]], c.tree[block], rows);
+  rows.value.resize(c.value + c.dim * c.width(), 0.0);
+  for (int side = 0; side < 2; ++side)
+    if (input.tree[side] >= 0) add_side(m, d, input, side, pair, trees, c, rows);
 }
 
 void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical) {

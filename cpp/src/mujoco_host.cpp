@@ -23,6 +23,63 @@ void check_finite(const char* field, const mjtNum* values, mjtSize count) {
                                   std::to_string(values[i]) + "; it must be finite");
 }
 
+bool damps_implicitly(const mjModel* m) {
+  return m->opt.integrator != mjINT_IMPLICITFAST &&
+         !(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER));
+}
+
+// Whether the effective inertia of a tree is that of a rigid body alone: a free body without
+// armature, and without forces that the integrator treats implicitly.
+bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
+  if (!is_free_body(m, tree)) return false;
+  const int begin = m->tree_dofadr[tree];
+  for (int dof = begin; dof < begin + m->tree_dofnum[tree]; ++dof) {
+    if (m->dof_armature[dof] != 0.0) return false;
+    if (damps_implicitly(m) && euler_damping(m, dof, d->qvel[dof]) != 0.0) return false;
+    if (m->opt.integrator == mjINT_IMPLICITFAST)
+      for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+        if (d->qDeriv[k] != 0.0) return false;
+  }
+  return std::all_of(m->tendon_armature, m->tendon_armature + m->ntendon,
+                     [](mjtNum armature) { return armature == 0.0; });
+}
+
+// In the form of Trees::inverse for free bodies.
+void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* inverse) {
+  const int body = m->dof_bodyid[m->tree_dofadr[tree]];
+  const mjtNum* rotation = d->ximat + 9 * body;
+  const mjtNum* moments = m->body_inertia + 3 * body;
+  for (int i = 0; i < 3; ++i) inverse[i] = 1.0 / m->body_mass[body];
+  inverse[3] = 0.0;
+  for (int j = 0; j < 3; ++j) {
+    double* column = inverse + 4 * (j + 1);
+    for (int i = 0; i < 3; ++i) {
+      column[i] = 0.0;
+      for (int axis = 0; axis < 3; ++axis)
+        column[i] += rotation[3 * i + axis] * rotation[3 * j + axis] / moments[axis];
+    }
+    column[3] = 0.0;
+  }
+}
+
+// Cholesky factor of M + H D, row-major and dof_count wide.
+void factor_tree(const mjModel* m, const mjData* d, const Tree& t, int tree, double* factor) {
+  const double h = m->opt.timestep;
+  const bool fast = m->opt.integrator == mjINT_IMPLICITFAST;
+  const bool damped = damps_implicitly(m);
+  std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
+      double& entry = factor[i * t.dof_count + m->M_colind[k] - t.dof_begin];
+      entry = d->M[k];
+      if (fast) entry -= h * d->qDeriv[m->mapD2M[k]];
+    }
+    if (damped) factor[i * t.dof_count + i] += h * euler_damping(m, dof, d->qvel[dof]);
+  }
+  factor_inertia(tree, t.dof_count, factor);
+}
+
 }  // namespace
 
 long long data_size(const mjModel_* m) {
@@ -128,16 +185,8 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
 
 Trees make_trees(const mjModel_* m) {
   Trees trees;
-  int size = 0;
-  for (int i = 0; i < m->ntree; ++i) {
-    Tree tree;
-    tree.dof_begin = m->tree_dofadr[i];
-    tree.dof_count = m->tree_dofnum[i];
-    tree.factor = size;
-    size += tree.dof_count * tree.dof_count;
-    trees.tree.push_back(tree);
-  }
-  trees.factor.assign(size, 0.0);
+  for (int i = 0; i < m->ntree; ++i)
+    trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i));
   return trees;
 }
 
@@ -145,22 +194,28 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
   if (m->opt.integrator == mjINT_IMPLICITFAST) mjd_smooth_vel(m, d, 0);
 }
 
-void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree) {
-  const Tree& t = trees.tree[tree];
-  const double h = m->opt.timestep;
-  const bool fast = m->opt.integrator == mjINT_IMPLICITFAST;
-  const bool damped = !fast && !(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER));
-  std::vector<double> inertia(t.dof_count * t.dof_count, 0.0);
-  for (int i = 0; i < t.dof_count; ++i) {
-    const int dof = t.dof_begin + i;
-    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
-      double& entry = inertia[i * t.dof_count + m->M_colind[k] - t.dof_begin];
-      entry = d->M[k];
-      if (fast) entry -= h * d->qDeriv[m->mapD2M[k]];
-    }
-    if (damped) inertia[i * t.dof_count + i] += h * euler_damping(m, dof, d->qvel[dof]);
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
+                            std::vector<double>& factor) {
+  factor.resize(trees.inverse.size());
+  for (int index = 0; index < m->ntree; ++index) {
+    Tree& t = trees.tree[index];
+    t.free_body = has_rigid_body_inertia(m, d, index);
+    if (t.free_body)
+      invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
+    else
+      factor_tree(m, d, t, index, factor.data() + t.inverse);
   }
-  factor_inertia(trees, tree, inertia);
+}
+
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
+                         const std::vector<double>& factor, double* acceleration) {
+  const Tree& t = trees.tree[tree];
+  if (t.free_body) {
+    std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
+    return;
+  }
+  std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
+  solve_inertia(t.dof_count, factor.data() + t.inverse, acceleration);
 }
 
 bool is_free_body(const mjModel_* m, int tree) {
@@ -200,8 +255,6 @@ void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& bo
 }
 
 const double* velocity(const mjData_* d) { return d->qvel; }
-const double* smooth_force(const mjData_* d) { return d->qfrc_smooth; }
-const double* smooth_acceleration(const mjData_* d) { return d->qacc_smooth; }
 const double* position(const mjData_* d) { return d->qpos; }
 int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
 

@@ -1,9 +1,6 @@
 #include "dashpot/rows.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <algorithm>
-#include <stdexcept>
 
 namespace dashpot {
 
@@ -11,30 +8,41 @@ namespace {
 
 constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
 
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-using Vector = Eigen::Map<Eigen::VectorXd>;
-using ConstVector = Eigen::Map<const Eigen::VectorXd>;
+double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-using ConstFactor = Eigen::Map<const RowMajor>;
-
-ConstFactor factor_of(const Trees& trees, int tree) {
-  const Tree& t = trees.tree[tree];
-  return ConstFactor(trees.factor.data() + t.factor, t.dof_count, t.dof_count);
+// a x b, added to `sum` times `sign`.
+void add_cross(const double* a, const double* b, double sign, double* sum) {
+  sum[0] += sign * (a[1] * b[2] - a[2] * b[1]);
+  sum[1] += sign * (a[2] * b[0] - a[0] * b[2]);
+  sum[2] += sign * (a[0] * b[1] - a[1] * b[0]);
 }
 
-// Forward substitution with a factor of fixed size.
-void solve_six(const double* factor, double* x) {
-  for (int i = 0; i < 6; ++i) {
-    for (int j = 0; j < i; ++j) x[i] -= factor[6 * i + j] * x[j];
-    x[i] /= factor[6 * i + i];
+double side_sign(int side) { return side == 0 ? -1.0 : 1.0; }
+
+// J inv(H) J' of one row over one free body.
+double body_inverse_mass(const PairGeometry& pair, int i, int side, const double* inverse) {
+  const std::array<double, 6> row = pair_row(pair, i, side);
+  double sum = inverse[0] * dot(row.data(), row.data());
+  for (int j = 0; j < 3; ++j) sum += row[3 + j] * dot(row.data() + 3, inverse + 4 * (j + 1));
+  return sum;
+}
+
+// The same over the sparse entries that a row has in one tree.
+double sparse_inverse_mass(const double* value, const int* column, int columns, const Tree& tree,
+                           const double* inverse) {
+  if (tree.free_body) {
+    double row[kBodyCoordinates] = {};
+    for (int k = 0; k < columns; ++k) row[column[k] - tree.begin] = value[k];
+    double sum = inverse[0] * dot(row, row);
+    for (int j = 0; j < 3; ++j) sum += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
+    return sum;
   }
-}
-
-void solve_lower(const Trees& trees, int tree, double* x) {
-  const Tree& t = trees.tree[tree];
-  if (t.dof_count == 6) return solve_six(trees.factor.data() + t.factor, x);
-  Vector block(x, t.dof_count);
-  factor_of(trees, tree).triangularView<Eigen::Lower>().solveInPlace(block);
+  double sum = 0.0;
+  for (int k = 0; k < columns; ++k) {
+    const double* response = inverse + (column[k] - tree.begin) * tree.count;
+    for (int l = 0; l < columns; ++l) sum += value[k] * response[column[l] - tree.begin] * value[l];
+  }
+  return sum;
 }
 
 }  // namespace
@@ -45,81 +53,120 @@ double Rows::bounded_inverse_mass(int row) const {
 
 void Rows::clear() {
   group.clear();
-  jacobian.clear();
+  pair.clear();
+  column.clear();
+  value.clear();
   inverse_mass.clear();
+  tree_inverse_mass.clear();
   typical_inverse_mass.clear();
   stiffness.clear();
   damping.clear();
   friction.clear();
 }
 
-RowGroup& Rows::append(RowKind kind, int input, int dim, const Trees& trees,
-                       std::array<int, 2> tree) {
-  // Two bodies of one tree share a single block.
+RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree) {
   if (tree[0] == tree[1]) tree[1] = -1;
   RowGroup c;
   c.kind = kind;
   c.input = input;
   c.dim = dim;
   c.row = static_cast<int>(inverse_mass.size());
-  c.jacobian = static_cast<int>(jacobian.size());
   c.tree = tree;
-  for (int side = 0; side < 2; ++side) {
-    if (tree[side] < 0) continue;
-    c.dof_begin[side] = trees.tree[tree[side]].dof_begin;
-    c.dof_count[side] = trees.tree[tree[side]].dof_count;
-  }
-  c.stride = c.dof_count[0] + c.dof_count[1];
-  jacobian.resize(jacobian.size() + dim * c.stride, 0.0);
+  c.column = static_cast<int>(column.size());
+  c.value = static_cast<int>(value.size());
   for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
     array->resize(array->size() + dim, 0.0);
+  tree_inverse_mass.resize(tree_inverse_mass.size() + dim, {0.0, 0.0});
   group.push_back(c);
   return group.back();
 }
 
-void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia) {
-  const Tree& t = trees.tree[tree];
-  Eigen::Map<RowMajor> factor(trees.factor.data() + t.factor, t.dof_count, t.dof_count);
-  factor = Eigen::Map<const RowMajor>(inertia.data(), t.dof_count, t.dof_count);
-  Eigen::LLT<Eigen::Ref<RowMajor>> llt(factor);
-  if (llt.info() != Eigen::Success)
-    throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
-                             " is not positive definite");
+std::array<double, 6> pair_row(const PairGeometry& pair, int i, int side) {
+  std::array<double, 6> row{};
+  const double* direction = pair.frame.data() + 3 * (i % 3);
+  const double sign = side_sign(side);
+  if (i < 3) {
+    for (int j = 0; j < 3; ++j) row[j] = sign * direction[j];
+    add_cross(pair.arm[side].data(), direction, sign, row.data() + 3);
+  } else {
+    for (int j = 0; j < 3; ++j) row[3 + j] = sign * direction[j];
+  }
+  return row;
 }
 
-void whiten(Rows& rows, const RowGroup& c, const Trees& trees) {
-  for (int i = 0; i < c.dim; ++i) {
-    double* row = rows.jacobian.data() + c.jacobian + i * c.stride;
-    if (c.tree[0] >= 0) solve_lower(trees, c.tree[0], row);
-    if (c.tree[1] >= 0) solve_lower(trees, c.tree[1], row + c.dof_count[0]);
-    rows.inverse_mass[c.row + i] = ConstVector(row, c.stride).squaredNorm();
+void gather(const Rows& rows, const RowGroup& c, const double* motion, double* out) {
+  if (c.pair < 0) {
+    const int* column = rows.column.data() + c.column;
+    const double* value = rows.value.data() + c.value;
+    for (int i = 0; i < c.dim; ++i, value += c.width()) {
+      out[i] = 0.0;
+      for (int k = 0; k < c.width(); ++k) out[i] += value[k] * motion[column[k]];
+    }
+    return;
+  }
+  const PairGeometry& pair = rows.pair[c.pair];
+  double linear[3] = {}, angular[3] = {};
+  for (int side = 0; side < 2; ++side) {
+    const double* body = motion + pair.begin[side];
+    const double sign = side_sign(side);
+    for (int j = 0; j < 3; ++j) {
+      linear[j] += sign * body[j];
+      angular[j] += sign * body[4 + j];
+    }
+    add_cross(body + 4, pair.arm[side].data(), sign, linear);
+  }
+  for (int i = 0; i < c.dim; ++i)
+    out[i] = dot(pair.frame.data() + 3 * (i % 3), i < 3 ? linear : angular);
+}
+
+void scatter(const Rows& rows, const RowGroup& c, const double* impulse, double* force) {
+  if (c.pair < 0) {
+    const int* column = rows.column.data() + c.column;
+    const double* value = rows.value.data() + c.value;
+    for (int i = 0; i < c.dim; ++i, value += c.width())
+      for (int k = 0; k < c.width(); ++k) force[column[k]] += value[k] * impulse[i];
+    return;
+  }
+  const PairGeometry& pair = rows.pair[c.pair];
+  double linear[3] = {}, angular[3] = {};
+  for (int i = 0; i < c.dim; ++i)
+    for (int j = 0; j < 3; ++j)
+      (i < 3 ? linear : angular)[j] += pair.frame[3 * (i % 3) + j] * impulse[i];
+  for (int side = 0; side < 2; ++side) {
+    double* body = force + pair.begin[side];
+    const double sign = side_sign(side);
+    for (int j = 0; j < 3; ++j) {
+      body[j] += sign * linear[j];
+      body[4 + j] += sign * angular[j];
+    }
+    add_cross(pair.arm[side].data(), linear, sign, body + 4);
   }
 }
 
-void whiten_velocity(const Trees& trees, int tree, const double* velocity, double* whitened) {
-  const int n = trees.tree[tree].dof_count;
-  Vector(whitened, n) =
-      factor_of(trees, tree).transpose().triangularView<Eigen::Upper>() * ConstVector(velocity, n);
-}
-
-void unwhiten_velocity(const Trees& trees, int tree, const double* whitened, double* velocity) {
-  const int n = trees.tree[tree].dof_count;
-  Vector(velocity, n) = factor_of(trees, tree)
-                            .transpose()
-                            .triangularView<Eigen::Upper>()
-                            .solve(ConstVector(whitened, n));
-}
-
-void generalized_impulse(const Trees& trees, int tree, const double* whitened, double* impulse) {
-  const int n = trees.tree[tree].dof_count;
-  Vector(impulse, n) =
-      factor_of(trees, tree).triangularView<Eigen::Lower>() * ConstVector(whitened, n);
-}
-
-void whiten_force(const Trees& trees, int tree, const double* force, double* whitened) {
-  const int n = trees.tree[tree].dof_count;
-  Vector(whitened, n) =
-      factor_of(trees, tree).triangularView<Eigen::Lower>().solve(ConstVector(force, n));
+void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {
+  for (int i = 0; i < c.dim; ++i) {
+    std::array<double, 2>& part = rows.tree_inverse_mass[c.row + i];
+    part = {0.0, 0.0};
+    if (c.pair >= 0) {
+      const PairGeometry& pair = rows.pair[c.pair];
+      for (int side = 0; side < 2; ++side)
+        if (c.tree[side] >= 0)
+          part[side] = body_inverse_mass(pair, i, side,
+                                         trees.inverse.data() + trees.tree[c.tree[side]].inverse);
+    } else {
+      const double* value = rows.value.data() + c.value + i * c.width();
+      const int* column = rows.column.data() + c.column;
+      for (int side = 0; side < 2; ++side) {
+        if (c.tree[side] < 0) continue;
+        const Tree& tree = trees.tree[c.tree[side]];
+        part[side] = sparse_inverse_mass(value, column, c.columns[side], tree,
+                                         trees.inverse.data() + tree.inverse);
+        value += c.columns[side];
+        column += c.columns[side];
+      }
+    }
+    rows.inverse_mass[c.row + i] = part[0] + part[1];
+  }
 }
 
 }  // namespace dashpot

@@ -37,8 +37,8 @@ struct Rotation {
 // Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
 Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
 
-// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about 1e-6
-// instead of rounding.
+// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about
+// 1e-6 instead of rounding.
 Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
                      const Eigen::Vector3d& torque, double time, bool rough = false);
 
@@ -65,16 +65,27 @@ Vector6 start_velocity(const FreeMotion& motion);
 // Constant generalized acceleration that leads to the same end velocity in the frozen frame.
 Vector6 mean_acceleration(const FreeMotion& motion, double step);
 
-// The body at the end of the step; contacts changed its generalized velocity by `velocity_change`
-// and its position by `displacement`, both in the frozen frame. `acceleration` is left as it is.
+// The body at the end of the step; contacts changed the velocity of its centre of mass and its
+// angular velocity by `velocity_change`, and moved and turned it by `displacement`, both in world
+// axes. `acceleration` is left as it is.
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement);
 
-// Kinetic energy (J) that the motion from `motion.start` to `end` gained beyond the work of the smooth
-// load. Exact under a force; under a torque the turn is taken from the mean angular velocity.
+// Kinetic energy (J) that the motion from `motion.start` to `end` gained beyond the work of the
+// smooth load. Exact under a force; under a torque the turn is taken from the mean angular
+// velocity.
 double energy_gain(const FreeMotion& motion, double step, const FreeBody& end);
 
 // Takes `energy` (J) out of the body's rotation, or all that is there.
 void brake_rotation(FreeBody& body, double energy);
+
+// The same between generalized coordinates (origin, rotation in the body frame) and the centre of
+// mass (world axes), in the frozen frame: velocities and accelerations go to the centre, forces
+// come from there.
+Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized);
+Vector6 motion_of_origin(const FreeMotion& motion, const Vector6& centre);
+Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench);
+// The wrench at the centre of mass that accelerates the body in the frozen frame.
+Vector6 wrench_of(const FreeMotion& motion, const Vector6& centre_acceleration);
 
 }  // namespace dashpot

@@ -9,17 +9,17 @@
 // Upper bound on lambda_max. With K = diag(k), (a + b)^2 <= (1 + |b|/|a|) a^2 + (1 + |a|/|b|) b^2
 // splits a row between its two trees T, so
 //
-//     lambda_max <= max_T lambda_max(S_T),   S_T = sum_r k_r (1 + |Jw_r^other|/|Jw_r^T|)
-//                                                        Jw_r^T' Jw_r^T ,
+//     lambda_max(K^1/2 A K^1/2) <= max_T lambda_max(inv(H_T) S_T),
+//     S_T = sum_r k_r (1 + sqrt(w_r^other / w_r^T)) J_r^T' J_r^T ,
 //
-// and lambda_max(S_T) <= |S_T^4|_F^(1/4) for small trees, <= min(|S_T|_F, |S_T|_inf) for large.
+// w_r^T being the part of w_r that tree T contributes. The eigenvalues of B = inv(H_T) S_T are real
+// and not negative, so lambda_max(B) <= trace(B^m)^(1/m): m = 8 for free bodies, 4 for other trees.
 
 #pragma once
 
 #include <vector>
 
 #include "dashpot/engine.hpp"
-#include "dashpot/microstep.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
@@ -40,14 +40,64 @@ struct GroupMaterial {
   bool rigid() const { return !mass_normalised && material.rigid; }
 };
 
-// Connected sets of groups in a fixed order: by their first group.
-std::vector<Island> find_islands(const Rows& rows, const Trees& trees);
+// A range of indices.
+struct Indices {
+  const int* first = nullptr;
+  const int* last = nullptr;
+  const int* begin() const { return first; }
+  const int* end() const { return last; }
+};
 
-// Chooses the number of micro-steps of an island over a step of length `step` (s) and fills the
-// stiffness and damping of its rows from `materials` (one per group). A rigid material becomes as
-// stiff as h resolves; values that h does not resolve are lowered and counted as clipped.
-void plan_microsteps(Island& island, Rows& rows, const Trees& trees,
-                     const std::vector<GroupMaterial>& materials, double step,
-                     const Options& options);
+// Trees and row groups coupled to each other, and the micro-steps they take.
+struct Island {
+  Indices tree;   // in Trees
+  Indices group;  // in Rows::group
+  int microsteps = 1;
+  double duration = 0.0;  // h, s
+  int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
+};
+
+// Finds islands and plans their micro-steps. Keeps its arrays from step to step.
+class Islands {
+ public:
+  // Connected sets of groups in a fixed order: by their first group. Valid until the next call.
+  const std::vector<Island>& find(const Rows& rows, const Trees& trees);
+
+  // Chooses the number of micro-steps of every island over a step of length `step` (s) and fills
+  // the stiffness and damping of its rows from `materials` (one per group). A rigid material
+  // becomes as stiff as h resolves; values that h does not resolve are lowered and counted as
+  // clipped.
+  void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
+            double step, const Options& options);
+
+  const std::vector<Island>& all() const { return islands_; }
+
+ private:
+  // Bounds of one tree: SI stiffness, SI damping, and rigid rows weighted by 1/w.
+  struct TreeBounds {
+    double stiffness = 0.0, damping = 0.0, rigid = 0.0;
+    bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
+    // Part of the resolution that SI rows may use, and that rigid rows may use.
+    double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
+    double rigid_share() const { return mixed() ? 0.5 : 1.0; }
+  };
+  // S_T of every tree, dense, `count` columns each; zero between islands.
+  struct CoupledSum {
+    std::vector<double> entry;
+    std::vector<char> empty;  // by tree
+    void reset(const Trees& trees);
+    double take_bound(const Trees& trees, int tree);
+  };
+
+  void measure(const Island& island, const Rows& rows, const Trees& trees,
+               const std::vector<GroupMaterial>& materials);
+  double longest_si_microstep(const Island& island) const;
+  int fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials, double h);
+
+  std::vector<Island> islands_;
+  std::vector<int> root_, island_of_, tree_order_, group_order_, first_, local_;
+  std::vector<TreeBounds> bounds_;  // by tree
+  CoupledSum stiffness_, damping_, rigid_;
+};
 
 }  // namespace dashpot

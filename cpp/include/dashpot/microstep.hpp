@@ -1,39 +1,34 @@
 // Micro-steps of one island over its rows, with geometry frozen (DESIGN section 2.4).
 //
-// State is whitened (rows.hpp): velocity y, smooth acceleration y_a. A micro-step of length h:
+// State is in motion coordinates xi (trees.hpp): velocity v, smooth acceleration a. A micro-step of
+// length h:
 //
-//     u  = Jw y                                   gap rates
+//     u  = J v                                    gap rates
 //     F  = force every contact has now            from its deformation and rate
-//     b  = Jw (y_a + Jw' F) - w F                 load on each row, its own share left out
+//     b  = J (a + inv(H) J' F) - w F              load on each row, its own share left out
 //     p, r                                        closed-form flow of each row over h, friction
 //                                                 returned to its limit surface
-//     y += h y_a + Jw' p,   displacement = h y + h^2/2 y_a + Jw' r
+//     v += h a + inv(H) J' p,   displacement = h v + h^2/2 a + inv(H) J' r
 //
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work
-//     p (u_0 + u_1) / 2 + (Jw y_a) (h p / 2 - r) ,
+//     p (u_0 + u_1) / 2 + (J a) (h p / 2 - r) ,
 // which closes the ledger to rounding for a single contact.
 //
 // Statics are exact, since at rest F carries every load, and contacts know of each other through F.
-// The cost is linear in the number of contacts; nothing iterates.
+// The cost is linear in the number of contacts; nothing iterates. Rows act on wrenches: J' gathers
+// them by body, and inv(H) is applied once per tree. Groups of rows go four at a time
+// (contact_lanes.hpp), and their order, so every sum, is that of the island.
 
 #pragma once
 
+#include <memory>
 #include <vector>
 
-#include "dashpot/kelvin_voigt.hpp"
+#include "dashpot/islands.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
-
-// Trees and row groups coupled to each other, and the micro-steps they take.
-struct Island {
-  std::vector<int> tree;   // indices in Trees
-  std::vector<int> group;  // indices in Rows::group
-  int microsteps = 1;
-  double duration = 0.0;  // h, s
-  int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
-};
 
 // Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
 struct EnergyShares {
@@ -47,36 +42,44 @@ double& share(EnergyShares& shares, const RowGroup& group, int i);
 struct RowData {
   // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
   // the strain of an equality, the elastic displacement s of a friction row; m or rad.
-  std::vector<double> deformation, rate, force, impulse, moment;
-  std::vector<double> total_impulse;    // over the whole step, N s or N m s
-  std::vector<double> smooth_load;      // Jw y_a, m/s^2 or rad/s^2
-  std::vector<double> relaxation;       // of a spring whose slider slips: exp(-k h / d)
-  std::vector<Propagator> propagator;   // of normals and limits
-  std::vector<LinearFlow> linear_flow;  // of all other rows
+  std::vector<double> deformation, rate;
+  std::vector<double> total_impulse;  // over the whole step, N s or N m s
 
   // Per group: unstressed part of the position still to recover (deformation minus position; >= 0
   // for contacts and limits), whether friction last stuck, whether any impulse acted in this step.
-  // `surface` is the rate at which the offset shrinks in the present micro-step.
-  std::vector<double> offset, surface;
+  std::vector<double> offset;
   std::vector<char> sticking, touched;
 
-  // Whitened, per degree of freedom.
-  std::vector<double> velocity, smooth_acceleration, displacement, total_displacement, acceleration;
+  // Per motion coordinate; `total_impulse` of the rows over the step is a wrench of a free body, a
+  // generalized impulse elsewhere.
+  std::vector<double> velocity, smooth_acceleration, total_displacement, coordinate_impulse;
 
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;
 
-  // Size and zero the arrays per degree of freedom, and those per row and group.
-  void reset_motion(int dofs);
+  // Size and zero the arrays per motion coordinate, and those per row and group.
+  void reset_motion(int coordinates);
   void reset_rows(const Rows& rows);
 };
 
-void run_microsteps(const Rows& rows, const Trees& trees, const Island& island,
-                    double recovery_speed, RowData& data);
+// Runs the micro-steps of islands. Keeps its arrays from one island and step to the next.
+class MicrostepLoop {
+ public:
+  MicrostepLoop();
+  ~MicrostepLoop();
+  MicrostepLoop(MicrostepLoop&&) noexcept;
+
+  void run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
+           RowData& data);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 // Whether a separated limit or contact would overlap after `time` (s) of MuJoCo's semi-implicit
-// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` and
-// `acceleration` are whitened, of the start and smooth.
+// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` (at
+// the start) and `acceleration` (smooth) are in motion coordinates.
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
                               const double* velocity, const double* acceleration, double time);
 

@@ -145,7 +145,7 @@ std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int ind
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input);
 
-// Static layout of trees; factors are filled in by factor_tree.
+// The layout of trees in motion coordinates.
 Trees make_trees(const mjModel_* m);
 
 // What MuJoCo's Euler integrator treats implicitly at `velocity`: the derivative of the damping of a
@@ -154,21 +154,25 @@ double euler_damping(const mjModel_* m, int dof, double velocity);
 
 // Computes the derivatives that implicitfast needs; nothing for Euler.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
-// Factors a tree's effective inertia M + H D.
-void factor_tree(const mjModel_* m, const mjData_* d, Trees& trees, int tree);
+// Finds the effective inertia of every tree: the inverse for free bodies, for others a Cholesky
+// factor in `factor`, at the tree's `inverse` offset and dof_count wide.
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
+                            std::vector<double>& factor);
+// The smooth generalized acceleration of a tree, implicit in velocity as the integrator is.
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
+                         const std::vector<double>& factor, double* acceleration);
 
 // The trees that a row of MuJoCo's constraint Jacobian reaches, -1 where fewer than two. Throws
 // std::invalid_argument if there are more.
 std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source);
-// Fills a Jacobian row from MuJoCo's (before whitening).
-void fill_from_row(const mjModel_* m, const mjData_* d, int source, const RowGroup& group,
-                   const Trees& trees, double* row);
-// Fills the Jacobian row of a scalar constraint (before whitening).
-void fill_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                   const RowGroup& group, const Trees& trees, double* row);
-// Fills the Jacobian rows of a contact (before whitening).
-void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                   const RowGroup& contact, const Trees& trees, double* rows);
+// Appends sparse rows for the group that was appended last, from `source` on in MuJoCo's.
+void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& trees, Rows& rows);
+// Appends the geometry or the sparse rows of a scalar constraint or contact, for the group that
+// was appended last.
+void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                     const Trees& trees, Rows& rows);
+void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                     const Trees& trees, Rows& rows);
 
 // MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);
@@ -182,8 +186,6 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 const double* velocity(const mjData_* d);
-const double* smooth_force(const mjData_* d);
-const double* smooth_acceleration(const mjData_* d);
 
 // Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
 // row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.

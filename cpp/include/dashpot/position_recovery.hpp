@@ -23,8 +23,8 @@
 namespace dashpot {
 
 // The displacement of the trees of an island whose equalities have offsets, after its micro-steps
-// over `time` (s), is added to `displacement` (whitened, per degree of freedom). Returns the energy
-// that the springs of other rows took up by following it, J.
+// over `time` (s), is added to `displacement` (zero there before; motion coordinates). Returns the
+// energy that the springs of other rows took up by following it, J.
 double recover_positions(const Rows& rows, const Trees& trees, const Island& island,
                          double recovery_speed, double time, RowData& data,
                          std::vector<double>& displacement);

@@ -1,36 +1,25 @@
-// Contact and constraint rows of one step as packed arrays, in whitened coordinates.
+// Contact and constraint rows of one step, over the motion coordinates of trees.hpp.
 //
-// Each kinematic tree has a symmetric positive definite effective inertia H = L L' over its degrees
-// of freedom (inertia plus what the integrator treats implicitly). In whitened coordinates
-// y = L' v a row J of the contact Jacobian becomes Jw = J inv(L)', and
+// For motion coordinates xi, Jacobian rows J and effective inertia H,
 //
-//     u = J v = Jw y,        J inv(H) J' = Jw Jw',        w = |Jw|^2 ,
+//     u = J xi,        A = J inv(H) J',        w = diag(A) .
 //
-// so the micro-steps apply impulses and read gap rates with dot products alone. A contact is a
-// group of `dim` rows in MuJoCo's order: normal, two sliding, torsional, two rolling. The normal
-// points from geom 1 to geom 2, and row velocities are those of geom 2 relative to geom 1. A limit,
-// an equality row or a dry-friction row is a group of one.
+// A contact is a group of `dim` rows in MuJoCo's order: normal, two sliding, torsional, two
+// rolling. The normal points from geom 1 to geom 2, and row velocities are those of geom 2 relative
+// to geom 1. A limit, an equality row or a dry-friction row is a group of one. The rows of a
+// contact between free bodies, or one and the ground, are the contact frame and the two arms; all
+// other rows are sparse.
 
 #pragma once
 
 #include <array>
 #include <vector>
 
+#include "dashpot/trees.hpp"
+
 namespace dashpot {
 
 inline constexpr int kMaxRows = 6;
-
-// A kinematic tree: a range of generalized velocities and their effective inertia.
-struct Tree {
-  int dof_begin = 0;
-  int dof_count = 0;
-  int factor = 0;  // offset of the row-major lower factor L in Trees::factor
-};
-
-struct Trees {
-  std::vector<Tree> tree;
-  std::vector<double> factor;  // sum of dof_count^2
-};
 
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
@@ -72,23 +61,38 @@ struct ConstraintInput {
   bool has_solref = false;  // the model sets solref or solimp itself
 };
 
+// The geometry of a contact between free bodies, which is all of its Jacobian.
+struct PairGeometry {
+  std::array<int, 2> begin{};                  // coordinates of the two bodies; 0 for the ground
+  std::array<double, 9> frame{};               // rows: normal, tangent 1, tangent 2; world
+  std::array<std::array<double, 3>, 2> arm{};  // from the centre of mass to the contact, world, m
+};
+
 // A group of rows. Per-row arrays of Rows are indexed by RowGroup::row + i, i < dim.
 struct RowGroup {
   RowKind kind = RowKind::kContact;
   int input = 0;  // index in the list of ContactInput or ConstraintInput
   int row = 0;    // first row
   int dim = 1;
-  int jacobian = 0;                // offset of the first row's blocks; rows are `stride` apart
-  int stride = 0;                  // dof_count[0] + dof_count[1]
-  std::array<int, 2> dof_begin{};  // of the two blocks; a missing block has dof_count 0
-  std::array<int, 2> dof_count{};
-  std::array<int, 2> tree{-1, -1};  // trees of the two blocks
+  std::array<int, 2> tree{-1, -1};  // a second one only where it differs from the first
+  int pair = -1;                    // index in Rows::pair, or -1 for sparse rows
+  // Sparse rows share their columns: those of tree[0], then those of tree[1].
+  int column = 0;                // first in Rows::column
+  std::array<int, 2> columns{};  // number in each tree
+  int value = 0;                 // first in Rows::value; rows are `width()` apart
+
+  int width() const { return columns[0] + columns[1]; }
 };
 
 struct Rows {
   std::vector<RowGroup> group;
-  std::vector<double> jacobian;      // whitened, packed
-  std::vector<double> inverse_mass;  // w, diagonal of J inv(H) J'
+  std::vector<PairGeometry> pair;
+  std::vector<int> column;    // motion coordinates
+  std::vector<double> value;  // of sparse rows
+
+  // Per row: w, diagonal of J inv(H) J', and the parts of it that the two trees contribute.
+  std::vector<double> inverse_mass;
+  std::vector<std::array<double, 2>> tree_inverse_mass;
   // MuJoCo's estimate of w from the reference configuration: what w is like away from singular
   // ones.
   std::vector<double> typical_inverse_mass;
@@ -102,23 +106,20 @@ struct Rows {
   double bounded_inverse_mass(int row) const;
 
   void clear();
-  // Appends a group with room for its rows; the blocks are to be filled in.
-  RowGroup& append(RowKind kind, int input, int dim, const Trees& trees, std::array<int, 2> tree);
+  // Appends a group with room for its rows; its pair geometry or sparse rows are to be appended
+  // next.
+  RowGroup& append(RowKind kind, int input, int dim, std::array<int, 2> tree);
 };
 
-// Factors the effective inertia of one tree: `inertia` is row-major, dof_count x dof_count, lower
-// triangle used. Throws std::runtime_error if it is not positive definite.
-void factor_inertia(Trees& trees, int tree, const std::vector<double>& inertia);
+// out = J xi: the rates of a group's rows.
+void gather(const Rows& rows, const RowGroup& group, const double* motion, double* out);
+// force += J' impulse.
+void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force);
 
-// Replaces the rows of a group's Jacobian by their whitened form and computes inverse masses.
-void whiten(Rows& rows, const RowGroup& group, const Trees& trees);
+// Fills in the inverse masses of a group's rows.
+void find_inverse_mass(Rows& rows, const RowGroup& group, const Trees& trees);
 
-// y = L' v and v = inv(L)' y over one tree.
-void whiten_velocity(const Trees& trees, int tree, const double* velocity, double* whitened);
-void unwhiten_velocity(const Trees& trees, int tree, const double* whitened, double* velocity);
-// L x: turns a whitened impulse J_w' p into the generalized impulse J' p.
-void generalized_impulse(const Trees& trees, int tree, const double* whitened, double* impulse);
-// inv(L) f: turns a generalized force into a whitened acceleration.
-void whiten_force(const Trees& trees, int tree, const double* force, double* whitened);
+// The entries of row i of a pair for one of its bodies: linear (3) and angular (3).
+std::array<double, 6> pair_row(const PairGeometry& pair, int i, int side);
 
 }  // namespace dashpot

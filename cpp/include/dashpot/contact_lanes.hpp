@@ -1,0 +1,263 @@
+// The contact law on four groups of rows at once, one in each lane, over micro-steps of length h.
+//
+// Between events the law is that of kelvin_voigt.hpp and friction.hpp, with everything that depends
+// on parameters and h alone computed once. A lane whose normal meets an event (onset, release,
+// re-contact) inside the micro-step is handed to flow_contact.
+//
+// Row 0 of a contact is its normal (or a limit); the others are friction. A slipping friction
+// spring relaxes towards what the limit asks for, k s + d s' = -p/h.
+
+#pragma once
+
+#include <array>
+
+#include "dashpot/kelvin_voigt.hpp"
+#include "dashpot/lanes.hpp"
+
+namespace dashpot {
+
+// p and r of a spring-damper are linear in displacement, rate and load (LinearFlow); behind a
+// slipping slider its displacement relaxes. Fixed during an island's micro-steps.
+struct SpringCoefficients {
+  Lanes impulse_displacement, impulse_rate;
+  Lanes impulse_load;  // of the moment: rate
+  Lanes moment_displacement, moment_load;
+  Lanes relaxation;    // exp(-k h / d)
+  Lanes compliance_h;  // 1 / (k h)
+};
+
+// The rows of four groups. Members as in Rows and RowData.
+template <int Dim>
+struct RowLanes {
+  Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim], smooth_load[Dim];
+  Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim], moment[Dim], total_impulse[Dim];
+  Lanes recovers_within;  // x^2 up to which the offset recovers, v^2 / (k w)
+  Lanes offset, surface;
+  LaneMask sticking, touched;
+  Lanes work[2];         // of row 0 and of the others, J
+  Lanes recovery_input;  // J
+};
+
+template <int Dim>
+struct ContactLanes : RowLanes<Dim> {
+  static constexpr int kFrictionRows = Dim > 1 ? Dim - 1 : 1;
+  Lanes e[5];  // propagator of the normal over h
+  // Of row i + 1. 1/mu is 0 where mu = 0, and such a row has no stiffness, damping or impulse.
+  SpringCoefficients spring[kFrictionRows];
+  Lanes inverse_friction[kFrictionRows];
+  Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
+};
+
+// A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
+struct SpringLanes : RowLanes<1> {
+  SpringCoefficients spring;
+  Lanes limit;  // N or N m
+};
+
+// How fast unstressed offsets shrink, m/s or rad/s. Recovery moves bodies, it does not squeeze what
+// cannot move: it pauses while the spring stores more than the kinetic energy of its apparent mass
+// at the recovery speed, k x^2 > v^2 / w.
+template <int Dim>
+[[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, double h,
+                                                double recovery_speed) {
+  const Lanes speed = all_lanes(recovery_speed), zero{};
+  const Lanes rate = min_lanes(max_lanes(c.offset / h, -speed), speed);
+  const Lanes x = c.deformation[0];
+  return (c.offset == zero) | (x * x > c.recovers_within) ? zero : rate;
+}
+
+// The work of the last impulses, which changed the rates to `rate`.
+template <int Dim>
+[[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate,
+                                                  double h) {
+  const Lanes p = c.impulse[i];
+  c.work[i > 0] += 0.5 * p * (c.rate[i] + rate) + c.smooth_load[i] * (0.5 * h * p - c.moment[i]);
+  c.rate[i] = rate;
+}
+
+[[gnu::always_inline]] inline Lanes relax(const SpringCoefficients& spring, const Lanes& impulse,
+                                          const Lanes& deformation) {
+  const Lanes limit = -impulse * spring.compliance_h;
+  return limit + spring.relaxation * (deformation - limit);
+}
+
+// Rates, work and deformations after the motion of a micro-step: springs follow the relative
+// motion, unstressed offsets recover, springs behind slipping sliders relax.
+template <int Dim>
+[[gnu::always_inline]] inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate,
+                                               const Lanes* displacement, double h,
+                                               double recovery_speed) {
+  const Lanes recovered = h * c.surface;
+  c.offset -= recovered;
+  c.deformation[0] += displacement[0] - recovered;
+  for (int i = 1; i < Dim; ++i) {
+    const Lanes relaxed = relax(c.spring[i - 1], c.impulse[i], c.deformation[i]);
+    c.deformation[i] = c.sticking ? c.deformation[i] + displacement[i] : relaxed;
+  }
+  for (int i = 0; i < Dim; ++i) account_motion(c, i, rate[i], h);
+  c.surface = offset_rate(c, h, recovery_speed);
+}
+
+// The offsets of equalities are recovered by displacement (position_recovery.hpp).
+[[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate,
+                                               const Lanes* displacement, double h,
+                                               double /*recovery_speed*/) {
+  const Lanes relaxed = relax(c.spring, c.impulse[0], c.deformation[0]);
+  c.deformation[0] = c.sticking ? c.deformation[0] + displacement[0] : relaxed;
+  account_motion(c, 0, rate[0], h);
+}
+
+// Returns friction impulses or forces, behind the normal one, to the limit surface: return_to_limit
+// of friction.hpp. `inside`: the lanes in which nothing slips. Lanes without pressure carry
+// nothing.
+template <int Dim>
+[[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
+                                                   LaneMask& inside) {
+  constexpr double kOnSurface = 1e-9;  // as in friction.cpp, with the bound on its rounds
+  constexpr int kMaxRounds = 64;
+  const Lanes zero{}, one = all_lanes(1.0);
+  const LaneMask pressed = impulse[0] > zero;
+  Lanes z[Dim], square{};
+  for (int i = 1; i < Dim; ++i) {
+    impulse[i] = pressed ? impulse[i] : zero;
+    z[i] = impulse[i] * c.inverse_friction[i - 1];
+    square += z[i] * z[i];
+  }
+  inside = square <= impulse[0] * impulse[0];
+  if (all_of(inside)) return;
+  const Lanes inverse_normal = one / (pressed ? impulse[0] : one);
+  Lanes gamma{}, shrink[Dim];
+  for (int i = 1; i < Dim; ++i) z[i] *= inverse_normal;
+  for (int round = 0;; ++round) {
+    Lanes slope{};
+    square = zero;
+    for (int i = 1; i < Dim; ++i) {
+      shrink[i] = one / (one + gamma * c.slip[i - 1]);
+      const Lanes q = z[i] * shrink[i];
+      square += q * q;
+      slope += q * q * c.slip[i - 1] * shrink[i];
+    }
+    const Lanes length = root_lanes(square);
+    const LaneMask outside = ~inside & (length - one > zero + kOnSurface) & (slope > zero);
+    if (round == kMaxRounds || !any_of(outside)) {
+      for (int i = 1; i < Dim; ++i) {
+        const Lanes returned = impulse[i] * shrink[i] * (length > one ? one / length : one);
+        impulse[i] = inside ? impulse[i] : returned;
+      }
+      return;
+    }
+    gamma = outside ? gamma + (length - one) * square / slope : gamma;
+  }
+}
+
+// The force every contact has now.
+template <int Dim>
+[[gnu::always_inline]] inline void find_present_force(ContactLanes<Dim>& c) {
+  const Lanes zero{};
+  for (int i = 0; i < Dim; ++i)
+    c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
+  c.force[0] = max_lanes(c.force[0] + c.damping[0] * c.surface, zero);
+  c.force[0] = c.deformation[0] < zero ? c.force[0] : zero;
+  LaneMask inside;
+  if (Dim > 1) return_friction(c, c.force, inside);
+}
+
+[[gnu::always_inline]] inline void find_present_force(SpringLanes& c) {
+  const Lanes force = -c.stiffness[0] * c.deformation[0] - c.damping[0] * c.rate[0];
+  c.force[0] = min_lanes(max_lanes(force, -c.limit), c.limit);
+}
+
+// One lane through all its events.
+template <int Dim>
+void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h) {
+  const KelvinVoigt law{c.stiffness[0][lane], c.damping[0][lane], c.inverse_mass[0][lane]};
+  const Propagator e{c.e[0][lane], c.e[1][lane], c.e[2][lane], c.e[3][lane], c.e[4][lane]};
+  const Flow flow = flow_contact(law, c.deformation[0][lane], rate, load, h, &e);
+  c.impulse[0][lane] = flow.impulse;
+  c.moment[0][lane] = flow.moment;
+}
+
+// Impulse and moment of the normals: closed form where contact lasts throughout, nothing where it
+// stays open, event by event elsewhere.
+template <int Dim>
+[[gnu::always_inline]] inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load, double h) {
+  constexpr double kSquaredPi = 9.869604401089358;
+  const Lanes zero{};
+  const Lanes k = c.stiffness[0], d = c.damping[0], w = c.inverse_mass[0];
+  const Lanes x = c.deformation[0], u = c.rate[0] - c.surface;
+  // The force f = f0 E0 - drive E1 - k b E2, its rates, and what bounds it (kelvin_voigt.cpp).
+  const Lanes f0 = -k * x - d * u;
+  const Lanes drive = k * u + d * load;
+  const Lanes f1 = -drive - w * d * f0;
+  const Lanes q = -k * (load + w * f0);
+  const Lanes f2 = q - w * d * f1;
+  const Lanes end = f0 * c.e[0] - drive * c.e[1] - k * load * c.e[2];
+  const Lanes end_rate = f1 * c.e[0] + q * c.e[1];
+  const Lanes square_frequency = w * k;
+  const Lanes sum = f0 + end;
+  const LaneMask far_from_zero =
+      sum * sum * square_frequency >= h * h * (f1 * f1 * square_frequency + f2 * f2);
+  const LaneMask one_minimum =
+      (square_frequency * (h * h) < kSquaredPi - zero) & ((f1 >= zero) | (end_rate <= zero));
+  const LaneMask holds = (x < zero) & (f0 > zero) & (end >= zero) & (far_from_zero | one_minimum);
+  const LaneMask open = x + h * min_lanes(zero, min_lanes(u, u + h * load)) > zero;
+  const Lanes impulse = max_lanes(f0 * c.e[1] - drive * c.e[2] - k * load * c.e[3], zero);
+  const Lanes moment = max_lanes(f0 * c.e[2] - drive * c.e[3] - k * load * c.e[4], zero);
+  c.impulse[0] = holds ? impulse : zero;
+  c.moment[0] = holds ? moment : zero;
+  const LaneMask closed_form = holds | open;
+  if (!all_of(closed_form))
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (!closed_form[lane]) flow_lane(c, lane, u[lane], load[lane], h);
+  c.recovery_input += c.impulse[0] * c.surface;
+}
+
+// Impulse and moment of a spring-damper row.
+template <int Dim>
+[[gnu::always_inline]] inline void flow_spring(RowLanes<Dim>& c, int i,
+                                               const SpringCoefficients& spring, const Lanes& rate,
+                                               const Lanes& load) {
+  const Lanes x = c.deformation[i];
+  c.impulse[i] =
+      spring.impulse_displacement * x + spring.impulse_rate * rate + spring.impulse_load * load;
+  c.moment[i] =
+      spring.moment_displacement * x + spring.impulse_load * rate + spring.moment_load * load;
+}
+
+// Flow over h under `motion`, the acceleration of every row with all present forces; a row's own
+// force is left out of its load.
+template <int Dim>
+[[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h) {
+  const Lanes zero{};
+  flow_normal(c, motion[0] - c.inverse_mass[0] * c.force[0], h);
+  if (Dim > 1) {
+    for (int i = 1; i < Dim; ++i)
+      flow_spring(c, i, c.spring[i - 1], c.rate[i], motion[i] - c.inverse_mass[i] * c.force[i]);
+    LaneMask inside;
+    return_friction(c, c.impulse, inside);
+    const LaneMask pressed = c.impulse[0] > zero;
+    c.sticking = inside & pressed;
+    // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
+    const Lanes lever = c.moment[0] / (pressed ? c.impulse[0] : all_lanes(1.0));
+    for (int i = 1; i < Dim; ++i) {
+      const Lanes moment = inside ? c.moment[i] : c.impulse[i] * lever;
+      c.moment[i] = pressed ? moment : zero;
+    }
+  }
+  c.touched |= c.impulse[0] > zero;
+  for (int i = 0; i < Dim; ++i) c.total_impulse[i] += c.impulse[i];
+}
+
+[[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h) {
+  const Lanes zero{};
+  flow_spring(c, 0, c.spring, c.rate[0], motion[0] - c.inverse_mass[0] * c.force[0]);
+  const Lanes limit = c.limit * h;
+  const Lanes clamped = min_lanes(max_lanes(c.impulse[0], -limit), limit);
+  c.sticking = clamped == c.impulse[0];
+  c.impulse[0] = clamped;
+  c.moment[0] = c.sticking ? c.moment[0] : 0.5 * h * clamped;
+  c.touched |= c.impulse[0] != zero;
+  c.total_impulse[0] += c.impulse[0];
+}
+
+}  // namespace dashpot

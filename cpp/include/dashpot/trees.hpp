@@ -1,0 +1,52 @@
+// Kinematic trees in motion coordinates, and their effective inverse inertia.
+//
+// The contact solver works in motion coordinates xi, one range of them for each tree:
+//
+//     a free body:       velocity of the centre of mass (3), 0, angular velocity (3), 0; world axes
+//     any other tree:    its generalized velocities, then zeros up to a multiple of four
+//
+// H is the effective inertia in these coordinates: inertia plus what the integrator treats
+// implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
+// through the normal and the arm alone. The first eight coordinates belong to the ground: they are
+// zero, and what is applied to them has no effect.
+
+#pragma once
+
+#include <vector>
+
+namespace dashpot {
+
+inline constexpr int kBodyCoordinates = 8;  // of the ground and of a free body
+
+struct Tree {
+  int dof_begin = 0;  // range of generalized velocities
+  int dof_count = 0;
+  int begin = 0;           // range of motion coordinates
+  int count = 0;           // a multiple of four
+  bool free_body = false;  // in the coordinates of a free body, of which there are six in eight
+  int inverse = 0;         // offset in Trees::inverse
+};
+
+struct Trees {
+  std::vector<Tree> tree;
+  int coordinates = kBodyCoordinates;
+  // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
+  // each with a zero. Any other tree: the columns of inv(H), `count` apart.
+  std::vector<double> inverse;
+
+  // Appends a tree with room for its inverse inertia, of either form.
+  void append(int dof_begin, int dof_count, bool free_body);
+};
+
+// acceleration += inv(H) force, over the coordinates of one tree.
+void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
+
+// Cholesky factor and solution of H x = f for trees that are not free bodies. `inertia` is
+// row-major, dof_count x dof_count, its lower triangle is used and replaced by the factor. Throws
+// std::runtime_error if it is not positive definite.
+void factor_inertia(int tree, int dofs, double* inertia);
+void solve_inertia(int dofs, const double* factor, double* x);
+// Fills in inv(H) of a tree that is not a free body.
+void invert_inertia(Trees& trees, int tree, const double* factor);
+
+}  // namespace dashpot
