@@ -148,8 +148,8 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
 // The layout of trees in motion coordinates.
 Trees make_trees(const mjModel_* m);
 
-// What MuJoCo's Euler integrator treats implicitly at `velocity`: the derivative of the damping of a
-// joint and of the actuator that lends it damping, N s/m or N m s/rad.
+// What MuJoCo's Euler integrator treats implicitly at `velocity`: the derivative of the damping of
+// a joint and of the actuator that lends it damping, N s/m or N m s/rad.
 double euler_damping(const mjModel_* m, int dof, double velocity);
 
 // Computes the derivatives that implicitfast needs; nothing for Euler.
