@@ -101,6 +101,7 @@ struct Stepper::Impl {
   // Rebuilt in every step.
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
+  ProvenApart proven_apart;
   bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<double> start_position, start_velocity;
   Trees trees;
@@ -146,6 +147,7 @@ StepStats Stepper::Impl::step(mjData_* d) {
   host::check_data(model, d, data_size);
   host::StepParts parts(model, d);
   cuts = 0;
+  proven_apart.clear();
   StepStats total;
   for (double remaining = parts.whole(); remaining > 0.0; remaining -= length) {
     length = remaining;
@@ -193,7 +195,7 @@ Part Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   Part part;
   if (cuts == kMaxCuts) return part;
   part = part_before_impact(model, d, memory(d), smooth_acceleration, constraints, contacts,
-                            parts.whole(), length, kMaxCuts - cuts);
+                            parts.whole(), length, kMaxCuts - cuts, proven_apart);
   drop_pairs(part.apart, contacts);
   if (part.length != length) {
     ++cuts;

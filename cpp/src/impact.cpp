@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_host.hpp"
@@ -67,7 +68,9 @@ struct Pair {
   bool has_plane = false;
   bool flies = false;  // both sides are free bodies or fixed
   bool apart = false;  // from each other, proven for this part
+  double clear = 0.0;  // s, how long it is proven
 
+  GeomPair geoms() const { return {side[0].geom, side[1].geom}; }
   // Bound on the speed at which points of the two approach along `normal`, or in any direction.
   double closing_speed(const Vector3d& normal, double length) const {
     double speed = -normal.dot(relative_velocity(length));
@@ -150,23 +153,42 @@ class ImpactSearch {
     }
   }
   bool any() const { return !pairs_.empty(); }
-  // The motion over a shorter part is nearer to its mean: the second search sharpens the first.
+  // Undisturbed pairs that an earlier part has proven apart need no look before that time.
+  void recall(const ProvenApart& proven) {
+    for (Pair& pair : pairs_)
+      if (pair.flies) pair.clear = proven.time_left(pair.geoms(), remaining_);
+  }
+  void remember(ProvenApart& proven) const {
+    for (const Pair& pair : pairs_)
+      if (pair.flies && pair.apart)
+        proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, remaining_ - pair.clear);
+  }
+
+  // The motion over a shorter part is nearer to its mean: a second look at the pairs that limit the
+  // part sharpens the first.
   double find_part(int cuts_left) {
     const double shortest_contact = remaining_ / (2.0 * cuts_left);
-    double length = remaining_;
-    for (int round = 0; round < 2; ++round) {
-      double part = length;
-      for (Pair& pair : pairs_) part = std::min(part, examine(pair, length, shortest_contact));
-      length = part;
+    double part = remaining_;
+    const auto look = [&](Pair& pair, double length) {
+      part = std::min(part, examine(pair, length, shortest_contact));
+    };
+    for (Pair& pair : pairs_) {
+      pair.apart = pair.clear > 0.0;
+      if (!pair.apart) look(pair, remaining_);
     }
-    length = std::max(length, kShortest * remaining_);
-    return length > (1.0 - kShortest) * remaining_ ? remaining_ : length;
+    for (Pair& pair : pairs_)
+      if (pair.clear < part) look(pair, remaining_);
+    const double length = part;
+    for (Pair& pair : pairs_)
+      if (!pair.apart || pair.clear <= length) look(pair, length);
+    part = std::max(part, kShortest * remaining_);
+    return part > (1.0 - kShortest) * remaining_ ? remaining_ : part;
   }
 
   std::vector<GeomPair> pairs_in_touch() const {
     std::vector<GeomPair> touching;
     for (const Pair& pair : pairs_)
-      if (!pair.apart) touching.push_back({pair.side[0].geom, pair.side[1].geom});
+      if (!pair.apart) touching.push_back(pair.geoms());
     std::sort(touching.begin(), touching.end());
     return touching;
   }
@@ -204,7 +226,7 @@ class ImpactSearch {
     } while (changed);
     std::vector<GeomPair> apart;
     for (const Pair& pair : pairs_)
-      if (drops(pair)) apart.push_back({pair.side[0].geom, pair.side[1].geom});
+      if (drops(pair)) apart.push_back(pair.geoms());
     std::sort(apart.begin(), apart.end());
     return apart;
   }
@@ -325,9 +347,10 @@ class ImpactSearch {
     pair.apart = now.distance > 2.0 * standoff;
     if (pair.apart) {
       try {
-        return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length,
-                              standoff)
-            .time;
+        pair.clear = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1],
+                                    length, standoff)
+                         .time;
+        return pair.clear;
       } catch (const std::runtime_error&) {
         pair.apart = false;  // undecided: the two hover at the standoff, rows take care of them
         return length;
@@ -356,17 +379,36 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
                         const std::vector<ContactInput>& contacts, double whole, double remaining,
-                        int cuts_left) {
+                        int cuts_left, ProvenApart& proven) {
   Part part;
   part.length = remaining;
   if (contacts.empty()) return part;
   ImpactSearch search(model, data, memory, acceleration, whole, remaining);
   search.find_fast(contacts);
   if (!search.any()) return part;
+  search.recall(proven);
   part.length = search.find_part(cuts_left);
+  search.remember(proven);
   part.impact = search.pairs_in_touch();
   part.apart = search.pairs_apart(constraints, contacts);
   return part;
+}
+
+double ProvenApart::time_left(const GeomPair& pair, double remaining) const {
+  const auto entry = entries_.find(pair);
+  return entry == entries_.end() ? 0.0 : std::max(0.0, remaining - entry->second.end);
+}
+
+void ProvenApart::add(const GeomPair& pair, const std::array<int, 2>& tree, double end) {
+  entries_[pair] = {tree, end};
+}
+
+void ProvenApart::forget(const std::vector<char>& disturbed) {
+  for (auto entry = entries_.begin(); entry != entries_.end();) {
+    const auto& tree = entry->second.tree;
+    const bool lost = (tree[0] >= 0 && disturbed[tree[0]]) || (tree[1] >= 0 && disturbed[tree[1]]);
+    entry = lost ? entries_.erase(entry) : std::next(entry);
+  }
 }
 
 void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness) {

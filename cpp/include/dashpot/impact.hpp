@@ -25,6 +25,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <vector>
 
 #include "dashpot/material.hpp"
@@ -48,13 +49,32 @@ struct Part {
   std::vector<GeomPair> impact, apart;
 };
 
+// Pairs of free or fixed bodies that earlier parts of a step have proven apart up to some time.
+// What disturbs neither of the two leaves that proof valid.
+class ProvenApart {
+ public:
+  // How long (s) from now, `remaining` (s) before the end of the step, it holds; 0 if it does not.
+  double time_left(const GeomPair& pair, double remaining) const;
+  // It holds up to `end` (s) before the end of the step.
+  void add(const GeomPair& pair, const std::array<int, 2>& tree, double end);
+  void forget(const std::vector<char>& disturbed);  // by tree
+  void clear() { entries_.clear(); }
+
+ private:
+  struct Entry {
+    std::array<int, 2> tree;
+    double end;
+  };
+  std::map<GeomPair, Entry> entries_;
+};
+
 // The next part of a step, at most `remaining`, which is its length where nothing is fast.
 // `acceleration` (nv) is the mean smooth acceleration over what remains, `cuts_left` >= 1.
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
                         const std::vector<ContactInput>& contacts, double whole, double remaining,
-                        int cuts_left);
+                        int cuts_left, ProvenApart& proven);
 
 // Turns a rigid material into the spring of an impact, seen by a contact of apparent inverse mass w
 // (1/kg) in a part of `length` (s): undamped contact would last pi sqrt(m / k) = 0.9 of the part. A
