@@ -19,7 +19,7 @@ namespace {
 constexpr double kFast = 0.25;      // of the half-width: relative motion that needs a look
 constexpr double kStandoff = 0.01;  // of the half-width: where flight ends and contact begins
 constexpr double kTurn = 0.005;     // rad, in a part with contact
-constexpr double kFastTurn = 0.02;  // rad, in a step with contact, that needs a look
+constexpr double kFastTurn = 0.05;  // rad, in a step with contact, that needs a look
 // Below this turn (rad) in a part an arm's circle departs from its tangent by less than rounding of
 // the standoff, and the axis of the turn may be far away.
 constexpr double kSmallTurn = 1e-3;

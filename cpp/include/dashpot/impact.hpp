@@ -8,7 +8,7 @@
 //         compressed contacts can still give it in a step, x sqrt(k w) min(1, sqrt(k w) H),
 //     e = half the least width of its thinner geom.
 //
-// A pair is fast where s H > e / 4, or where such motion turns one of the two by more than 0.02 rad
+// A pair is fast where s H > e / 4, or where such motion turns one of the two by more than 0.05 rad
 // in the step. Of the fast pairs,
 //
 // - those apart get their time of impact, up to a standoff that covers what the motion over the
@@ -37,7 +37,7 @@ struct mjData_;
 
 namespace dashpot {
 
-inline constexpr int kMaxCuts = 128;
+inline constexpr int kMaxCuts = 96;
 
 using GeomPair = std::array<int, 2>;
 
