@@ -16,7 +16,7 @@ products of all edges, which hold the maximum where polytopes overlap. Then the 
 libraries propose join in: each is a proven bound as well. Where shapes are apart, dashpot's witness
 points are a bound from above once they are seen to lie in the shapes.
 A height field is measured prism by prism: all prisms, but those that some sampled direction
-proves to be no nearer than dashpot's answer.
+proves to be further than dashpot's answer.
 
 An answer is wrong where it is off by more than 1e-6 m + 1e-4 of the distance, or 1e-3 of it where
 a curved core (cylinder, ellipsoid) takes part; dashpot's also where the gap along its normal is,
@@ -319,8 +319,8 @@ def search_field(field, shape, answer, normals, tolerance, rng):
         flat = corners[chunk].reshape(len(rotation), -1, 3)
         reach = (flat @ local.transpose(0, 2, 1)).reshape(len(rotation), prisms, 6, -1).max(axis=2)
         coarse[chunk] = ((lowest - own)[:, None] - reach).max(axis=2)
-    # All that are not proven to be no nearer than the answer, and the three least proven.
-    open_ = coarse < (answer - 0.5 * tolerance)[:, None]
+    # All that are not proven to be further than the answer, and the three least proven.
+    open_ = coarse < (answer + tolerance)[:, None]
     np.put_along_axis(open_, np.argpartition(coarse, 3, axis=1)[:, :3], True, axis=1)
     trial, prism = np.nonzero(open_)
     items = Shapes(
@@ -334,11 +334,11 @@ def search_field(field, shape, answer, normals, tolerance, rng):
     found = search(items, others, rng)
     proposed = gaps(items, others, normals[trial][:, None])[:, 0]
     # Where the search stalls short of the answer, again with eight times the samples.
-    best = np.maximum(found, proposed)
-    stalled = np.nonzero(best < answer[trial] - 0.5 * tolerance[trial])[0]
+    stalled = np.nonzero(found < answer[trial] - 0.5 * tolerance[trial])[0]
     if len(stalled):
         again = search(items[stalled], others[stalled], rng, 4 * STARTS, 2 * SAMPLES)
-        best[stalled] = np.maximum(best[stalled], again)
+        found[stalled] = np.maximum(found[stalled], again)
+    best = np.maximum(found, proposed)
     alone, reference = np.full(count, np.inf), np.full(count, np.inf)
     np.minimum.at(alone, trial, found)
     np.minimum.at(reference, trial, best)
