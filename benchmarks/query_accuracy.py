@@ -119,8 +119,11 @@ class Shapes:
         elif self.vertices.ndim == 2:
             local = self.vertices[np.argmax(d @ self.vertices.T, axis=-1)]
         else:
-            best = np.argmax(d @ self.vertices.transpose(0, 2, 1), axis=-1)
-            local = np.take_along_axis(self.vertices, best[..., None], axis=1)
+            corners = self.vertices
+            if self.kind == "hfield":
+                corners = prism_corners(corners).reshape(len(corners), -1, 3)
+            best = np.argmax(d @ corners.transpose(0, 2, 1), axis=-1)
+            local = np.take_along_axis(corners, best[..., None], axis=1)
         return self.position[:, None] + local @ self.rotation.transpose(0, 2, 1)
 
     def face_normals(self):
@@ -352,7 +355,8 @@ class Pair:
         self.model, self.data = model, mujoco.MjData(model)
         mujoco.mj_forward(model, self.data)
         self.kinds = (kind1, kind2)
-        self.ids = [model.geom(name).id for name in (kind1 + "1", kind2 + "2")]
+        second = kind2 + ("1" if kind2 == "hfield" else "2")
+        self.ids = [model.geom(name).id for name in (kind1 + "1", second)]
         self.mesh = model.mesh_vert.astype(float)
         self.fcl = fcl is not None and kind1 not in ("plane", "hfield")  # its plane crashes
         self.shapes = []
@@ -488,7 +492,7 @@ def measure(pair, count, rng, peers):
 
 
 def all_pairs():
-    pairs = [("plane", kind) for kind in KINDS]
+    pairs = [("plane", kind) for kind in (*KINDS, "hfield")]
     pairs += itertools.combinations_with_replacement(KINDS, 2)
     return pairs + [("hfield", kind) for kind in KINDS]
 
