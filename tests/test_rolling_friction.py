@@ -39,7 +39,7 @@ def speeds(engine, data, duration, dof):
 
 def assert_stays_at_rest(engine, data, duration=60.0):
     """Check that nothing moves for a minute, once the friction springs have swung out."""
-    engine.step(data, nstep=round(2.0 / engine.model.opt.timestep))
+    engine.step(data, nstep=round(4.0 / engine.model.opt.timestep))
     settled = data.qpos.copy()
     engine.step(data, nstep=round(duration / engine.model.opt.timestep))
     # Less than 0.1 um or urad a minute, and no speed to leave it by: MuJoCo's contact points of a

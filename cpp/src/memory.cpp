@@ -9,9 +9,10 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, constraints (deformation and stiffness of each), contacts.
+// Storage: count of contacts, ledger, constraints (deformation, stiffness and slack of each),
+// contacts.
 constexpr int kHeader = 8;
-constexpr int kConstraint = 2;
+constexpr int kConstraint = 3;
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 
 double squared_distance(const double* a, const double* b) {
@@ -51,6 +52,12 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   const double allowed =
       w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
   return std::max(std::sqrt(same_force), std::min(same_force, allowed));
+}
+
+// By how much a spring is deformed beyond its position, deformation - offset, of the same sign.
+double slack(double deformation, double offset) {
+  const bool beyond = deformation * offset > 0.0 && std::abs(offset) <= std::abs(deformation);
+  return beyond ? std::abs(offset) : 0.0;
 }
 
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
@@ -106,20 +113,23 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = constraints[c.input];
     const double* slot = constraint_storage() + kConstraint * input.memory;
-    const double remembered = slot[0] * recall_scale(slot[0], slot[1], rows, c.row, recovery_speed);
+    const auto rescaled = [&](double deformation) {
+      return deformation * recall_scale(deformation, slot[1], rows, c.row, recovery_speed);
+    };
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
-      deformation = remembered;
+      deformation = rescaled(slot[0]);
       continue;
     }
     deformation = input.position;
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    deformation = remembered * input.position <= 0.0
-                      ? 0.0
-                      : std::copysign(std::min(std::abs(remembered), std::abs(input.position)),
-                                      input.position);
+    deformation =
+        slot[0] * input.position <= 0.0
+            ? 0.0
+            : rescaled(std::copysign(
+                  std::min(std::abs(slot[0]), std::abs(input.position) + slot[2]), input.position));
     data.offset[index] = deformation - input.position;
   }
 }
@@ -159,9 +169,9 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
     };
     if (!std::isinf(recovery_speed)) {
       const double compression =
-          nearest ? nearest->compression * scale_of(nearest->compression, nearest->stiffness, 0)
-                  : 0.0;
-      data.deformation[c.row] = -std::min(-input.gap, compression);
+          nearest ? std::min(nearest->compression, nearest->slack - input.gap) : 0.0;
+      data.deformation[c.row] =
+          nearest ? -compression * scale_of(compression, nearest->stiffness, 0) : 0.0;
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
     if (!nearest) continue;
@@ -195,6 +205,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
       const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
       slot[0] = separated ? 0.0 : data.deformation[c.row];
       slot[1] = rows.stiffness[c.row];
+      if (c.kind != RowKind::kSlider) slot[2] = slack(slot[0], data.offset[index]);
       continue;
     }
     if (data.deformation[c.row] >= 0.0) continue;
@@ -210,6 +221,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
     slot.sticking = data.sticking[index];
     slot.compression = -s[0];
     slot.stiffness = k[0];
+    slot.slack = slack(s[0], data.offset[index]);
     if (c.dim > 1) {
       tangent_to_local(s[1], s[2], input, slot.slide);
       slot.slide_stiffness = k[1];

@@ -61,9 +61,9 @@ template <int Dim>
 [[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, double h,
                                                 double recovery_speed) {
   const Lanes speed = all_lanes(recovery_speed), zero{};
-  const Lanes rate = min_lanes(max_lanes(c.offset / h, -speed), speed);
+  const Lanes rate = min_lanes(c.offset / h, speed);
   const Lanes x = c.deformation[0];
-  return (c.offset == zero) | (x * x > c.recovers_within) ? zero : rate;
+  return (c.offset <= zero) | (x * x > c.recovers_within) ? zero : rate;
 }
 
 // The work of the last impulses, which changed the rates to `rate`.

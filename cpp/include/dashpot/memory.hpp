@@ -6,7 +6,9 @@
 // compression remembered at the nearest point of the same geom pair; what geometry reports beyond
 // that is an unstressed offset. Limits and equalities do the same with their position. Where the
 // stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
-// deformation is scaled so that its force is continuous.
+// deformation is scaled so that its force is continuous; what that puts beyond the position is
+// slack that the row keeps until it separates. Otherwise every change of stiffness would drop
+// force, and the jolt change the stiffness again.
 
 #pragma once
 
@@ -35,6 +37,7 @@ struct RememberedContact {
   double sticking;                // 1 if friction stuck in the last micro-step
   double position[2][3];          // in the frames of geom 1 and geom 2, m
   double compression, stiffness;  // m, N/m
+  double slack;                   // part of the compression beyond the overlap, m
   double slide[3], slide_stiffness;
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;

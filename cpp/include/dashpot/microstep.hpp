@@ -45,8 +45,9 @@ struct RowData {
   std::vector<double> deformation, rate;
   std::vector<double> total_impulse;  // over the whole step, N s or N m s
 
-  // Per group: unstressed part of the position still to recover (deformation minus position; >= 0
-  // for contacts and limits), whether friction last stuck, whether any impulse acted in this step.
+  // Per group: deformation minus position, which is the unstressed part still to recover or, where
+  // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
+  // whether any impulse acted in this step.
   std::vector<double> offset;
   std::vector<char> sticking, touched;
 

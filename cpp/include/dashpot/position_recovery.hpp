@@ -6,12 +6,14 @@
 // configuration, where little of the apparent mass moves along the row, that means fast bodies,
 // whose turning makes the next offset, so a straight chain connected at both ends gained energy
 // without bound. Displacing the bodies instead gives them no velocity. With t the offsets, limited
-// to what the recovery speed covers in a step, and W the typical inverse masses,
+// to what the recovery speed covers in a step,
 //
-//     d = alpha inv(H) J' inv(W) t ,   alpha = min(1, t' inv(W) t / (d' H d))  at alpha = 1,
+//     d = inv(H) J' e ,   (A + R) e = t ,   A = J inv(H) J' .
 //
-// the step of steepest descent towards J d = t, never longer than rows on their own would take.
-// Springs of all other rows follow the displacement.
+// For equalities R = max(0, typical w - w), which keeps displacements small near singular
+// configurations. Springs of contacts, limits and sticking friction take part with t = 0 and resist
+// as they would over a step of length H, R = 1 / (k H^2), so that recovery moves bodies along what
+// holds them. All springs follow what the displacement does beyond t.
 
 #pragma once
 
