@@ -633,6 +633,8 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       host::smooth_work(model, d, start_velocity.data(), mean_displacement.data());
   ledger.dissipated_damping -= work.damping;
   ledger.work += work.applied;
+  for (const RowGroup& c : rows.group)
+    ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
 }
 
 void Stepper::Impl::remember(mjData_* d) {

@@ -473,6 +473,7 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.inverse = trees->inverse.data();
   for (int i = 0; i < island->microsteps; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
+    displacement[kSurfaceCoordinate] = h;  // of every micro-step; none before the first
     sweep_trees(Sweep::kSmoothMotion, m);
     sweep_rows(Sweep::kFlow, m);
     sweep_trees(Sweep::kContactMotion, m);
@@ -530,6 +531,7 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
 void RowData::reset_motion(int coordinates) {
   for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse})
     array->assign(coordinates, 0.0);
+  velocity[kSurfaceCoordinate] = 1.0;
 }
 
 void RowData::reset_rows(const Rows& rows) {

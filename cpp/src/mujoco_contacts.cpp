@@ -210,6 +210,38 @@ ContactInput read_contact(const mjModel* m, const mjData* d, int index) {
 
 bool has_flex(const ContactInput& input) { return input.geom[0] < 0 || input.geom[1] < 0; }
 
+bool has_surface_motion(const mjModel* m, const ContactInput& input) {
+  for (int geom : input.geom)
+    if (geom >= 0)
+      for (int i = 0; i < 6; ++i)
+        if (m->geom_surfacevel[6 * geom + i] != 0.0) return true;
+  return false;
+}
+
+// What the surfaces of the geoms, moving by themselves, add to the rates of a contact's rows: to
+// sliding and spin, as in MuJoCo; not to the gap, nor to rolling.
+std::array<double, 6> surface_motion(const mjModel* m, const mjData* d, const ContactInput& input) {
+  mjtNum linear[3] = {}, angular[3] = {};
+  for (int side = 0; side < 2; ++side) {
+    const int geom = input.geom[side];
+    if (geom < 0) continue;
+    const mjtNum* own = m->geom_surfacevel + 6 * geom;
+    const mjtNum* rotation = d->geom_xmat + 9 * geom;
+    mjtNum v[3], w[3], arm[3], around[3];
+    mju_mulMatVec3(v, rotation, own);
+    mju_mulMatVec3(w, rotation, own + 3);
+    mju_sub3(arm, input.position.data(), d->geom_xpos + 3 * geom);
+    mju_cross(around, w, arm);
+    mju_addTo3(v, around);
+    mju_addToScl3(linear, v, side ? 1.0 : -1.0);
+    mju_addToScl3(angular, w, side ? 1.0 : -1.0);
+  }
+  const double* frame = input.frame.data();
+  return {
+      0.0, mju_dot3(frame + 3, linear), mju_dot3(frame + 6, linear), mju_dot3(frame, angular), 0.0,
+      0.0};
+}
+
 // Last degree of freedom that moves a body, -1 if none does.
 int last_dof(const mjModel* m, int body) {
   while (body > 0 && m->body_dofnum[body] == 0) body = m->body_parentid[body];
@@ -380,16 +412,26 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   }
   std::array<double, 3> result;
   mju_mulMatVec3(result.data(), input.frame.data(), relative);
+  if (!has_surface_motion(m, input)) return result;
+  const std::array<double, 6> surface_rate = surface_motion(m, d, input);
+  for (int i = 1; i < 3; ++i) result[i] += surface_rate[i];
   return result;
 }
 
 void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                      const Trees& trees, Rows& rows) {
   RowGroup& c = rows.group.back();
-  if (has_flex(input)) return append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
+  const bool driven = has_surface_motion(m, input);
+  std::array<double, 6> surface_rate{};
+  if (driven) surface_rate = surface_motion(m, d, input);
+  if (has_flex(input)) {
+    append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
+    if (driven) append_surface_motion(rows, surface_rate.data());
+    return;
+  }
   PairGeometry pair;
   pair.frame = input.frame;
-  bool is_pair = true;
+  bool is_pair = !driven;
   for (int side = 0; side < 2; ++side) {
     const int tree = input.tree[side];
     if (tree < 0) continue;
@@ -409,6 +451,7 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
   rows.value.resize(c.value + c.dim * c.width(), 0.0);
   for (int side = 0; side < 2; ++side)
     if (input.tree[side] >= 0) add_side(m, d, input, side, pair, trees, c, rows);
+  if (driven) append_surface_motion(rows, surface_rate.data());
 }
 
 void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical) {

@@ -88,8 +88,8 @@ void report_contacts(const mjModel* m, Report& report) {
   }
   for (int geom = 0; geom < m->ngeom; ++geom) {
     if (any_nonzero(m->geom_surfacevel + 6 * geom, 6))
-      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " surfacevel", Treatment::kRefused,
-                 "friction acts between the bodies' own velocities");
+      report.add("geom " + named(m, mjOBJ_GEOM, geom) + " surfacevel", Treatment::kHonoured,
+                 "sliding and spin are those of the moving surface");
     if (m->geom_adhesion[geom] != 0.0)
       report.add("geom " + named(m, mjOBJ_GEOM, geom) + " adhesion", Treatment::kHonoured,
                  "pulls along the normals of the contacts at the start of a step");

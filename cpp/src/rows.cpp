@@ -143,6 +143,27 @@ void scatter(const Rows& rows, const RowGroup& c, const double* impulse, double*
   }
 }
 
+void append_surface_motion(Rows& rows, const double* rate) {
+  RowGroup& c = rows.group.back();
+  const int width = c.width();
+  c.driven = true;
+  rows.column.push_back(kSurfaceCoordinate);
+  rows.value.resize(c.value + c.dim * (width + 1));
+  double* value = rows.value.data() + c.value;
+  for (int i = c.dim - 1; i >= 0; --i) {
+    std::copy_backward(value + i * width, value + (i + 1) * width, value + i * (width + 1) + width);
+    value[i * (width + 1) + width] = rate[i];
+  }
+}
+
+double surface_work(const Rows& rows, const RowGroup& c, const double* impulse) {
+  double work = 0.0;
+  if (c.driven)
+    for (int i = 0; i < c.dim; ++i)
+      work -= impulse[i] * rows.value[c.value + (i + 1) * c.width() - 1];
+  return work;
+}
+
 void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {
   for (int i = 0; i < c.dim; ++i) {
     std::array<double, 2>& part = rows.tree_inverse_mass[c.row + i];

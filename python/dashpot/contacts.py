@@ -32,7 +32,7 @@ class Contacts:
     gap : (n,) array
         Distance between the surfaces, m, negative in overlap.
     velocity : (n, 3) array
-        Relative velocity, m/s; the first component is the gap rate.
+        Relative velocity of the surfaces, m/s; the first component is the gap rate.
     force : (n, 3) array
         Contact force, N; only the adhesion of geoms makes the first component negative.
     torque : (n, 3) array

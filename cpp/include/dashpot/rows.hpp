@@ -76,12 +76,14 @@ struct RowGroup {
   int dim = 1;
   std::array<int, 2> tree{-1, -1};  // a second one only where it differs from the first
   int pair = -1;                    // index in Rows::pair, or -1 for sparse rows
-  // Sparse rows share their columns: those of tree[0], then those of tree[1].
+  // Sparse rows share their columns: those of tree[0], those of tree[1], and kSurfaceCoordinate if
+  // a surface moves by itself.
   int column = 0;                // first in Rows::column
   std::array<int, 2> columns{};  // number in each tree
+  bool driven = false;           // has the column of kSurfaceCoordinate
   int value = 0;                 // first in Rows::value; rows are `width()` apart
 
-  int width() const { return columns[0] + columns[1]; }
+  int width() const { return columns[0] + columns[1] + driven; }
 };
 
 struct Rows {
@@ -115,6 +117,12 @@ struct Rows {
 void gather(const Rows& rows, const RowGroup& group, const double* motion, double* out);
 // force += J' impulse.
 void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force);
+
+// Adds the column of kSurfaceCoordinate to the sparse rows of the group appended last: `rate` (dim)
+// is what the surfaces' own motion adds to each row's rate.
+void append_surface_motion(Rows& rows, const double* rate);
+// Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
+double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);
 
 // Fills in the inverse masses of a group's rows.
 void find_inverse_mass(Rows& rows, const RowGroup& group, const Trees& trees);

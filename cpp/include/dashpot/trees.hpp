@@ -8,7 +8,8 @@
 // H is the effective inertia in these coordinates: inertia plus what the integrator treats
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
 // through the normal and the arm alone. The first eight coordinates belong to the ground: they are
-// zero, and what is applied to them has no effect.
+// zero, and what is applied to them has no effect. One of them, which no body has, moves at 1: its
+// column in a row is the rate that surfaces of their own motion (conveyor belts) add.
 
 #pragma once
 
@@ -16,7 +17,8 @@
 
 namespace dashpot {
 
-inline constexpr int kBodyCoordinates = 8;  // of the ground and of a free body
+inline constexpr int kBodyCoordinates = 8;    // of the ground and of a free body
+inline constexpr int kSurfaceCoordinate = 3;  // of the ground, moves at 1
 
 struct Tree {
   int dof_begin = 0;  // range of generalized velocities
