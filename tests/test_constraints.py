@@ -229,3 +229,23 @@ def test_bodies_that_a_tendon_may_couple_step_as_in_mujoco_while_it_is_slack():
         mujoco.mj_step(reference_model, reference)
     np.testing.assert_array_equal(data.qpos, reference.qpos)
     np.testing.assert_array_equal(data.qvel, reference.qvel)
+
+
+def test_equalities_that_contradict_each_other_pull_a_body_between_them():
+    """A ball tied to three places on a line and, three times, to one aside of it."""
+    sites = "".join(f'<site name="s{i}" pos="{x} 0 1"/>' for i, x in enumerate((0, 0.02, 0.04)))
+    ties = "".join(f'<connect site1="s{i}" site2="ball"/>' for i in (0, 1, 2, 1, 1))
+    engine, data = engine_of(
+        f"""<worldbody>{sites}<body pos=".3 0 1"><freejoint/><geom size=".05" mass="1"/>
+          <site name="ball" pos="0 .05 0"/></body></worldbody><equality>{ties}</equality>""",
+        2e-3,
+    )
+    speed = 0.0
+    for _ in range(5000):
+        engine.step(data)
+        speed = max(speed, np.abs(data.qvel).max())
+    place = data.site("ball").xpos
+    # Alike in stiffness, the five springs balance at the middle one; the weight sags them.
+    np.testing.assert_allclose(place, [0.02, 0.0, 1.0], atol=1e-3)
+    # Displacement recovers the 0.3 m: no more speed than a pendulum of that length gains.
+    assert speed < np.sqrt(2 * 9.81 * 0.3) / 0.05

@@ -9,6 +9,7 @@ namespace {
 
 constexpr int kMaxIterations = 20;    // of conjugate gradients; a loop of n rows takes n
 constexpr double kConverged = 1e-12;  // of the squared residual, relative
+constexpr double kSoftness = 0.01;    // of an equality's inverse mass, at least
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0.0;
@@ -32,9 +33,9 @@ class RecoverySystem {
       for (int row = c.row; row < c.row + c.dim; ++row) {
         const bool slips = !sticks && (row > c.row || c.kind == RowKind::kSlider);
         const double k = rows.stiffness[row];
-        softness_.push_back(
-            bilateral ? std::max(0.0, rows.typical_inverse_mass[row] - rows.inverse_mass[row])
-                      : 1.0 / (k * time * time));
+        const double w = rows.inverse_mass[row];
+        softness_.push_back(bilateral ? std::max(kSoftness * w, rows.typical_inverse_mass[row] - w)
+                                      : 1.0 / (k * time * time));
         acts_.push_back(!slips && k > 0.0);
         target_.push_back(0.0);
       }
