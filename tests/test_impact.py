@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 import dashpot
-from impacts import Bounce, random_bounce, random_shot
+from impacts import (
+    Bounce,
+    bouncing_boxes,
+    largest_gain,
+    random_bounce,
+    random_shot,
+    relative_errors,
+)
 from piles import pile
 from scenes import slope, stack
 from simulate import make_engine
@@ -181,6 +188,47 @@ def test_a_struck_body_does_not_pass_what_lies_behind_it():
         engine.step(data)
         assert data.qpos[2] > 0.0
         assert data.qpos[9] > data.qpos[2]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_struck_body_hits_what_it_had_been_proven_apart_from(seed):
+    """One ball strikes another towards a plate, from which it kept away at first."""
+    rng = np.random.default_rng(seed)
+    height, distance = rng.uniform(0.05, 0.4), rng.uniform(0.1, 0.5)
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
+        <geom type="box" size="5 5 .0005" pos="0 0 -.0005"/>
+        <body pos="0 0 {height}"><freejoint/><geom size=".01" mass=".05"/></body>
+        <body pos="{rng.uniform(-0.005, 0.005)} 0 {height + distance}"><freejoint/>
+        <geom size=".01" mass=".05"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model, impact="cut")
+    data = engine.make_data()
+    data.qvel[[0, 6]] = rng.uniform(0, 30)
+    data.qvel[8] = -rng.uniform(50, 300)
+    for _ in range(4):
+        engine.step(data)
+        assert data.qpos[[2, 9]].min() > 0.0
+
+
+@pytest.mark.parametrize("seed", [0, 2, 15])
+def test_rigid_bounces_are_the_limit_of_stiff_springs(seed):
+    """The limit of k to infinity with the same restitution and friction, at 5 ms."""
+    bounce = random_bounce(seed)
+    exact, converged = bounce.rigid_reference()
+    assert converged
+    assert max(relative_errors(bounce.made_of(None).after(0.005, "cut"), exact)) < 0.01
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.01])
+@pytest.mark.parametrize("stiffness", [1e6, 1e8, None])
+def test_cuts_add_no_energy(stiffness, timestep):
+    """An elastic box in a closed room at 6 m/s."""
+    material = dashpot.Material(stiffness=stiffness, restitution=1.0, friction=0.0)
+    gain, left = largest_gain(bouncing_boxes(1, timestep, seed=3), material, round(1 / timestep))
+    # Overlap that frozen geometry makes recovers at 0.1 m/s: (0.1 / 6)^2 = 3e-4 of the energy.
+    assert gain < 3e-4
+    assert left > 0.3
 
 
 def test_refuses_by_name():

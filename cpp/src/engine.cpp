@@ -64,7 +64,7 @@ struct Stepper::Impl {
   // The stages of a step (DESIGN section 2).
   void read_state(const mjData_* d);
   void find_smooth_acceleration(mjData_* d, bool rough = false);
-  Part cut_at_impact(mjData_* d, host::StepParts& parts);
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
   void give_rigid_impacts_springs(mjData_* d, const std::vector<GeomPair>& impact);
   void freeze_at_middle(const mjData_* d);
@@ -101,6 +101,7 @@ struct Stepper::Impl {
   // Rebuilt in every step.
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
+  Part part;
   ProvenApart proven_apart;
   bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<double> start_position, start_velocity;
@@ -168,8 +169,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   const double searched = length;
   find_smooth_acceleration(d, rough);
   host::detect(model, d, smooth_acceleration, contacts, constraints);
-  Part part;
-  if (parameters.options.impact == Impact::kCut) part = cut_at_impact(d, parts);
+  part = Part();
+  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) find_smooth_acceleration(d);
   geometry_of_middle = !part.impact.empty();
   if (geometry_of_middle) {
@@ -188,21 +189,18 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   advance_state(d);
   account_smooth_work(d);
   remember(d);
+  proven_apart.forget(touched);
 }
 
 // Ends this part of the step where the next impact begins.
-Part Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
-  Part part;
-  if (cuts == kMaxCuts) return part;
+void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), smooth_acceleration, constraints, contacts,
                             parts.whole(), length, kMaxCuts - cuts, proven_apart);
   drop_pairs(part.apart, contacts);
-  if (part.length != length) {
-    ++cuts;
-    length = part.length;
-    parts.set_length(length);
-  }
-  return part;
+  if (part.length == length) return;
+  ++cuts;
+  length = part.length;
+  parts.set_length(length);
 }
 
 void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart) {
@@ -434,6 +432,8 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   islands.plan(rows, trees, materials, length, parameters.options);
   Memory view = memory(d);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
+  if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
+    view.limit_compression(part.impact, contacts, rows, data);
   ledger = view.ledger();
 }
 

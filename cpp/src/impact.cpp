@@ -387,9 +387,11 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
   search.find_fast(contacts);
   if (!search.any()) return part;
   search.recall(proven);
-  part.length = search.find_part(cuts_left);
+  const double length = search.find_part(cuts_left);
   search.remember(proven);
   part.impact = search.pairs_in_touch();
+  if (cuts_left == 0) return part;
+  part.length = length;
   part.apart = search.pairs_apart(constraints, contacts);
   return part;
 }

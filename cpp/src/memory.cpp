@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <map>
 
 namespace dashpot {
 
@@ -191,6 +192,39 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
             scale * along(nearest->roll, input.rotation, input.frame.data() + 3 * (1 + i));
     }
   }
+}
+
+void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,
+                               const std::vector<ContactInput>& contacts, const Rows& rows,
+                               RowData& data) const {
+  struct Stored {
+    double before = 0.0, now = 0.0;  // twice the energy, J
+  };
+  std::map<std::array<int, 2>, Stored> stored;
+  for (const auto& pair : pairs) stored[pair] = {};
+  for (int i = 0; i < contact_count(); ++i) {
+    const RememberedContact slot = contact(i);
+    const auto entry = stored.find({int(slot.geom[0]), int(slot.geom[1])});
+    if (entry != stored.end())
+      entry->second.before += slot.stiffness * slot.compression * slot.compression;
+  }
+  const auto for_each_compressed = [&](const auto& visit) {
+    for (size_t index = 0; index < rows.group.size(); ++index) {
+      const RowGroup& c = rows.group[index];
+      if (c.kind != RowKind::kContact || data.deformation[c.row] >= 0.0) continue;
+      const auto entry = stored.find(contacts[c.input].geom);
+      if (entry != stored.end()) visit(index, c.row, entry->second);
+    }
+  };
+  for_each_compressed([&](size_t, int row, Stored& pair) {
+    pair.now += rows.stiffness[row] * data.deformation[row] * data.deformation[row];
+  });
+  for_each_compressed([&](size_t index, int row, const Stored& pair) {
+    if (pair.now <= pair.before) return;
+    const double released = data.deformation[row] * (std::sqrt(pair.before / pair.now) - 1.0);
+    data.deformation[row] += released;
+    data.offset[index] += released;
+  });
 }
 
 void Memory::remember(const std::vector<ContactInput>& contacts,

@@ -69,7 +69,8 @@ class ProvenApart {
 };
 
 // The next part of a step, at most `remaining`, which is its length where nothing is fast.
-// `acceleration` (nv) is the mean smooth acceleration over what remains, `cuts_left` >= 1.
+// `acceleration` (nv) is the mean smooth acceleration over what remains. Without cuts left the part
+// is what remains, and no pair is proven apart.
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,

@@ -65,6 +65,12 @@ class Memory {
   void recall(const std::vector<ContactInput>& contacts,
               const std::vector<ConstraintInput>& constraints, const Rows& rows,
               double recovery_speed, RowData& data) const;
+  // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
+  // normals than the pair remembers, as points that are new among old ones do, all of them give
+  // way.
+  void limit_compression(const std::vector<std::array<int, 2>>& pairs,
+                         const std::vector<ContactInput>& contacts, const Rows& rows,
+                         RowData& data) const;
 
   // Replaces the memory by the deformed rows of `data`.
   void remember(const std::vector<ContactInput>& contacts,
