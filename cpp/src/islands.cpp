@@ -13,21 +13,45 @@ namespace {
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
-// S += weight row' row over the entries that a row has in one tree.
-void add_outer(const double* value, const int* local, int count, double weight, double* sum,
-               int stride) {
-  for (int i = 0; i < count; ++i) {
-    const double scaled = weight * value[i];
-    double* column = sum + local[i] * stride;
-    for (int j = 0; j < count; ++j) column[local[j]] += scaled * value[j];
+constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
+
+// S += sum_i weight_i row_i' row_i over the rows of a pair for one body. With B = sum w_i n_i n_i'
+// over the linear rows and R v = arm x v the linear rows give (B, B R'; R B, R B R'), of which the
+// lower triangle is kept, and angular rows add to the last block.
+void add_pair(const PairGeometry& pair, int side, int dim, const double* weight, double* sum) {
+  using Matrix = Eigen::Matrix3d;
+  using Vector = Eigen::Vector3d;
+  const auto outer_sum = [&](int first, int last) {
+    Matrix b = Matrix::Zero();
+    for (int i = first; i < last; ++i) {
+      const Vector n = Eigen::Map<const Vector>(pair.frame.data() + 3 * (i % 3));
+      b += weight[i] * n * n.transpose();
+    }
+    return b;
+  };
+  const Vector arm = Eigen::Map<const Vector>(pair.arm[side].data());
+  Matrix cross;
+  cross << 0.0, -arm[2], arm[1], arm[2], 0.0, -arm[0], -arm[1], arm[0], 0.0;
+  const Matrix linear = outer_sum(0, std::min(dim, 3));
+  const Matrix mixed = cross * linear;
+  Matrix angular = mixed * cross.transpose();
+  if (dim > 3) angular += outer_sum(3, dim);
+  for (int j = 0; j < 3; ++j) {
+    double* column = sum + j * kBodyCoordinates;
+    for (int i = 0; i < 3; ++i) {
+      column[i] += linear(i, j);
+      column[4 + i] += mixed(i, j);
+      column[4 * kBodyCoordinates + 4 + i] += angular(i, j);
+    }
   }
 }
 
-constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
-
 // trace(B^8)^(1/8) for the 6x6 matrix B of a free body.
-double body_bound(const double* sum, const double* inverse) {
+double body_bound(double* sum, const double* inverse) {
   using Matrix = Eigen::Matrix<double, 6, 6>;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      sum[(4 + i) * kBodyCoordinates + j] = sum[j * kBodyCoordinates + 4 + i];
   Matrix b;
   for (int column = 0; column < 6; ++column) {
     const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
@@ -152,6 +176,24 @@ void Islands::CoupledSum::reset(const Trees& trees) {
   empty.assign(trees.tree.size(), 1);
 }
 
+void Islands::CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
+                              const double* weight) {
+  empty[c.tree[side]] = 0;
+  const Tree& t = trees.tree[c.tree[side]];
+  double* sum = entry.data() + t.inverse;
+  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, c.dim, weight, sum);
+  const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
+  const int* column = rows.column.data() + c.column + first;
+  for (int i = 0; i < c.dim; ++i) {
+    const double* value = rows.value.data() + c.value + i * c.width() + first;
+    for (int k = 0; k < count; ++k) {
+      const double scaled = weight[i] * value[k];
+      double* to = sum + (column[k] - t.begin) * t.count - t.begin;
+      for (int l = 0; l < count; ++l) to[column[l]] += scaled * value[l];
+    }
+  }
+}
+
 double Islands::CoupledSum::take_bound(const Trees& trees, int tree) {
   if (empty[tree]) return 0.0;
   const Tree& t = trees.tree[tree];
@@ -237,37 +279,22 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
     const bool is_rigid = materials[index].rigid();
     for (int side = 0; side < 2; ++side) {
       if (c.tree[side] < 0) continue;
-      const Tree& t = trees.tree[c.tree[side]];
-      const int count = c.pair >= 0 ? 6 : c.columns[side];
-      local_.resize(std::max<size_t>(local_.size(), count));
-      if (c.pair >= 0) {
-        std::copy_n(kBodyLocal, 6, local_.begin());
-      } else {
-        const int* column = rows.column.data() + c.column + (side == 0 ? 0 : c.columns[0]);
-        for (int k = 0; k < count; ++k) local_[k] = column[k] - t.begin;
-      }
+      // Weights of the rows, 1/w of rigid ones, with the split between the two trees.
+      double split[kMaxRows], weight[kMaxRows];
       for (int i = 0; i < c.dim; ++i) {
-        const int row = c.row + i;
-        const std::array<double, 2>& part = rows.tree_inverse_mass[row];
-        if (part[side] <= 0.0) continue;
-        const double split = 1.0 + std::sqrt(part[1 - side] / part[side]);
-        std::array<double, 6> of_pair;
-        const double* value =
-            rows.value.data() + c.value + i * c.width() + (side == 0 ? 0 : c.columns[0]);
-        if (c.pair >= 0) {
-          of_pair = pair_row(rows.pair[c.pair], i, side);
-          value = of_pair.data();
-        }
-        const auto add = [&](CoupledSum& sum, double weight) {
-          sum.empty[c.tree[side]] = 0;
-          add_outer(value, local_.data(), count, weight, sum.entry.data() + t.inverse, t.count);
-        };
-        if (is_rigid) {
-          add(rigid_, split / rows.inverse_mass[row]);
-        } else {
-          add(stiffness_, split * rows.stiffness[row]);
-          add(damping_, split * rows.damping[row]);
-        }
+        const std::array<double, 2>& part = rows.tree_inverse_mass[c.row + i];
+        split[i] = part[side] > 0.0 ? 1.0 + std::sqrt(part[1 - side] / part[side]) : 0.0;
+      }
+      const auto add = [&](CoupledSum& sum, const auto& weight_of_row) {
+        for (int i = 0; i < c.dim; ++i)
+          weight[i] = split[i] == 0.0 ? 0.0 : split[i] * weight_of_row(c.row + i);
+        sum.add(rows, trees, c, side, weight);
+      };
+      if (is_rigid) {
+        add(rigid_, [&](int row) { return 1.0 / rows.inverse_mass[row]; });
+      } else {
+        add(stiffness_, [&](int row) { return rows.stiffness[row]; });
+        add(damping_, [&](int row) { return rows.damping[row]; });
       }
     }
   }

@@ -25,27 +25,13 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 
-// 1/n!, n = 0..31.
-struct InverseFactorials {
-  double value[32];
-  constexpr InverseFactorials() : value() {
-    double factorial = 1.0;
-    for (int n = 0; n < 32; ++n) {
-      value[n] = 1.0 / factorial;
-      factorial *= n + 1;
-    }
-  }
-};
-constexpr InverseFactorials kInverseFactorial;
-
 // Power series E_n = t^n sum_j h_j / (n + j)!, where h_j are the complete homogeneous symmetric
 // polynomials of the two roots: h_j = -(w d t) h_(j-1) - (w k t^2) h_(j-2). E2, E1, E0 follow from
 // the differential equation E_(n-2) + w d E_(n-1) + w k E_n = t^(n-2)/(n-2)!.
 Propagator propagate_by_series(double damping_rate, double square_frequency, double t) {
   const double a = -damping_rate * t;
   const double b = -square_frequency * t * t;
-  // Roots within the unit circle need 18 terms, within radius 2 they need 26, for 1e-17.
-  const int terms = (1.0 + a + b >= 0.0) ? 18 : 26;
+  const int terms = (1.0 + a + b >= 0.0) ? kUnitTerms : kSeriesTerms;
   double before = 0.0, h = 1.0, sum3 = 0.0, sum4 = 0.0;
   for (int j = 0; j < terms; ++j) {
     sum3 += h * kInverseFactorial.value[j + 3];
@@ -289,8 +275,7 @@ Propagator propagate(const KelvinVoigt& contact, double time) {
   const double square_frequency = contact.inverse_mass * contact.stiffness;
   const double a = damping_rate * time;
   const double b = square_frequency * time * time;
-  // Both roots, times t, within radius 2 of the origin.
-  if (a <= 4.0 && b <= 4.0 && (a * a < 4.0 * b || 4.0 - 2.0 * a + b >= 0.0)) {
+  if (has_series(a, b)) {
     return propagate_by_series(damping_rate, square_frequency, time);
   }
   const Roots roots = characteristic_roots(damping_rate, square_frequency);

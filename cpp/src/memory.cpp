@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <limits>
 #include <map>
@@ -15,6 +17,7 @@ namespace {
 constexpr int kHeader = 8;
 constexpr int kConstraint = 3;
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
+constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
 
 double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
@@ -63,9 +66,18 @@ double slack(double deformation, double offset) {
 
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-bool is_pair(const RememberedContact& slot, const ContactInput& input) {
-  return slot.geom[0] == input.geom[0] && slot.geom[1] == input.geom[1];
+// A geom pair as one number, and a slot with it, in the order of pairs and slots.
+std::uint64_t pair_key(int geom1, int geom2) {
+  return static_cast<std::uint64_t>(static_cast<std::uint32_t>(geom1)) << 32 |
+         static_cast<std::uint32_t>(geom2);
 }
+struct SlotKey {
+  std::uint64_t pair;
+  int slot;
+  bool operator<(const SlotKey& other) const {
+    return pair != other.pair ? pair < other.pair : slot < other.slot;
+  }
+};
 
 }  // namespace
 
@@ -137,15 +149,15 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
                              double recovery_speed, RowData& data) const {
-  std::vector<RememberedContact> slots(contact_count());
-  for (int i = 0; i < contact_count(); ++i) slots[i] = contact(i);
-  std::stable_sort(slots.begin(), slots.end(), [](const auto& a, const auto& b) {
-    return a.geom[0] != b.geom[0] ? a.geom[0] < b.geom[0] : a.geom[1] < b.geom[1];
-  });
-  const auto before = [](const RememberedContact& slot, const ContactInput& input) {
-    return slot.geom[0] != input.geom[0] ? slot.geom[0] < input.geom[0]
-                                         : slot.geom[1] < input.geom[1];
-  };
+  // Slots by geom pair, and in their order within a pair. Kept by the thread: no allocation in a
+  // step.
+  thread_local std::vector<SlotKey> order;
+  order.clear();
+  for (int i = 0; i < contact_count(); ++i) {
+    const double* slot = contact_storage(i);
+    order.push_back({pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i});
+  }
+  if (!std::is_sorted(order.begin(), order.end())) std::sort(order.begin(), order.end());
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
@@ -153,17 +165,25 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
     data.deformation[c.row] = input.gap;
     if (input.gap >= 0.0) continue;
     // Nearest old point of the pair; a point fixed to either geom is recognised by that geom.
-    const RememberedContact* nearest = nullptr;
+    int nearest_slot = -1;
     double nearest_distance = std::numeric_limits<double>::infinity();
-    for (auto slot = std::lower_bound(slots.begin(), slots.end(), input, before);
-         slot != slots.end() && is_pair(*slot, input); ++slot) {
+    const std::uint64_t pair = pair_key(input.geom[0], input.geom[1]);
+    for (auto key = std::lower_bound(order.begin(), order.end(), SlotKey{pair, 0});
+         key != order.end() && key->pair == pair; ++key) {
+      const double* position = contact_storage(key->slot) + kSlotPosition;
       const double distance =
-          std::min(squared_distance(slot->position[0], input.local_position[0].data()),
-                   squared_distance(slot->position[1], input.local_position[1].data()));
+          std::min(squared_distance(position, input.local_position[0].data()),
+                   squared_distance(position + 3, input.local_position[1].data()));
       if (distance < nearest_distance) {
         nearest_distance = distance;
-        nearest = &*slot;
+        nearest_slot = key->slot;
       }
+    }
+    RememberedContact slot;
+    const RememberedContact* nearest = nullptr;
+    if (nearest_slot >= 0) {
+      slot = contact(nearest_slot);
+      nearest = &slot;
     }
     const auto scale_of = [&](double deformation, double stiffness, int i) {
       return recall_scale(deformation, stiffness, rows, c.row + i, recovery_speed);
@@ -270,8 +290,9 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
     }
     std::memcpy(contact_storage(count++), &slot, sizeof(slot));
   }
+  if (count < contact_count())
+    std::fill(contact_storage(count), contact_storage(contact_count()), 0.0);
   storage_[0] = count;
-  std::fill(contact_storage(count), storage_ + layout_.size(), 0.0);
 }
 
 }  // namespace dashpot

@@ -170,6 +170,7 @@ struct Motion {
 
 // A micro-step is four sweeps, over rows and trees in turn.
 enum class Sweep {
+  kPrepare,        // rows, before the first: what depends on parameters and h alone
   kPresentForces,  // rows: motion of the last micro-step, then the forces all rows have now
   kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
   kFlow,           // rows: closed-form flow of every row under its load
@@ -182,6 +183,7 @@ template <typename Jacobian, typename Law>
                                              const Motion& m) {
   constexpr int kDim = Block<Jacobian, Law>::kDim;
   Law& law = block.law;
+  if (sweep == Sweep::kPrepare) return prepare(law, m.h);
   if (sweep == Sweep::kFlow) {
     Lanes acceleration[kDim];
     gather<kDim>(block.jacobian, m.acceleration, acceleration);
@@ -322,7 +324,7 @@ struct MicrostepLoop::Impl {
   void pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const;
   template <int Dim>
   void pack_rows(const RowGroup& c, int index, int lane, RowLanes<Dim>& law) const;
-  SpringCoefficients& pack_spring(int row, int lane, SpringCoefficients& spring) const;
+  double relaxation(int row) const;
   template <int Dim>
   void pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const;
   void pack_law(const RowGroup& c, int lane, SpringLanes& law) const;
@@ -361,44 +363,26 @@ void MicrostepLoop::Impl::pack_rows(const RowGroup& c, int index, int lane,
   law.sticking[lane] = -1;
 }
 
-SpringCoefficients& MicrostepLoop::Impl::pack_spring(int row, int lane,
-                                                     SpringCoefficients& spring) const {
-  const KelvinVoigt law{rows->stiffness[row], rows->damping[row], rows->inverse_mass[row]};
-  const LinearFlow flow = linear_flow(law, propagate(law, h));
-  spring.impulse_displacement[lane] = flow.impulse[0];
-  spring.impulse_rate[lane] = flow.impulse[1];
-  spring.impulse_load[lane] = flow.impulse[2];
-  spring.moment_displacement[lane] = flow.moment[0];
-  spring.moment_load[lane] = flow.moment[2];
-  spring.relaxation[lane] = law.damping > 0.0 ? std::exp(-law.stiffness * h / law.damping) : 0.0;
-  spring.compliance_h[lane] = 1.0 / (law.stiffness * h);
-  return spring;
+double MicrostepLoop::Impl::relaxation(int row) const {
+  const double k = rows->stiffness[row], d = rows->damping[row];
+  return d > 0.0 ? std::exp(-k * h / d) : 0.0;
 }
 
 template <int Dim>
 void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const {
-  const int n = c.row;
-  const Propagator e = propagate({rows->stiffness[n], rows->damping[n], rows->inverse_mass[n]}, h);
-  const double values[5] = {e.e0, e.e1, e.e2, e.e3, e.e4};
-  for (int i = 0; i < 5; ++i) law.e[i][lane] = values[i];
-  double slip[kMaxRows] = {}, largest = 0.0;
   for (int i = 1; i < Dim; ++i) {
-    const double mu = rows->friction[n + i];
+    const double mu = rows->friction[c.row + i];
     if (mu > 0.0) {
       law.inverse_friction[i - 1][lane] = 1.0 / mu;
-      const double response = -pack_spring(n + i, lane, law.spring[i - 1]).impulse_rate[lane];
-      slip[i] = response / mu / mu;
+      law.spring[i - 1].relaxation[lane] = relaxation(c.row + i);
     } else {
       law.stiffness[i][lane] = law.damping[i][lane] = 0.0;
     }
-    largest = std::max(largest, slip[i]);
   }
-  for (int i = 1; i < Dim; ++i)
-    law.slip[i - 1][lane] = largest > 0.0 && std::isfinite(largest) ? slip[i] / largest : 0.0;
 }
 
 void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, SpringLanes& law) const {
-  pack_spring(c.row, lane, law.spring);
+  law.spring.relaxation[lane] = relaxation(c.row);
   law.limit[lane] =
       c.kind == RowKind::kSlider ? rows->friction[c.row] : std::numeric_limits<double>::infinity();
 }
@@ -471,6 +455,7 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.total_impulse = data->coordinate_impulse.data();
   m.smooth_acceleration = data->smooth_acceleration.data();
   m.inverse = trees->inverse.data();
+  sweep_rows(Sweep::kPrepare, m);
   for (int i = 0; i < island->microsteps; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
     displacement[kSurfaceCoordinate] = h;  // of every micro-step; none before the first

@@ -339,7 +339,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   }
   read_contacts(m, d, contacts);
   read_constraints(m, d, constraints);
-  mj_island(m, d);
+  d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
   mj_referenceConstraint(m, d);
 }
 

@@ -20,7 +20,7 @@ namespace dashpot {
 // slipping slider its displacement relaxes. Fixed during an island's micro-steps.
 struct SpringCoefficients {
   Lanes impulse_displacement, impulse_rate;
-  Lanes impulse_load;  // of the moment: rate
+  Lanes impulse_load;  // and moment_rate
   Lanes moment_displacement, moment_load;
   Lanes relaxation;    // exp(-k h / d)
   Lanes compliance_h;  // 1 / (k h)
@@ -53,6 +53,82 @@ struct SpringLanes : RowLanes<1> {
   SpringCoefficients spring;
   Lanes limit;  // N or N m
 };
+
+// propagate() of row i over h, four at a time where all have a series.
+template <int Dim>
+[[gnu::always_inline]] inline void propagate(const RowLanes<Dim>& c, int i, double h,
+                                             Lanes (&e)[5]) {
+  const Lanes damping_rate = c.inverse_mass[i] * c.damping[i];
+  const Lanes square_frequency = c.inverse_mass[i] * c.stiffness[i];
+  const Lanes a = -damping_rate * h, b = -square_frequency * (h * h);
+  bool series = true, unit = true;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    series = series && has_series(-a[lane], -b[lane]);
+    unit = unit && 1.0 + a[lane] + b[lane] >= 0.0;
+  }
+  if (!series) {
+    for (int lane = 0; lane < kLanes; ++lane) {
+      const Propagator at =
+          propagate({c.stiffness[i][lane], c.damping[i][lane], c.inverse_mass[i][lane]}, h);
+      e[0][lane] = at.e0;
+      e[1][lane] = at.e1;
+      e[2][lane] = at.e2;
+      e[3][lane] = at.e3;
+      e[4][lane] = at.e4;
+    }
+    return;
+  }
+  Lanes before{}, term = all_lanes(1.0), sum3{}, sum4{};
+  for (int j = 0; j < (unit ? kUnitTerms : kSeriesTerms); ++j) {
+    sum3 += term * kInverseFactorial.value[j + 3];
+    sum4 += term * kInverseFactorial.value[j + 4];
+    const Lanes next = a * term + b * before;
+    before = term;
+    term = next;
+  }
+  e[4] = (h * h * h * h) * sum4;
+  e[3] = (h * h * h) * sum3;
+  e[2] = 0.5 * h * h - damping_rate * e[3] - square_frequency * e[4];
+  e[1] = h - damping_rate * e[2] - square_frequency * e[3];
+  e[0] = 1.0 - damping_rate * e[1] - square_frequency * e[2];
+}
+
+// The coefficients of row i; relaxation is given.
+template <int Dim>
+[[gnu::always_inline]] inline void prepare_spring(const RowLanes<Dim>& c, int i, double h,
+                                                  SpringCoefficients& spring) {
+  Lanes e[5];
+  propagate(c, i, h, e);
+  const Lanes k = c.stiffness[i], d = c.damping[i];
+  spring.impulse_displacement = -k * e[1];
+  spring.impulse_rate = -d * e[1] - k * e[2];
+  spring.impulse_load = -d * e[2] - k * e[3];
+  spring.moment_displacement = -k * e[2];
+  spring.moment_load = -d * e[3] - k * e[4];
+  const Lanes one = all_lanes(1.0);
+  spring.compliance_h = k > Lanes{} ? one / ((k > Lanes{} ? k : one) * h) : Lanes{};
+}
+
+// What depends on parameters and h alone.
+template <int Dim>
+[[gnu::always_inline]] inline void prepare(ContactLanes<Dim>& c, double h) {
+  propagate(c, 0, h, c.e);
+  Lanes largest{};
+  for (int i = 1; i < Dim; ++i) {
+    prepare_spring(c, i, h, c.spring[i - 1]);
+    const Lanes response = -c.spring[i - 1].impulse_rate;
+    c.slip[i - 1] = response * c.inverse_friction[i - 1] * c.inverse_friction[i - 1];
+    largest = max_lanes(largest, c.slip[i - 1]);
+  }
+  for (int i = 1; i < Dim; ++i)
+    c.slip[i - 1] = largest > Lanes{}
+                        ? c.slip[i - 1] / (largest > Lanes{} ? largest : all_lanes(1.0))
+                        : Lanes{};
+}
+
+[[gnu::always_inline]] inline void prepare(SpringLanes& c, double h) {
+  prepare_spring(c, 0, h, c.spring);
+}
 
 // How fast unstressed offsets shrink, m/s or rad/s. Recovery moves bodies, it does not squeeze what
 // cannot move: it pauses while the spring stores more than the kinetic energy of its apparent mass

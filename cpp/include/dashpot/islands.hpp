@@ -81,11 +81,15 @@ class Islands {
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
   };
-  // S_T of every tree, dense, `count` columns each; zero between islands.
+  // S_T of every tree, dense, `count` columns each (of a free body the columns of the linear
+  // coordinates and the angular block); zero between islands.
   struct CoupledSum {
     std::vector<double> entry;
     std::vector<char> empty;  // by tree
     void reset(const Trees& trees);
+    // Adds the rows of a group over one of its trees, `weight` for each.
+    void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
+             const double* weight);
     double take_bound(const Trees& trees, int tree);
   };
 
@@ -95,7 +99,7 @@ class Islands {
   int fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials, double h);
 
   std::vector<Island> islands_;
-  std::vector<int> root_, island_of_, tree_order_, group_order_, first_, local_;
+  std::vector<int> root_, island_of_, tree_order_, group_order_, first_;
   std::vector<TreeBounds> bounds_;  // by tree
   CoupledSum stiffness_, damping_, rigid_;
 };

@@ -33,6 +33,27 @@ struct Propagator {
   double e0 = 1.0, e1 = 0.0, e2 = 0.0, e3 = 0.0, e4 = 0.0;
 };
 
+// 1/n!, n = 0..31.
+struct InverseFactorials {
+  double value[32];
+  constexpr InverseFactorials() : value() {
+    double factorial = 1.0;
+    for (int n = 0; n < 32; ++n) {
+      value[n] = 1.0 / factorial;
+      factorial *= n + 1;
+    }
+  }
+};
+inline constexpr InverseFactorials kInverseFactorial;
+
+// Whether the power series of the propagator is used, with a = w d t and b = w k t^2: both roots,
+// times t, within radius 2 of the origin. Terms for 1e-17 there, and within the unit circle.
+constexpr bool has_series(double a, double b) {
+  return a <= 4.0 && b <= 4.0 && (a * a < 4.0 * b || 4.0 - 2.0 * a + b >= 0.0);
+}
+inline constexpr int kSeriesTerms = 26;
+inline constexpr int kUnitTerms = 18;
+
 // Evaluates the propagator at `time` >= 0. Relative error <= 1e-13 on e2..e4, for w k t^2 up to 1e8
 // and damping ratio up to 20, plus what rounding of w k costs the phase: 4e-16 sqrt(w k) t. Where
 // damping ratio < 0.1, e2 nearly vanishes once a period; its error then is relative to 2/(w k).
