@@ -280,7 +280,10 @@ InstructionSet find_instruction_set() {
 #endif
 
 template <typename Item>
-void sweep_fastest(Sweep sweep, Item* first, Item* last, const Motion& m) {
+void sweep_fastest(Sweep sweep, std::vector<Item>& items, const Motion& m) {
+  if (items.empty()) return;
+  Item* const first = items.data();
+  Item* const last = first + items.size();
 #if defined(__x86_64__)
   static const InstructionSet instructions = find_instruction_set();
   if (instructions == InstructionSet::kAvx512) return sweep_avx512(sweep, first, last, m);
@@ -307,15 +310,10 @@ struct MicrostepLoop::Impl {
   void unpack();
 
   void sweep_rows(Sweep sweep, const Motion& motion) {
-    std::apply(
-        [&](auto&... list) {
-          (sweep_fastest(sweep, list.block.data(), list.block.data() + list.block.size(), motion),
-           ...);
-        },
-        blocks);
+    std::apply([&](auto&... list) { (sweep_fastest(sweep, list.block, motion), ...); }, blocks);
   }
-  void sweep_trees(Sweep sweep, const Motion& motion) const {
-    sweep_fastest(sweep, island_trees.data(), island_trees.data() + island_trees.size(), motion);
+  void sweep_trees(Sweep sweep, const Motion& motion) {
+    sweep_fastest(sweep, island_trees, motion);
   }
 
   template <typename Jacobian, typename Law>

@@ -164,6 +164,16 @@ void read_constraints(const mjModel_* m, const mjData_* d,
 
 void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& trees, Rows& rows) {
   RowGroup& c = rows.group.back();
+  const auto is_free_body = [&](int tree) { return tree >= 0 && trees.tree[tree].free_body; };
+  if (c.dim == 1 && c.tree[1] < 0 && !is_free_body(c.tree[0])) {
+    const Tree& t = trees.tree[c.tree[0]];
+    for_each_nonzero(m, d, source, [&](int dof, double value) {
+      rows.column.push_back(t.begin + dof - t.dof_begin);
+      rows.value.push_back(value);
+    });
+    c.columns[0] = static_cast<int>(rows.column.size()) - c.column;
+    return;
+  }
   std::vector<double> dense[2];  // dim rows over the degrees of freedom of each tree
   for (int side = 0; side < 2; ++side) {
     if (c.tree[side] < 0) continue;
