@@ -76,3 +76,86 @@ def test_inner_contact_force_balances_in_cfrc_ext():
     mujoco.mj_rnePostConstraint(engine.model, data)
     # Spatial force on the box from contacts: its last three numbers are the force.
     np.testing.assert_allclose(data.cfrc_ext[1, 3:], [0, 0, 3.5 * GRAVITY], atol=1e-7)
+
+
+TUMBLING = f"""<mujoco>
+  <option gravity="0 0 -{GRAVITY}" timestep="0.002"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="0 0 1" condim="6" friction="0.6 0.01 0.002"/>
+    <body name="box" pos="0 0 0.12" quat="0.9 0.3 0.2 0.1"><freejoint/>
+      <geom name="box" type="box" size="0.1 0.08 0.05" mass="1" condim="6"/>
+      <site name="centre"/>
+    </body>
+    <body name="ball" pos="0.05 0 0.4"><freejoint/>
+      <geom name="ball" type="sphere" size="0.06" mass="0.5" condim="6"/>
+    </body>
+  </worldbody>
+  <sensor>
+    <contact name="contact" geom1="box" num="8" data="found force torque pos normal"/>
+    <accelerometer name="accelerometer" site="centre"/>
+    <gyro name="gyro" site="centre"/>
+  </sensor>
+</mujoco>"""
+
+
+def tumbling() -> tuple[dashpot.Engine, mujoco.MjData]:
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(TUMBLING))
+    data = engine.make_data()
+    data.qvel[:] = [0.5, 0.2, 0, 3, -2, 4, 0, 0, -1, 0, 5, 3]
+    return engine, data
+
+
+def test_contact_forces_of_every_direction_agree_everywhere():
+    """mj_contactForce, contact sensor and Engine.contacts, over a tumble with six directions."""
+    engine, data = tumbling()
+    seen, twisted = 0, 0.0
+    for _ in range(300):
+        engine.step(data)
+        contacts = engine.contacts(data)
+        wrenches = np.zeros((data.ncon, 6))
+        for i, wrench in enumerate(wrenches):
+            mujoco.mj_contactForce(engine.model, data, i, wrench)
+        reported = np.hstack([contacts.force, contacts.torque])
+        # Contacts that are near but apart carry nothing and may be left out of either list.
+        np.testing.assert_allclose(reported.sum(axis=0), wrenches.sum(axis=0), atol=1e-9)
+        sensor = data.sensor("contact").data.reshape(8, -1)
+        carried = sensor[sensor[:, 0] > 0]
+        with_box = [i for i in range(data.ncon) if 1 in data.contact[i].geom]
+        assert len(carried) == min(len(with_box), 8)
+        for row in carried:
+            match = min(with_box, key=lambda i: np.linalg.norm(data.contact[i].pos - row[7:10]))
+            np.testing.assert_allclose(np.abs(row[1:7]), np.abs(wrenches[match]), atol=1e-9)
+        seen += len(carried)
+        twisted = max(twisted, np.abs(wrenches[:, 3:]).max(initial=0.0))
+    assert seen > 100
+    assert twisted > 1e-3
+
+
+def test_contacts_explain_every_change_of_momentum():
+    """cfrc_ext about the centres of mass, times the step, is what momentum gained beyond weight."""
+    engine, data = tumbling()
+    masses = {"box": 1.0, "ball": 0.5}
+    for _ in range(300):
+        before = data.qvel.copy()
+        engine.step(data)
+        mujoco.mj_rnePostConstraint(engine.model, data)
+        for start, (name, mass) in zip((0, 6), masses.items(), strict=True):
+            gained = mass * (data.qvel[start : start + 3] - before[start : start + 3])
+            impulse = data.cfrc_ext[data.body(name).id, 3:] * 0.002
+            weight = np.array([0, 0, -mass * GRAVITY * 0.002])
+            np.testing.assert_allclose(gained, impulse + weight, atol=1e-10)
+
+
+def test_accelerometer_is_the_mean_over_the_step():
+    engine, data = tumbling()
+    largest = 0.0
+    for _ in range(300):
+        before, turn = data.qvel[:3].copy(), np.zeros(9)
+        mujoco.mju_quat2Mat(turn, data.qpos[3:7])
+        engine.step(data)
+        gained = (data.qvel[:3] - before) / 0.002 + (0, 0, GRAVITY)
+        measured = turn.reshape(3, 3) @ data.sensor("accelerometer").data
+        # The site is the centre of mass, so that turning adds nothing.
+        np.testing.assert_allclose(measured, gained, atol=1e-8)
+        largest = max(largest, np.abs(measured).max())
+    assert largest > 10 * GRAVITY

@@ -11,9 +11,10 @@
 //     d = inv(H) J' e ,   (A + R) e = t ,   A = J inv(H) J' .
 //
 // For equalities R = max(w / 100, typical w - w), which keeps displacements small near singular
-// configurations and where rows contradict each other. Springs of contacts, limits and sticking friction take part with t = 0 and resist
-// as they would over a step of length H, R = 1 / (k H^2), so that recovery moves bodies along what
-// holds them. All springs follow what the displacement does beyond t.
+// configurations and where rows contradict each other. Springs of contacts, limits and sticking
+// friction take part with t = 0 and resist as they would over a step of length H, R = 1 / (k H^2),
+// so that recovery moves bodies along what holds them. All springs follow what the displacement
+// does beyond t.
 
 #pragma once
 
