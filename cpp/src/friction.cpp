@@ -66,7 +66,9 @@ bool return_to_limit(double* impulse, const double* mu, const double* response, 
       }
       const double excess = std::sqrt(square) - 1.0;
       if (!(excess > kOnSurface) || !std::isfinite(square) || slope == 0.0) break;
-      gamma += excess * square / slope;
+      const double next = gamma + excess * square / slope;
+      if (!std::isfinite(next)) break;  // a direction that does not respond is beyond the surface
+      gamma = next;
     }
     for (int i = 0; i < n; ++i) impulse[i] /= 1.0 + gamma * a[i];
     scale = radial_return(impulse, mu, n, normal_impulse);
