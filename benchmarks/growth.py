@@ -1,0 +1,81 @@
+"""How dashpot's time per step grows with the number of contacts, from about 80 to 10,000.
+
+    python benchmarks/growth.py [--largest BODIES] [--out growth.json]
+
+Bins of mixed bodies settle, then 40 steps are timed, five times; the least counts. The solve is the
+step without what `mj_step` takes with constraints disabled and without collision. The exponents
+are slopes of straight lines through log time over log contacts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from piles import bin_of
+from simulate import DASHPOT, prepare
+from speed import TIMESTEP, without_contact
+
+BODIES = (27, 60, 140, 380, 1000, 2800)
+
+
+@dataclasses.dataclass(frozen=True)
+class Growth:
+    """Times of one bin, s."""
+
+    bodies: int
+    contacts: int
+    step: float
+    solve: float
+
+
+def measure(bodies: int) -> Growth:
+    """Settle a bin and time its steps."""
+    scene = bin_of(bodies)
+    model, data, advance = prepare(scene, DASHPOT, TIMESTEP)
+    advance(round(scene.duration / TIMESTEP))
+    step = np.inf
+    for _ in range(5):
+        before = time.perf_counter()
+        advance(40)
+        step = min(step, (time.perf_counter() - before) / 40)
+    contacts = int((data.contact.dist < 0).sum())
+    return Growth(bodies, contacts, step, step - without_contact(model, data, repeats=40))
+
+
+def exponent(contacts: np.ndarray, seconds: np.ndarray) -> float:
+    """Return the slope of log time over log contacts."""
+    return float(np.polyfit(np.log(contacts), np.log(seconds), 1)[0])
+
+
+def main() -> None:
+    """Parse the command line, run and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--largest", type=int, default=BODIES[-1], help="bodies in the largest bin")
+    parser.add_argument("--out", type=Path, help="write results to this JSON file")
+    arguments = parser.parse_args()
+    results = []
+    print("bodies contacts  step ms  solve ms  solve ns/contact")
+    for bodies in (n for n in BODIES if n <= arguments.largest):
+        r = measure(bodies)
+        results.append(r)
+        per_contact = 1e9 * r.solve / r.contacts
+        print(
+            f"{r.bodies:6d} {r.contacts:8d} {1e3 * r.step:8.3f} {1e3 * r.solve:9.3f}"
+            f" {per_contact:12.0f}",
+            flush=True,
+        )
+    contacts = np.array([r.contacts for r in results])
+    print(f"exponent of the solve {exponent(contacts, np.array([r.solve for r in results])):.3f}")
+    print(f"exponent of the step  {exponent(contacts, np.array([r.step for r in results])):.3f}")
+    if arguments.out:
+        arguments.out.write_text(json.dumps([dataclasses.asdict(r) for r in results], indent=1))
+
+
+if __name__ == "__main__":
+    main()
