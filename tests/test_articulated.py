@@ -228,3 +228,20 @@ def test_quadratic_damping_is_implicit_with_rows_as_without(integrator, where, q
     assert data.qvel[0] == pytest.approx(exact, rel=0.01)
     # Explicitly, 2000 would have multiplied the speed by -2 in the first step.
     assert data.qvel[0] > 0.0
+
+
+def test_a_contact_along_a_hinge_carries_nothing():
+    """A turntable rests in its bearing; overlap along the axis, turned any way, can move nothing."""
+    table = """<mujoco><option gravity="0 0 0"/><worldbody>
+      <body quat="0.7 0.3 -0.5 0.4"><geom type="box" size="1 1 .1" pos="0 0 -.1"/>
+        <body><joint axis="0 0 1"/><geom type="cylinder" size=".3 .05" pos=".1 .05 .049"/></body>
+      </body></worldbody></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(table))
+    data = engine.make_data()
+    data.qvel[0] = 2.0
+    for _ in range(200):
+        stats = engine.step(data)
+        # A spring of 1 N/m stands in for what cannot be loaded, over 1 mm.
+        assert np.abs(engine.contacts(data).force).max(initial=0.0) < 2e-3
+    assert stats.contacts > 0
+    assert data.qvel[0] == pytest.approx(2.0, abs=1e-2)

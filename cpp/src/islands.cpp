@@ -82,6 +82,13 @@ double tree_bound(const double* sum, const double* inverse, const Tree& t) {
   return trace * std::pow(square.cwiseProduct(square.transpose()).sum(), 0.25);
 }
 
+// Inverse mass that mass-normalised rows divide by. A contact row without any cannot be loaded; an
+// equality may pass a singular configuration.
+double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
+  const bool immobile = c.kind == RowKind::kContact && rows.inverse_mass[row] == 0.0;
+  return immobile ? 0.0 : rows.bounded_inverse_mass(row);
+}
+
 // Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
 // rolling rows the larger, so that springs are isotropic whatever the tangents are.
 template <typename InverseMass>
@@ -98,7 +105,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
   if (given.mass_normalised) {
-    const double w = rows.bounded_inverse_mass(n);
+    const double w = loaded_inverse_mass(rows, c, n);
     rows.stiffness[n] = w > 0.0 ? given.normalised_stiffness / w : 1.0;
     rows.damping[n] = w > 0.0 ? given.normalised_damping / w : 0.0;
   } else {
@@ -142,7 +149,7 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
   // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {
-    const double w = rows.bounded_inverse_mass(row);
+    const double w = loaded_inverse_mass(rows, c, row);
     // Where nothing moves along a row, any positive stiffness carries its zero load.
     rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
     rows.damping[row] = w > 0.0 ? delta / w : 0.0;
@@ -158,7 +165,7 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
   } else {
     fill_coupled(c.row, material.damping, stiffest);
   }
-  const auto inverse_mass = [&](int row) { return rows.bounded_inverse_mass(row); };
+  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
   for (int i = 1; i < c.dim; ++i) {
     const double w = inverse_mass(c.row + i);
     const double kappa =

@@ -6,7 +6,8 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
+constexpr double kDirection = 1e-5;  // rad, to which collision knows a contact's frame
+constexpr double kSingular = 0.01;   // part of the typical inverse mass that counts as singular
 
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -187,6 +188,17 @@ void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {
       }
     }
     rows.inverse_mass[c.row + i] = part[0] + part[1];
+  }
+  // Where bodies cannot move along the normal or a tangent, what the other rows leave there through
+  // the error of the contact frame is no motion.
+  double largest = 0.0;
+  const int linear = std::min(c.dim, 3);
+  for (int i = 0; i < linear; ++i) largest = std::max(largest, rows.inverse_mass[c.row + i]);
+  const double least = kDirection * kDirection * largest;
+  for (int row = c.row; row < c.row + linear; ++row) {
+    if (rows.inverse_mass[row] >= least) continue;
+    rows.inverse_mass[row] = 0.0;
+    rows.tree_inverse_mass[row] = {0.0, 0.0};
   }
 }
 
