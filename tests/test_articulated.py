@@ -231,7 +231,7 @@ def test_quadratic_damping_is_implicit_with_rows_as_without(integrator, where, q
 
 
 def test_a_contact_along_a_hinge_carries_nothing():
-    """A turntable rests in its bearing; overlap along the axis, turned any way, can move nothing."""
+    """A turntable in its bearing: overlap along its axis, turned any way, can move nothing."""
     table = """<mujoco><option gravity="0 0 0"/><worldbody>
       <body quat="0.7 0.3 -0.5 0.4"><geom type="box" size="1 1 .1" pos="0 0 -.1"/>
         <body><joint axis="0 0 1"/><geom type="cylinder" size=".3 .05" pos=".1 .05 .049"/></body>
