@@ -22,19 +22,6 @@ namespace dashpot {
 
 namespace {
 
-// A contact or constraint that no material covers: rigid, or what the model's own solref means.
-template <typename Input>
-GroupMaterial from_solref(const Input& input) {
-  GroupMaterial given;
-  if (!input.has_solref) return given;
-  const auto [stiffness, damping] =
-      solref_to_spring(input.solref[0], input.solref[1], input.solimp[1]);
-  given.mass_normalised = true;
-  given.normalised_stiffness = stiffness;
-  given.normalised_damping = damping;
-  return given;
-}
-
 // The coordinates of a free body without their zeros.
 Vector6 of_body(const double* coordinates) {
   Vector6 body;
@@ -77,7 +64,6 @@ struct Stepper::Impl {
   void account_smooth_work(mjData_* d);
   void remember(mjData_* d);
 
-  GroupMaterial material_of(const ContactInput& input) const;
   void append_constraint(int index, mjData_* d);
   void append_contact(int index, mjData_* d);
   bool moves_as_free_body(int tree) const;
@@ -279,52 +265,12 @@ void Stepper::Impl::read_state(const mjData_* d) {
   start_velocity.assign(v, v + host::dof_count(model));
 }
 
-GroupMaterial Stepper::Impl::material_of(const ContactInput& input) const {
-  const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
-  const auto pair = parameters.pair_material.find({low, high});
-  if (pair != parameters.pair_material.end()) return {pair->second};
-  Material side[2];
-  for (int i = 0; i < 2; ++i) {
-    const bool flex = input.geom[i] < 0;
-    if (flex)
-      side[i].from_model = true;
-    else
-      side[i] = parameters.geom_material[input.geom[i]];
-  }
-  if (side[0].from_model && side[1].from_model) return from_solref(input);
-  const bool overridden = side[0].has_friction || side[1].has_friction;
-  if (overridden)
-    for (int i = 0; i < 2; ++i) {
-      const std::array<double, 3> own = host::geom_friction(model, input.geom[i]);
-      for (size_t j = 0; j < own.size(); ++j)
-        if (!side[i].has_friction || std::isnan(side[i].friction[j])) side[i].friction[j] = own[j];
-      side[i].has_friction = true;
-    }
-  // A side that nobody set has no damping of its own to mix in.
-  for (int i = 0; i < 2; ++i)
-    if (side[i].from_model) {
-      side[i].form = side[1 - i].form;
-      side[i].damping = side[1 - i].damping;
-    }
-  Material combined = combine(side[0], side[1], parameters.options.rules);
-  // Rigid rows tell a restitution, of one contact, from a damping ratio, of a coupled mode.
-  if (combined.rigid && side[0].form == DampingForm::kRestitution &&
-      side[1].form == DampingForm::kRestitution) {
-    combined.form = DampingForm::kRestitution;
-    combined.damping = damping_ratio_to_restitution(combined.damping);
-  }
-  const int priority[2] = {host::geom_priority(model, input.geom[0]),
-                           host::geom_priority(model, input.geom[1])};
-  if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;
-  return {combined};
-}
-
 void Stepper::Impl::append_constraint(int index, mjData_* d) {
   const ConstraintInput& input = constraints[index];
   const RowGroup& c = rows.append(input.kind, index, 1, input.tree);
   rows.friction[c.row] = input.limit;
   host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
-  materials.push_back(from_solref(input));
+  materials.push_back(material_of(input));
   host::append_jacobian(model, d, input, trees, rows);
   invert_inertia_of(c.tree);
   find_inverse_mass(rows, c, trees);
@@ -334,7 +280,7 @@ void Stepper::Impl::append_contact(int index, mjData_* d) {
   const ContactInput& input = contacts[index];
   const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, input.tree);
   host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
-  materials.push_back(material_of(input));
+  materials.push_back(material_of(model, parameters, input));
   const Material& material = materials.back().material;
   std::array<double, 5> friction = input.friction;
   const int coefficient[5] = {0, 0, 1, 2, 2};

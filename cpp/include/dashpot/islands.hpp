@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "dashpot/engine.hpp"
+#include "dashpot/group_material.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
@@ -28,17 +29,6 @@ inline constexpr double kResolution = 0.5;         // theta
 inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows, see fill_rigid_rows
 inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
 inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
-
-// What gives a group its stiffness and damping: a material, or a mass-normalised spring-damper
-// k = s / w, d = c / w (MuJoCo's solref).
-struct GroupMaterial {
-  Material material;
-  bool mass_normalised = false;
-  double normalised_stiffness = 0.0;  // s, 1/s^2
-  double normalised_damping = 0.0;    // c, 1/s
-
-  bool rigid() const { return !mass_normalised && material.rigid; }
-};
 
 // A range of indices.
 struct Indices {

@@ -23,45 +23,12 @@
 #pragma once
 
 #include <memory>
-#include <vector>
 
 #include "dashpot/islands.hpp"
+#include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
-
-// Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
-struct EnergyShares {
-  double normal = 0.0, friction = 0.0, constraint = 0.0;
-  double sum() const { return normal + friction + constraint; }
-};
-// The share that the energy of row i of a group belongs to.
-double& share(EnergyShares& shares, const RowGroup& group, int i);
-
-// What the micro-steps change.
-struct RowData {
-  // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
-  // the strain of an equality, the elastic displacement s of a friction row; m or rad.
-  std::vector<double> deformation, rate;
-  std::vector<double> total_impulse;  // over the whole step, N s or N m s
-
-  // Per group: deformation minus position, which is the unstressed part still to recover or, where
-  // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
-  // whether any impulse acted in this step.
-  std::vector<double> offset;
-  std::vector<char> sticking, touched;
-
-  // Per motion coordinate; `total_impulse` of the rows over the step is a wrench of a free body, a
-  // generalized impulse elsewhere.
-  std::vector<double> velocity, smooth_acceleration, total_displacement, coordinate_impulse;
-
-  // Work done on the bodies, and energy put in by recovery, J.
-  EnergyShares work, recovery_input;
-
-  // Size and zero the arrays per motion coordinate, and those per row and group.
-  void reset_motion(int coordinates);
-  void reset_rows(const Rows& rows);
-};
 
 // Runs the micro-steps of islands. Keeps its arrays from one island and step to the next.
 class MicrostepLoop {
@@ -77,18 +44,5 @@ class MicrostepLoop {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
-
-// Whether a separated limit or contact would overlap after `time` (s) of MuJoCo's semi-implicit
-// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` (at
-// the start) and `acceleration` (smooth) are in motion coordinates.
-bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
-                              const double* velocity, const double* acceleration, double time);
-
-// Whether no row of an island can act within `time` (s): all are unilateral, separated, and stay so
-// in their smooth motion, by either update. Such an island needs no micro-steps.
-bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data);
-
-// Elastic energy stored in the springs, J.
-EnergyShares elastic_energy(const Rows& rows, const RowData& data);
 
 }  // namespace dashpot

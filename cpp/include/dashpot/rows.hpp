@@ -83,6 +83,8 @@ struct RowGroup {
   bool driven = false;           // has the column of kSurfaceCoordinate
   int value = 0;                 // first in Rows::value; rows are `width()` apart
 
+  // Pushes one way: a contact or a limit.
+  bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
   int width() const { return columns[0] + columns[1] + driven; }
 };
 

@@ -1,0 +1,127 @@
+// Jacobians of four groups of rows at once, and their products with motions and impulses.
+//
+// Free bodies are gathered by transposing their coordinates, four numbers each, into lanes, and
+// scattered to the other way round, one lane after the other, so that the order of sums is fixed.
+
+#pragma once
+
+#include <algorithm>
+
+#include "dashpot/lanes.hpp"
+
+namespace dashpot {
+
+// The Jacobian of four contacts between free bodies.
+struct PairLanes {
+  Lanes frame[9], arm[2][3];
+  int body[2][kLanes];  // coordinates; lanes to spare act on the ground
+};
+
+// The Jacobian of four groups of sparse rows; lanes to spare have none.
+struct SparseLanes {
+  const double* value[kLanes];
+  const int* column[kLanes];
+  int width[kLanes];
+};
+
+[[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
+  out[0] = a[1] * b[2] - a[2] * b[1];
+  out[1] = a[2] * b[0] - a[0] * b[2];
+  out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+[[gnu::always_inline]] inline Lanes dot(const Lanes* a, const Lanes* b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// Linear and angular coordinates of four bodies.
+[[gnu::always_inline]] inline void load_bodies(const double* motion, const int* body,
+                                               Lanes (&linear)[kLanes], Lanes (&angular)[kLanes]) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    linear[lane] = load_lanes(motion + body[lane]);
+    angular[lane] = load_lanes(motion + body[lane] + 4);
+  }
+  transpose(linear);
+  transpose(angular);
+}
+
+[[gnu::always_inline]] inline void add_to_bodies(Lanes (&linear)[kLanes], Lanes (&angular)[kLanes],
+                                                 const int* body, double* force) {
+  transpose(linear);
+  transpose(angular);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double* at = force + body[lane];
+    store_lanes(load_lanes(at) + linear[lane], at);
+    store_lanes(load_lanes(at + 4) + angular[lane], at + 4);
+  }
+}
+
+// out = J motion.
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const PairLanes& j, const double* motion, Lanes* out) {
+  Lanes v1[kLanes], w1[kLanes], v2[kLanes], w2[kLanes], at1[3], at2[3], relative[3];
+  load_bodies(motion, j.body[0], v1, w1);
+  load_bodies(motion, j.body[1], v2, w2);
+  cross(w1, j.arm[0], at1);
+  cross(w2, j.arm[1], at2);
+  for (int i = 0; i < 3; ++i) relative[i] = (v2[i] + at2[i]) - (v1[i] + at1[i]);
+  for (int i = 0; i < std::min(Dim, 3); ++i) out[i] = dot(j.frame + 3 * i, relative);
+  if (Dim <= 3) return;
+  for (int i = 0; i < 3; ++i) relative[i] = w2[i] - w1[i];
+  for (int i = 3; i < Dim; ++i) out[i] = dot(j.frame + 3 * (i - 3), relative);
+}
+
+// force += J' impulse.
+template <int Dim>
+[[gnu::always_inline]] inline void scatter(const PairLanes& j, const Lanes* impulse,
+                                           double* force) {
+  Lanes linear[3] = {}, torque[3] = {};
+  for (int i = 0; i < std::min(Dim, 3); ++i)
+    for (int k = 0; k < 3; ++k) linear[k] += j.frame[3 * i + k] * impulse[i];
+  for (int i = 3; i < Dim; ++i)
+    for (int k = 0; k < 3; ++k) torque[k] += j.frame[3 * (i - 3) + k] * impulse[i];
+  for (int side = 0; side < 2; ++side) {
+    const double sign = side == 0 ? -1.0 : 1.0;
+    Lanes moment[3], f[kLanes], t[kLanes];
+    cross(j.arm[side], linear, moment);
+    for (int k = 0; k < 3; ++k) {
+      f[k] = sign * linear[k];
+      t[k] = sign * (moment[k] + torque[k]);
+    }
+    f[3] = t[3] = Lanes{};
+    add_to_bodies(f, t, j.body[side], force);
+  }
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
+  for (int i = 0; i < Dim; ++i) out[i] = Lanes{};
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int width = j.width[lane];
+    const double* value = j.value[lane];
+    double sum[Dim] = {};
+    for (int k = 0; k < width; ++k) {
+      const double at = motion[j.column[lane][k]];
+      for (int i = 0; i < Dim; ++i) sum[i] += value[i * width + k] * at;
+    }
+    for (int i = 0; i < Dim; ++i) out[i][lane] = sum[i];
+  }
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void scatter(const SparseLanes& j, const Lanes* impulse,
+                                           double* force) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const int width = j.width[lane];
+    const double* value = j.value[lane];
+    double factor[Dim];
+    for (int i = 0; i < Dim; ++i) factor[i] = impulse[i][lane];
+    for (int k = 0; k < width; ++k) {
+      double sum = 0.0;
+      for (int i = 0; i < Dim; ++i) sum += value[i * width + k] * factor[i];
+      force[j.column[lane][k]] += sum;
+    }
+  }
+}
+
+}  // namespace dashpot

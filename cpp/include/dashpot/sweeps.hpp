@@ -1,0 +1,171 @@
+// The sweeps of a micro-step over rows and trees, four groups of rows or four coordinates at a
+// time.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/contact_lanes.hpp"
+#include "dashpot/jacobian_lanes.hpp"
+#include "dashpot/trees.hpp"
+
+namespace dashpot {
+
+// Four groups with the same kind of Jacobian and law.
+template <typename Jacobian, typename Law>
+struct Block {
+  static constexpr int kDim = sizeof(Law::rate) / sizeof(Lanes);
+  Jacobian jacobian{};
+  Law law{};
+};
+struct BlockGroups {
+  std::array<int, kLanes> group{};
+  int count = 0;
+};
+template <typename Jacobian, typename Law>
+struct Blocks {
+  std::vector<Block<Jacobian, Law>> block;
+  std::vector<BlockGroups> groups;  // of each block
+
+  void clear() {
+    block.clear();
+    groups.clear();
+  }
+};
+// The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
+// impulses and moments of the impulses; `acceleration` is the one with all present forces.
+struct Motion {
+  double h = 0.0;
+  double recovery_speed = 0.0;
+  double *velocity, *displacement, *acceleration;
+  double *force, *impulse, *moment;
+  double *total_displacement, *total_impulse;
+  const double *smooth_acceleration, *inverse;
+};
+
+// A micro-step is four sweeps, over rows and trees in turn.
+enum class Sweep {
+  kPrepare,        // rows, before the first: what depends on parameters and h alone
+  kPresentForces,  // rows: motion of the last micro-step, then the forces all rows have now
+  kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
+  kFlow,           // rows: closed-form flow of every row under its load
+  kContactMotion,  // trees: the motion that the impulses cause
+  kRead            // rows, after the last micro-step: its motion
+};
+
+template <typename Jacobian, typename Law>
+[[gnu::always_inline]] inline void sweep_one(Sweep sweep, Block<Jacobian, Law>& block,
+                                             const Motion& m) {
+  constexpr int kDim = Block<Jacobian, Law>::kDim;
+  Law& law = block.law;
+  if (sweep == Sweep::kPrepare) return prepare(law, m.h);
+  if (sweep == Sweep::kFlow) {
+    Lanes acceleration[kDim];
+    gather<kDim>(block.jacobian, m.acceleration, acceleration);
+    flow(law, acceleration, m.h);
+    scatter<kDim>(block.jacobian, law.impulse, m.impulse);
+    scatter<kDim>(block.jacobian, law.moment, m.moment);
+    return;
+  }
+  Lanes rate[kDim], displacement[kDim];
+  gather<kDim>(block.jacobian, m.velocity, rate);
+  gather<kDim>(block.jacobian, m.displacement, displacement);
+  read_motion(law, rate, displacement, m.h, m.recovery_speed);
+  if (sweep == Sweep::kRead) return;
+  find_present_force(law);
+  scatter<kDim>(block.jacobian, law.force, m.force);
+}
+
+// out += inv(H) applied.
+[[gnu::always_inline]] inline void respond(const Tree& t, const double* inverse,
+                                           const double* applied, double* out) {
+  const double* column = inverse + t.inverse;
+  applied += t.begin;
+  out += t.begin;
+  if (t.free_body) {
+    store_lanes(load_lanes(out) + load_lanes(column) * load_lanes(applied), out);
+    Lanes sum = load_lanes(out + 4);
+    for (int j = 0; j < 3; ++j) sum += load_lanes(column + 4 * (j + 1)) * applied[4 + j];
+    store_lanes(sum, out + 4);
+    return;
+  }
+  for (int j = 0; j < t.dof_count; ++j, column += t.count) {
+    if (applied[j] == 0.0) continue;
+    for (int i = 0; i < t.count; i += kLanes)
+      store_lanes(load_lanes(out + i) + load_lanes(column + i) * applied[j], out + i);
+  }
+}
+
+[[gnu::always_inline]] inline void add_lanes(const double* term, double* sum) {
+  store_lanes(load_lanes(sum) + load_lanes(term), sum);
+}
+
+[[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const Motion& m) {
+  if (sweep == Sweep::kSmoothMotion) {
+    for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+      const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
+      store_lanes(a, m.acceleration + i);
+      store_lanes(m.h * (v + 0.5 * m.h * a), m.displacement + i);
+      store_lanes(v + m.h * a, m.velocity + i);
+    }
+    respond(t, m.inverse, m.force, m.acceleration);
+    return;
+  }
+  respond(t, m.inverse, m.impulse, m.velocity);
+  respond(t, m.inverse, m.moment, m.displacement);
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    add_lanes(m.displacement + i, m.total_displacement + i);
+    add_lanes(m.impulse + i, m.total_impulse + i);
+    for (double* applied : {m.force, m.impulse, m.moment}) store_lanes(Lanes{}, applied + i);
+  }
+}
+
+template <typename Item>
+[[gnu::always_inline]] inline void sweep_all(Sweep sweep, Item* first, Item* last,
+                                             const Motion& m) {
+  for (Item* item = first; item != last; ++item) sweep_one(sweep, *item, m);
+}
+
+// The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
+// same bits.
+template <typename Item>
+[[gnu::flatten]] void sweep_portable(Sweep sweep, Item* first, Item* last, const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+#if defined(__x86_64__)
+template <typename Item>
+[[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Sweep sweep, Item* first, Item* last,
+                                                      const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+template <typename Item>
+[[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(Sweep sweep,
+                                                                             Item* first,
+                                                                             Item* last,
+                                                                             const Motion& m) {
+  sweep_all(sweep, first, last, m);
+}
+enum class InstructionSet { kPortable, kAvx2, kAvx512 };
+inline InstructionSet find_instruction_set() {
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
+      __builtin_cpu_supports("avx512dq"))
+    return InstructionSet::kAvx512;
+  return __builtin_cpu_supports("avx2") ? InstructionSet::kAvx2 : InstructionSet::kPortable;
+}
+#endif
+
+template <typename Item>
+void sweep_fastest(Sweep sweep, std::vector<Item>& items, const Motion& m) {
+  if (items.empty()) return;
+  Item* const first = items.data();
+  Item* const last = first + items.size();
+#if defined(__x86_64__)
+  static const InstructionSet instructions = find_instruction_set();
+  if (instructions == InstructionSet::kAvx512) return sweep_avx512(sweep, first, last, m);
+  if (instructions == InstructionSet::kAvx2) return sweep_avx2(sweep, first, last, m);
+#endif
+  sweep_portable(sweep, first, last, m);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,70 @@
+#include "dashpot/group_material.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// A contact or constraint that no material covers: rigid, or what the model's own solref means.
+template <typename Input>
+GroupMaterial from_solref(const Input& input) {
+  GroupMaterial given;
+  if (!input.has_solref) return given;
+  const auto [stiffness, damping] =
+      solref_to_spring(input.solref[0], input.solref[1], input.solimp[1]);
+  given.mass_normalised = true;
+  given.normalised_stiffness = stiffness;
+  given.normalised_damping = damping;
+  return given;
+}
+
+}  // namespace
+
+GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
+                          const ContactInput& input) {
+  const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
+  const auto pair = parameters.pair_material.find({low, high});
+  if (pair != parameters.pair_material.end()) return {pair->second};
+  Material side[2];
+  for (int i = 0; i < 2; ++i) {
+    const bool flex = input.geom[i] < 0;
+    if (flex)
+      side[i].from_model = true;
+    else
+      side[i] = parameters.geom_material[input.geom[i]];
+  }
+  if (side[0].from_model && side[1].from_model) return from_solref(input);
+  const bool overridden = side[0].has_friction || side[1].has_friction;
+  if (overridden)
+    for (int i = 0; i < 2; ++i) {
+      const std::array<double, 3> own = host::geom_friction(model, input.geom[i]);
+      for (size_t j = 0; j < own.size(); ++j)
+        if (!side[i].has_friction || std::isnan(side[i].friction[j])) side[i].friction[j] = own[j];
+      side[i].has_friction = true;
+    }
+  // A side that nobody set has no damping of its own to mix in.
+  for (int i = 0; i < 2; ++i)
+    if (side[i].from_model) {
+      side[i].form = side[1 - i].form;
+      side[i].damping = side[1 - i].damping;
+    }
+  Material combined = combine(side[0], side[1], parameters.options.rules);
+  // Rigid rows tell a restitution, of one contact, from a damping ratio, of a coupled mode.
+  if (combined.rigid && side[0].form == DampingForm::kRestitution &&
+      side[1].form == DampingForm::kRestitution) {
+    combined.form = DampingForm::kRestitution;
+    combined.damping = damping_ratio_to_restitution(combined.damping);
+  }
+  const int priority[2] = {host::geom_priority(model, input.geom[0]),
+                           host::geom_priority(model, input.geom[1])};
+  if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;
+  return {combined};
+}
+
+GroupMaterial material_of(const ConstraintInput& input) { return from_solref(input); }
+
+}  // namespace dashpot
