@@ -26,14 +26,11 @@ def test_a_heavy_box_on_nine_light_ones_stands(timestep):
 
 
 TOO_SOFT = pytest.mark.xfail(
-    strict=True,
-    reason="rigid stiffness is what micro-steps resolve of the light boxes; the heavy one sways",
+    strict=True, reason="the heavy box asks for more than the 64 micro-steps allowed by default"
 )
 
 
-@pytest.mark.parametrize(
-    "timestep", [0.001, 0.002, *(pytest.param(t, marks=TOO_SOFT) for t in (0.005, 0.010))]
-)
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005, pytest.param(0.010, marks=TOO_SOFT)])
 def test_rigid_boxes_under_a_heavy_one_do_not_sink(timestep):
     numbers = measure(
         stack(masses=(1.0,) * 9 + (100.0,), stiffness=None, duration=4.0), DASHPOT, timestep

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -57,6 +58,7 @@ struct Stepper::Impl {
   void freeze_at_middle(const mjData_* d);
   void build_rows(mjData_* d);
   void plan_and_recall(mjData_* d);
+  void find_sag_times();
   void run_islands();
   void update_complementarity_free(mjData_* d);
   void report_forces(mjData_* d);
@@ -95,6 +97,7 @@ struct Stepper::Impl {
   std::vector<ContactInput> contacts;
   std::vector<ConstraintInput> constraints;
   std::vector<GroupMaterial> materials;  // per group
+  std::vector<double> sag_time;          // per group, see Islands::plan
   Rows rows;
   RowData data;
   Islands islands;
@@ -375,12 +378,24 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   start_motion = data.velocity;
   islands.find(rows, trees);
-  islands.plan(rows, trees, materials, length, parameters.options);
+  find_sag_times();
+  islands.plan(rows, trees, materials, sag_time, length, parameters.options);
   Memory view = memory(d);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
   ledger = view.ledger();
+}
+
+void Stepper::Impl::find_sag_times() {
+  const double gravity = host::gravity(model);
+  sag_time.assign(rows.group.size(), std::numeric_limits<double>::infinity());
+  if (gravity == 0.0) return;
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    sag_time[i] = std::sqrt(kRigidSag * host::contact_radius(model, contacts[c.input]) / gravity);
+  }
 }
 
 void Stepper::Impl::run_islands() {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 
@@ -131,6 +132,12 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
   }
 }
 
+// kappa h^2 of rigid rows whose bound is c, see below.
+double stiffest_rigid(double bound) {
+  const double coupling = std::max(0.0, bound - 1.0);
+  return std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0);
+}
+
 // Rigid rows: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1
 // in these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
@@ -141,9 +148,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) 
 void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, double bound,
                      double h) {
   const double coupling = std::max(0.0, bound - 1.0);
-  const double stiffest =
-      std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0) /
-      (h * h);
+  const double stiffest = stiffest_rigid(bound) / (h * h);
   const double most_damped =
       coupling > 0.0 ? kRigidResolution / (h * coupling) : std::numeric_limits<double>::infinity();
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
@@ -257,7 +262,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   double step, const Options& options) {
+                   const std::vector<double>& sag_time, double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_}) sum->reset(trees);
   for (Island& island : islands_) {
@@ -266,10 +271,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     measure(island, rows, trees, materials);
     double count = options.microsteps;
     if (options.microsteps == 0) {
-      count = std::max<double>(kMinimumMicrosteps, step / longest_si_microstep(island));
-      if (std::any_of(island.group.begin(), island.group.end(),
-                      [&](int index) { return materials[index].rigid(); }))
-        count = std::max(count, step / kRigidMicrostep);
+      const double longest = std::min(longest_si_microstep(island),
+                                      longest_rigid_microstep(island, rows, materials, sag_time));
+      count = std::max<double>(kMinimumMicrosteps, step / longest);
     }
     // Rounding up must not add a micro-step for the last bit of a quotient.
     island.microsteps = static_cast<int>(
@@ -321,13 +325,41 @@ double Islands::longest_si_microstep(const Island& island) const {
   return h;
 }
 
+// Longest micro-step at which rigid contacts are stiff enough for a heavy body on a light one. Of a
+// contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
+// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2) and sags by a / kappa:
+//     h^2 <= kappa h^2 sag / a .
+double Islands::longest_rigid_microstep(const Island& island, const Rows& rows,
+                                        const std::vector<GroupMaterial>& materials,
+                                        const std::vector<double>& sag_time) const {
+  double h = std::numeric_limits<double>::infinity();
+  for (int index : island.group) {
+    if (!materials[index].rigid()) continue;
+    h = std::min(h, kRigidMicrostep);
+    const RowGroup& c = rows.group[index];
+    const auto [light, heavy] = std::minmax(rows.tree_inverse_mass[c.row][0],
+                                            rows.tree_inverse_mass[c.row][1], std::greater<>());
+    if (c.kind == RowKind::kContact && heavy > 0.0)
+      h = std::min(h,
+                   sag_time[index] * std::sqrt(stiffest_rigid(rigid_coupling(c)) * heavy / light));
+  }
+  return h;
+}
+
+double Islands::rigid_coupling(const RowGroup& c) const {
+  double coupling = 0.0;
+  for (int tree : c.tree)
+    if (tree >= 0) coupling = std::max(coupling, bounds_[tree].rigid / bounds_[tree].rigid_share());
+  return coupling;
+}
+
 // Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
 int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials,
                   double h) {
   int clipped = 0;
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
-    double stiffness_scale = 1.0, damping_scale = 1.0, coupling = 0.0;
+    double stiffness_scale = 1.0, damping_scale = 1.0;
     for (int side = 0; side < 2; ++side) {
       if (c.tree[side] < 0) continue;
       const TreeBounds& b = bounds_[c.tree[side]];
@@ -335,10 +367,9 @@ int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMater
       stiffness_scale =
           std::min(stiffness_scale, limit(share * std::pow(kResolution / h, 2), b.stiffness));
       damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
-      coupling = std::max(coupling, b.rigid / b.rigid_share());
     }
     if (materials[index].rigid()) {
-      fill_rigid_rows(rows, c, materials[index].material, coupling, h);
+      fill_rigid_rows(rows, c, materials[index].material, rigid_coupling(c), h);
       continue;
     }
     if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
@@ -138,6 +139,17 @@ int geom_tree(const mjModel_* m, int geom) { return m->body_treeid[m->geom_bodyi
 
 int geom_priority(const mjModel_* m, int geom) {
   return geom < 0 ? m->flex_priority[-1 - geom] : m->geom_priority[geom];
+}
+
+double contact_radius(const mjModel_* m, const ContactInput& input) {
+  double radius = std::numeric_limits<double>::infinity();
+  for (int geom : input.geom)
+    if (geom >= 0 && m->geom_rbound[geom] > 0.0) radius = std::min(radius, m->geom_rbound[geom]);
+  return radius;
+}
+
+double gravity(const mjModel_* m) {
+  return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
 }
 
 bool has_flexes(const mjModel_* m) { return m->nflex > 0; }

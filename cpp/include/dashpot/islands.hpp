@@ -29,6 +29,7 @@ inline constexpr double kResolution = 0.5;         // theta
 inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows, see fill_rigid_rows
 inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
 inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
+inline constexpr double kRigidSag = 1.0e-3;  // of a body's radius, see longest_rigid_microstep
 
 // A range of indices.
 struct Indices {
@@ -57,8 +58,9 @@ class Islands {
   // the stiffness and damping of its rows from `materials` (one per group). A rigid material
   // becomes as stiff as h resolves; values that h does not resolve are lowered and counted as
   // clipped.
+  // `sag_time` (s, one per group): in which a weight moves its body by sag, sqrt(sag / g).
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-            double step, const Options& options);
+            const std::vector<double>& sag_time, double step, const Options& options);
 
   const std::vector<Island>& all() const { return islands_; }
 
@@ -86,6 +88,10 @@ class Islands {
   void measure(const Island& island, const Rows& rows, const Trees& trees,
                const std::vector<GroupMaterial>& materials);
   double longest_si_microstep(const Island& island) const;
+  double longest_rigid_microstep(const Island& island, const Rows& rows,
+                                 const std::vector<GroupMaterial>& materials,
+                                 const std::vector<double>& sag_time) const;
+  double rigid_coupling(const RowGroup& group) const;
   int fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials, double h);
 
   std::vector<Island> islands_;

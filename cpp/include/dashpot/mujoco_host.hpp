@@ -49,6 +49,9 @@ double timestep(const mjModel_* m);
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
 int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
 int geom_priority(const mjModel_* m, int geom);
+// Radius (m) about the smaller geom of a contact; infinite if neither has one.
+double contact_radius(const mjModel_* m, const ContactInput& input);
+double gravity(const mjModel_* m);  // m/s^2; 0 if it is disabled
 // MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
 double geom_inverse_mass(const mjModel_* m, int geom);
 
