@@ -214,7 +214,10 @@ template <int Dim>
       slope += q * q * c.slip[i - 1] * shrink[i];
     }
     const Lanes length = root_lanes(square);
-    const LaneMask outside = ~inside & (length - one > zero + kOnSurface) & (slope > zero);
+    // The next gamma is infinite where a direction that does not respond is beyond the surface.
+    const Lanes next = gamma + (length - one) * square / (slope > zero ? slope : one);
+    const LaneMask outside =
+        ~inside & (length - one > zero + kOnSurface) & (slope > zero) & (next - next == zero);
     if (round == kMaxRounds || !any_of(outside)) {
       for (int i = 1; i < Dim; ++i) {
         const Lanes returned = impulse[i] * shrink[i] * (length > one ? one / length : one);
@@ -222,7 +225,7 @@ template <int Dim>
       }
       return;
     }
-    gamma = outside ? gamma + (length - one) * square / slope : gamma;
+    gamma = outside ? next : gamma;
   }
 }
 
