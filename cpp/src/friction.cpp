@@ -12,11 +12,6 @@ namespace {
 constexpr double kSmallestSquare = 1e-280;
 constexpr double kLargestSquare = 1e300;
 
-// Newton's iteration gets within this of the surface in 1 to 3 rounds; more only where compliances
-// differ by many orders of magnitude.
-constexpr double kOnSurface = 1e-9;
-constexpr int kMaxRounds = 64;
-
 }  // namespace
 
 double radial_return(const double* impulse, const double* mu, int n, double normal_impulse) {

@@ -11,6 +11,7 @@
 
 #include <array>
 
+#include "dashpot/friction.hpp"
 #include "dashpot/kelvin_voigt.hpp"
 #include "dashpot/lanes.hpp"
 
@@ -189,8 +190,6 @@ template <int Dim>
 template <int Dim>
 [[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
                                                    LaneMask& inside) {
-  constexpr double kOnSurface = 1e-9;  // as in friction.cpp, with the bound on its rounds
-  constexpr int kMaxRounds = 64;
   const Lanes zero{}, one = all_lanes(1.0);
   const LaneMask pressed = impulse[0] > zero;
   Lanes z[Dim], square{};

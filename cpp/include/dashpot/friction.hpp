@@ -22,6 +22,11 @@ namespace dashpot {
 
 inline constexpr int kMaxFrictionDirections = 5;
 
+// Newton's iteration gets within this of the surface in 1 to 3 rounds; more only where responses
+// differ by many orders of magnitude.
+inline constexpr double kOnSurface = 1e-9;
+inline constexpr int kMaxRounds = 64;
+
 // Returns the factor in [0, 1] that brings impulse[0..n) onto or inside the limit surface; 1
 // inside. mu[i] >= 0 (dimensionless for sliding, m for torsion and rolling); mu[i] = 0 admits no
 // impulse in direction i, whose component must be zeroed by the caller.

@@ -1,0 +1,238 @@
+// The law in lanes against the law for one contact, and the sweeps of a micro-step under every
+// instruction set that the processor has against the portable ones, bit for bit.
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <random>
+#include <vector>
+
+#include "dashpot/friction.hpp"
+#include "dashpot/sweeps.hpp"
+
+namespace {
+
+using namespace dashpot;
+
+int failures = 0;
+std::mt19937_64 generator(7);
+
+void check(bool passed, const char* claim, double got, double expected) {
+  if (passed) return;
+  if (++failures <= 20) std::printf("failed: %s: %.17g against %.17g\n", claim, got, expected);
+}
+
+void check_close(double got, double expected, double scale, double tolerance, const char* claim) {
+  check(std::fabs(got - expected) <= tolerance * scale, claim, got, expected);
+}
+
+double uniform(double low, double high) {
+  return std::uniform_real_distribution<double>(low, high)(generator);
+}
+double log_uniform(double low, double high) {
+  return std::exp(uniform(std::log(low), std::log(high)));
+}
+
+using Contact = ContactLanes<6>;
+
+// Four contacts of any stiffness and damping, some open, some without friction in a direction.
+Contact random_contacts(double h) {
+  Contact c{};
+  for (int lane = 0; lane < kLanes; ++lane) {
+    for (int i = 0; i < 6; ++i) {
+      const double w = c.inverse_mass[i][lane] = log_uniform(0.01, 100.0);
+      const double frequency = log_uniform(1e-3, 3.0) / h;
+      c.stiffness[i][lane] = frequency * frequency / w;
+      c.damping[i][lane] = 2.0 * uniform(0.0, 2.0) * frequency / w;
+      c.deformation[i][lane] = uniform(-1e-3, i == 0 ? 2e-4 : 1e-3);
+      c.rate[i][lane] = uniform(-0.5, 0.5);
+      c.smooth_load[i][lane] = uniform(-10.0, 10.0);
+    }
+    for (int i = 0; i < 5; ++i)
+      c.inverse_friction[i][lane] = uniform(0.0, 1.0) < 0.2 ? 0.0 : 1.0 / log_uniform(0.01, 2.0);
+    for (int i = 0; i < 5; ++i)
+      if (c.inverse_friction[i][lane] == 0.0)
+        c.stiffness[i + 1][lane] = c.damping[i + 1][lane] = 0.0;
+    c.sticking[lane] = -1;
+  }
+  return c;
+}
+
+KelvinVoigt law_of(const Contact& c, int i, int lane) {
+  return {c.stiffness[i][lane], c.damping[i][lane], c.inverse_mass[i][lane]};
+}
+
+void check_propagators(const Contact& c, double h) {
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const Propagator e = propagate(law_of(c, 0, lane), h);
+    const double expected[5] = {e.e0, e.e1, e.e2, e.e3, e.e4};
+    double scale = 1.0;
+    // Both are accurate to 1e-13; e0 and e1 cross zero, so all are taken relative to h^n.
+    for (int n = 0; n < 5; ++n, scale *= h)
+      check_close(c.e[n][lane], expected[n], scale, 1e-12, "propagator");
+  }
+}
+
+void check_normals(Contact c, double h) {
+  Lanes load;
+  for (int lane = 0; lane < kLanes; ++lane) load[lane] = uniform(-50.0, 50.0);
+  flow_normal(c, load, h);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    const KelvinVoigt law = law_of(c, 0, lane);
+    const double x = c.deformation[0][lane], u = c.rate[0][lane];
+    const Flow flow = flow_contact(law, x, u, load[lane], h);
+    // Impulses of the terms that make them up, which may cancel.
+    const double scale = (law.stiffness * (std::fabs(x) + h * std::fabs(u)) +
+                          law.damping * (std::fabs(u) + h * std::fabs(load[lane])) +
+                          law.stiffness * h * h * std::fabs(load[lane])) *
+                         h;
+    check_close(c.impulse[0][lane], flow.impulse, scale, 1e-12, "normal impulse");
+    check_close(c.moment[0][lane], flow.moment, scale * h, 1e-12, "normal moment");
+  }
+}
+
+void check_friction(const Contact& c) {
+  Lanes impulse[6];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    impulse[0][lane] = uniform(0.0, 1.0) < 0.1 ? 0.0 : log_uniform(1e-3, 10.0);
+    for (int i = 1; i < 6; ++i)
+      impulse[i][lane] = c.inverse_friction[i - 1][lane] == 0.0 ? 0.0 : uniform(-3.0, 3.0);
+  }
+  Lanes returned[6];
+  std::memcpy(returned, impulse, sizeof impulse);
+  LaneMask inside;
+  return_friction(c, returned, inside);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    double expected[5], mu[5], response[5], largest = 0.0;
+    for (int i = 0; i < 5; ++i) {
+      expected[i] = impulse[i + 1][lane];
+      const double inverse = c.inverse_friction[i][lane];
+      mu[i] = inverse > 0.0 ? 1.0 / inverse : 0.0;
+      response[i] = c.slip[i][lane] * mu[i] * mu[i];
+      largest = std::max(largest, mu[i] * impulse[0][lane]);
+    }
+    const bool sticks = return_to_limit(expected, mu, response, 5, impulse[0][lane]);
+    if (impulse[0][lane] > 0.0)
+      check(sticks == (inside[lane] != 0), "sticking", inside[lane] != 0, sticks);
+    // Either stops within 1e-9 of the surface, relative to its half axes.
+    for (int i = 0; i < 5; ++i)
+      check_close(returned[i + 1][lane], expected[i], largest, 1e-7, "friction on its surface");
+  }
+}
+
+// A chain of bodies in contact, swept as a micro-step does.
+struct Swept {
+  std::vector<Block<PairLanes, Contact>> blocks;
+  std::vector<Tree> trees;
+  std::vector<double> arrays[9];
+
+  explicit Swept(double h) {
+    const int bodies = 9, coordinates = kBodyCoordinates * (bodies + 1);
+    for (auto& array : arrays) array.assign(coordinates, 0.0);
+    arrays[8].assign(kBodyCoordinates * kBodyCoordinates * bodies, 0.0);
+    for (int i = 0; i < bodies; ++i) {
+      Tree t;
+      t.begin = kBodyCoordinates * (i + 1);
+      t.count = kBodyCoordinates;
+      t.free_body = true;
+      t.inverse = kBodyCoordinates * kBodyCoordinates * i;
+      for (int j = 0; j < 3; ++j) {
+        arrays[0][t.begin + j] = uniform(-1.0, 1.0);
+        arrays[0][t.begin + 4 + j] = uniform(-9.0, 9.0);
+        arrays[7][t.begin + j] = uniform(-10.0, 10.0);
+        arrays[8][t.inverse + j] = 2.0;
+        arrays[8][t.inverse + 4 * (j + 1) + j] = uniform(100.0, 300.0);
+      }
+      trees.push_back(t);
+    }
+    for (int i = 0; i < 3; ++i) {
+      Block<PairLanes, Contact> block;
+      block.law = random_contacts(h);
+      for (int lane = 0; lane < kLanes; ++lane) {
+        for (int k = 0; k < 3; ++k) {
+          block.jacobian.frame[4 * k][lane] = 1.0;
+          for (auto& arm : block.jacobian.arm) arm[k][lane] = uniform(-0.1, 0.1);
+        }
+        block.jacobian.body[0][lane] = kBodyCoordinates * ((2 * i + lane) % (bodies + 1));
+        block.jacobian.body[1][lane] = kBodyCoordinates * ((2 * i + lane + 1) % (bodies + 1));
+      }
+      blocks.push_back(block);
+    }
+  }
+
+  Motion motion(double h) {
+    Motion m;
+    m.h = h;
+    m.recovery_speed = 0.1;
+    double** array[] = {&m.velocity, &m.displacement, &m.acceleration,      &m.force,
+                        &m.impulse,  &m.moment,       &m.total_displacement};
+    for (int i = 0; i < 7; ++i) *array[i] = arrays[i].data();
+    total.assign(arrays[0].size(), 0.0);
+    m.total_impulse = total.data();
+    m.smooth_acceleration = arrays[7].data();
+    m.inverse = arrays[8].data();
+    return m;
+  }
+  std::vector<double> total;
+};
+
+using SweepRows = void (*)(Sweep, Block<PairLanes, Contact>*, Block<PairLanes, Contact>*,
+                           const Motion&);
+using SweepTrees = void (*)(Sweep, Tree*, Tree*, const Motion&);
+
+Swept run(Swept swept, double h, SweepRows rows, SweepTrees trees) {
+  const Motion m = swept.motion(h);
+  const auto sweep = [&](Sweep kind) {
+    rows(kind, swept.blocks.data(), swept.blocks.data() + swept.blocks.size(), m);
+  };
+  sweep(Sweep::kPrepare);
+  for (int i = 0; i < 20; ++i) {
+    sweep(Sweep::kPresentForces);
+    trees(Sweep::kSmoothMotion, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
+    sweep(Sweep::kFlow);
+    trees(Sweep::kContactMotion, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
+  }
+  sweep(Sweep::kRead);
+  return swept;
+}
+
+void check_equal_bits(const Swept& a, const Swept& b, const char* claim) {
+  bool moved = false;
+  for (size_t i = 0; i < a.total.size(); ++i) moved = moved || a.total[i] != 0.0;
+  check(moved, "contacts carried impulses", 0, 1);
+  for (int i : {0, 6})
+    check(std::memcmp(a.arrays[i].data(), b.arrays[i].data(),
+                      a.arrays[i].size() * sizeof(double)) == 0,
+          claim, a.arrays[i][kBodyCoordinates], b.arrays[i][kBodyCoordinates]);
+}
+
+void check_instruction_sets() {
+  const double h = 1e-4;
+  for (int i = 0; i < 50; ++i) {
+    const Swept start(h);
+    const Swept portable = run(start, h, sweep_portable, sweep_portable);
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2"))
+      check_equal_bits(portable, run(start, h, sweep_avx2, sweep_avx2), "AVX2 gives equal bits");
+    if (find_instruction_set() == InstructionSet::kAvx512)
+      check_equal_bits(portable, run(start, h, sweep_avx512, sweep_avx512),
+                       "AVX-512 gives equal bits");
+#endif
+  }
+}
+
+}  // namespace
+
+int main() {
+  for (int i = 0; i < 5000; ++i) {
+    const double h = log_uniform(1e-5, 1e-3);
+    Contact c = random_contacts(h);
+    prepare(c, h);
+    check_propagators(c, h);
+    check_normals(c, h);
+    check_friction(c);
+  }
+  check_instruction_sets();
+  if (failures > 0) std::printf("%d checks failed\n", failures);
+  return failures > 0 ? 1 : 0;
+}
