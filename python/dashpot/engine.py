@@ -16,7 +16,7 @@ from dashpot import _core
 from dashpot.contacts import Contacts, Energy
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
-from dashpot.query import object_id
+from dashpot.object_ids import object_id
 
 __all__ = ["Engine", "StepStats"]
 

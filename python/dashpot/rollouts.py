@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
+from dashpot.checks import finite_array, positive_count, thread_count
 
 if TYPE_CHECKING:
     from dashpot.engine import Engine
@@ -68,13 +69,13 @@ def rollout(
         "mjSTATE_FULLPHYSICS": _state_size(model, mujoco.mjtState.mjSTATE_FULLPHYSICS),
         "mjSTATE_INTEGRATION": _state_size(model, mujoco.mjtState.mjSTATE_INTEGRATION),
     }
-    states = np.atleast_2d(_numbers("initial_state", initial_state))
+    states = np.atleast_2d(finite_array("initial_state", initial_state))
     if states.ndim != 2 or states.shape[0] == 0 or states.shape[1] not in sizes.values():
         known = " or ".join(f"{size} ({name})" for name, size in sizes.items())
         raise ValueError(
             f"initial_state must be (nbatch, nstate) with nstate {known}, got shape {states.shape}"
         )
-    controls = None if control is None else _numbers("control", control)
+    controls = None if control is None else finite_array("control", control)
     if controls is not None:
         if controls.ndim > 3 or controls.ndim == 0 or controls.shape[-1] != model.nu:
             raise ValueError(
@@ -83,37 +84,17 @@ def rollout(
             )
         controls = controls.reshape((1,) * (3 - controls.ndim) + controls.shape)
     nbatch = _common("nbatch", {"initial_state": len(states)}, controls, 0)
-    given = {} if nstep is None else {"nstep": _count("nstep", nstep)}
+    given = {} if nstep is None else {"nstep": positive_count("nstep", nstep)}
     steps = _common("nstep", given, controls, 1)
     states = np.ascontiguousarray(np.broadcast_to(states, (nbatch, states.shape[1])))
     if controls is not None:
         controls = np.ascontiguousarray(np.broadcast_to(controls, (nbatch, steps, model.nu)))
-    threads = 0 if nthread is None else _count("nthread", nthread)
+    threads = thread_count(nthread)
     return _core.rollout(model._address, engine._parameters(), states, controls, steps, threads)
 
 
 def _state_size(model: mujoco.MjModel, kind: mujoco.mjtState) -> int:
     return int(mujoco.mj_stateSize(model, int(kind)))
-
-
-def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} must be an array of numbers: {error}") from None
-    bad = np.argwhere(~np.isfinite(array))
-    if bad.size:
-        index = tuple(int(i) for i in bad[0])
-        raise ValueError(f"{name}{list(index)} is {array[index]}")
-    return array
-
-
-def _count(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise TypeError(f"{name} must be an integer, got {value!r}")
-    if value < 1:
-        raise ValueError(f"{name} must be >= 1, got {value}")
-    return int(value)
 
 
 def _common(name: str, given: dict[str, int], control: Array | None, axis: int) -> int:
