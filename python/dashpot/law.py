@@ -151,14 +151,8 @@ def flow_contact(
     TypeError, ValueError
         An argument is not real, not finite or out of range.
     """
-    arguments = [
-        *_parameters(stiffness, damping, inverse_mass),
-        _array("gap", gap),
-        _array("rate", rate),
-        _array("load", load),
-        _array("time", time, lower=0.0),
-    ]
-    return Flow(*_over_arrays(_core.flow_contact, arguments))
+    parameters = _parameters(stiffness, damping, inverse_mass)
+    return _flow(_core.flow_contact, parameters, "gap", gap, rate, load, time)
 
 
 def flow_spring(
@@ -180,14 +174,28 @@ def flow_spring(
     TypeError, ValueError
         An argument is not real, not finite or out of range.
     """
+    parameters = _parameters(stiffness, damping, inverse_mass)
+    return _flow(_core.flow_spring, parameters, "displacement", displacement, rate, load, time)
+
+
+def _flow(
+    function: Any,
+    parameters: list[Any],
+    position_name: str,
+    position: ArrayLike,
+    rate: ArrayLike,
+    load: ArrayLike,
+    time: ArrayLike,
+) -> Flow:
+    """Call a flow of the core from a position, a gap or a displacement."""
     arguments = [
-        *_parameters(stiffness, damping, inverse_mass),
-        _array("displacement", displacement),
+        *parameters,
+        _array(position_name, position),
         _array("rate", rate),
         _array("load", load),
         _array("time", time, lower=0.0),
     ]
-    return Flow(*_over_arrays(_core.flow_spring, arguments))
+    return Flow(*_over_arrays(function, arguments))
 
 
 def _friction_arguments(
@@ -256,15 +264,11 @@ def return_to_limit(
 
     Parameters
     ----------
-    impulse : array_like, shape (..., m), m <= 5
-        Trial impulses, N s (N m s for torsion and rolling).
-    mu : array_like, broadcastable to ``impulse``
-        Friction coefficients, >= 0 (m for torsion and rolling).
+    impulse, mu, normal_impulse : array_like
+        As in `radial_return`.
     response : array_like, broadcastable to ``impulse``
         Impulse ``c_i >= 0`` by which each direction answers a unit of rate, N s per m/s (N m s per
         rad/s); only their proportions matter.
-    normal_impulse : array_like, shape (...)
-        Normal impulse, N s, >= 0.
 
     Returns
     -------
