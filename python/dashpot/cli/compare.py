@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import add_material, load_engine, positive, progress_bar
+from dashpot.cli.options import add_material, add_scene, load_engine, positive, progress_bar
 
 
 def add_to(commands: Any) -> None:
@@ -16,9 +16,7 @@ def add_to(commands: Any) -> None:
         description="Step a scene from the same state with dashpot and with MuJoCo settings, and "
         "print penetration and energy of each run, measured alike.",
     )
-    parser.add_argument(
-        "scene", help="MJCF, URDF or MJB file, or a shipped scene: ball, slope, stack, pile"
-    )
+    add_scene(parser)
     parser.add_argument("--duration", type=positive, metavar="S", help="seconds to simulate")
     parser.add_argument("--timestep", type=positive, metavar="S", help="default: the scene's")
     parser.add_argument(

@@ -70,6 +70,13 @@ def material(text: str) -> tuple[str, Material]:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Add the scene that `load_engine` takes."""
+    parser.add_argument(
+        "scene", help="MJCF, URDF or MJB file, or a shipped scene: ball, slope, stack, pile"
+    )
+
+
 def add_material(parser: argparse.ArgumentParser) -> None:
     """Add ``--material``."""
     parser.add_argument(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import add_material, load_engine, positive, progress_bar
+from dashpot.cli.options import add_material, add_scene, load_engine, positive, progress_bar
 
 
 def add_to(commands: Any) -> None:
@@ -16,9 +16,7 @@ def add_to(commands: Any) -> None:
         description="Step a scene from its first keyframe (or reference pose) and write time, "
         "qpos, qvel, energies and contact counts of every step to a numpy .npz file.",
     )
-    parser.add_argument(
-        "scene", help="MJCF, URDF or MJB file, or a shipped scene: ball, slope, stack, pile"
-    )
+    add_scene(parser)
     parser.add_argument(
         "--duration", type=positive, default=2.0, metavar="S", help="seconds (%(default)g)"
     )

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import Any
 
-from dashpot.cli.options import add_material, load_engine, positive
+from dashpot.cli.options import add_material, add_scene, load_engine, positive
 
 
 def add_to(commands: Any) -> None:
@@ -18,9 +18,7 @@ def add_to(commands: Any) -> None:
         description="Open MuJoCo's viewer on a scene that dashpot steps in real time. Needs a "
         "display; bodies can be pushed with the mouse. Closing the window ends the command.",
     )
-    parser.add_argument(
-        "scene", help="MJCF, URDF or MJB file, or a shipped scene: ball, slope, stack, pile"
-    )
+    add_scene(parser)
     parser.add_argument("--timestep", type=positive, metavar="S", help="default: the scene's")
     parser.add_argument(
         "--duration", type=positive, metavar="S", help="close the window after these seconds"

@@ -1,0 +1,95 @@
+"""Options of an engine and their checks."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass
+from typing import Literal
+
+from dashpot import _core
+from dashpot.checks import is_count
+from dashpot.materials import CombinationRules
+
+_KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
+    "microsteps": "auto",
+    "max_microsteps": 64,
+    "recovery_speed": 0.1,
+    "impact": "none",
+    "rules": CombinationRules(),
+}
+
+
+@dataclass(frozen=True)
+class EngineOptions:
+    """Validated options of an engine."""
+
+    law: str
+    microsteps: int | Literal["auto"]
+    max_microsteps: int
+    recovery_speed: float
+    impact: str
+    rules: CombinationRules
+    comfree_stiffness: float | None
+    comfree_damping: float | None
+
+    def __post_init__(self) -> None:
+        laws = list(_core.Law.__members__)
+        if self.law not in laws:
+            raise ValueError(f"law is {self.law!r}; it must be one of {laws}")
+        self._check_owner()
+        for name, lowest in (("comfree_stiffness", "> 0"), ("comfree_damping", ">= 0")):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            if isinstance(value, bool) or not isinstance(value, numbers.Real):
+                raise TypeError(f"{name} is {type(value).__name__}; it must be a number")
+            number = float(value)
+            if not math.isfinite(number) or number < 0.0 or (number == 0.0 and lowest == "> 0"):
+                raise ValueError(f"{name} is {value!r}; it must be finite and {lowest}")
+        if not is_count(self.max_microsteps):
+            raise ValueError(f"max_microsteps is {self.max_microsteps!r}; it must be an int >= 1")
+        if self.microsteps != "auto" and not is_count(self.microsteps):
+            raise ValueError(f'microsteps is {self.microsteps!r}; it must be "auto" or an int >= 1')
+        if self.microsteps != "auto" and self.microsteps > self.max_microsteps:
+            raise ValueError(
+                f"microsteps is {self.microsteps}, more than max_microsteps, {self.max_microsteps}"
+            )
+        if not isinstance(self.recovery_speed, (int, float)) or not self.recovery_speed >= 0.0:
+            raise ValueError(
+                f"recovery_speed is {self.recovery_speed!r}; it must be >= 0 m/s (inf allowed)"
+            )
+        impacts = list(_core.Impact.__members__)
+        if self.impact not in impacts:
+            raise ValueError(f"impact is {self.impact!r}; it must be one of {impacts}")
+        if not isinstance(self.rules, CombinationRules):
+            raise TypeError(f"rules is {type(self.rules).__name__}; it must be CombinationRules")
+
+    def _check_owner(self) -> None:
+        """Raise ValueError for an option of another law than the one chosen."""
+        owned: dict[str, dict[str, object]] = {
+            "kelvin_voigt": _KELVIN_VOIGT_DEFAULTS,
+            "comfree": {"comfree_stiffness": None, "comfree_damping": None},
+        }
+        for owner, defaults in owned.items():
+            for name, default in defaults.items():
+                value = getattr(self, name)
+                if owner != self.law and value != default:
+                    raise ValueError(
+                        f"{name} is {value!r}, but only law {owner!r} has it; law is {self.law!r}"
+                    )
+
+    def to_core(self) -> _core.Options:
+        """Options for the C++ core."""
+        options = _core.Options()
+        options.law = _core.Law[self.law]
+        options.microsteps = 0 if self.microsteps == "auto" else self.microsteps
+        options.max_microsteps = self.max_microsteps
+        options.recovery_speed = float(self.recovery_speed)
+        options.impact = _core.Impact[self.impact]
+        options.rules = self.rules._to_core()
+        if self.comfree_stiffness is not None:
+            options.comfree_stiffness = float(self.comfree_stiffness)
+        if self.comfree_damping is not None:
+            options.comfree_damping = float(self.comfree_damping)
+        return options
