@@ -1,4 +1,4 @@
-"""Height fields in contact queries, against closed forms and brute force over all prisms."""
+"""Distances of height fields against closed forms and brute force over all prisms."""
 
 from __future__ import annotations
 
@@ -7,139 +7,29 @@ import itertools
 import mujoco
 import numpy as np
 import pytest
-from scipy.optimize import nnls
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 import dashpot
 from dashpot.query import closest, distance, time_of_impact
-
-ROWS, COLUMNS = 7, 5
-HALF_X, HALF_Y, ELEVATION, BASE = 0.3, 0.5, 0.2, 0.1
-SIZE = {
-    "sphere": (0.05,),
-    "capsule": (0.03, 0.08),
-    "cylinder": (0.05, 0.06),
-    "ellipsoid": (0.09, 0.05, 0.03),
-    "box": (0.08, 0.04, 0.05),
-}
-CONVEX = (*SIZE, "mesh")
-# Rounding of positions below 1 m through a few hundred operations.
-ROUNDING = 1e-13
-# Heights are single precision in the model; references use the same rounded heights.
-
-
-def hull_points():
-    points = np.random.default_rng(7).normal(size=(20, 3))
-    return points / np.linalg.norm(points, axis=1, keepdims=True) * (0.08, 0.06, 0.05)
-
-
-def make_model(heights, *, moving=False, pose='pos=".1 -.2 .3" euler="10 -20 30"'):
-    """Make a height field, and one free body of each convex type with a geom of that name."""
-    heights = np.asarray(heights)
-    rows, columns = heights.shape
-    vertices = " ".join(f"{x:.9g}" for x in hull_points().ravel())
-    bodies = ""
-    for kind in CONVEX:
-        size = " ".join(map(str, SIZE.get(kind, ())))
-        shape = 'type="mesh" mesh="hull"' if kind == "mesh" else f'type="{kind}" size="{size}"'
-        bodies += (
-            f'<body name="{kind}" pos="0 0 9"><freejoint/><geom name="{kind}" {shape}/></body>'
-        )
-    hills = '<geom name="hills" type="hfield" hfield="hills" density="100" {}/>'
-    world = (
-        f'<body name="hills"><freejoint/>{hills.format("")}</body>'
-        if moving
-        else hills.format(pose)
-    )
-    model = mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option gravity="0 0 0"/><asset><mesh name="hull" vertex="{vertices}"/>
-        <hfield name="hills" nrow="{rows}" ncol="{columns}"
-         size="{HALF_X} {HALF_Y} {ELEVATION} {BASE}"/></asset>
-        <worldbody>{world}{bodies}</worldbody></mujoco>"""
-    )
-    model.hfield_data[:] = heights.ravel()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    return model, data
-
-
-def rough(seed=0):
-    return np.random.default_rng(seed).random((ROWS, COLUMNS))
-
-
-def prisms(model, data):
-    """Corners (6, 3) in the world of every prism, from the definition of the height field."""
-    rows, columns = model.hfield_nrow[0], model.hfield_ncol[0]
-    half_x, half_y, elevation, base = model.hfield_size[0]
-    x, y = np.linspace(-half_x, half_x, columns), np.linspace(-half_y, half_y, rows)
-    z = elevation * model.hfield_data.astype(float).reshape(rows, columns)
-    pose = data.geom("hills")
-    found = []
-    for r, c in itertools.product(range(rows - 1), range(columns - 1)):
-        for middle in ((r, c + 1), (r + 1, c)):
-            top = [(x[j], y[i], z[i, j]) for i, j in ((r, c), middle, (r + 1, c + 1))]
-            corners = np.array([*top, *((a, b, -base) for a, b, _ in top)])
-            found.append(pose.xpos + corners @ pose.xmat.reshape(3, 3).T)
-    return found
-
-
-def place(model, data, name, position, rotation):
-    """Put a geom at a pose in the frame of the height field."""
-    hills = data.geom("hills")
-    frame = hills.xmat.reshape(3, 3)
-    index = model.geom(name).id
-    data.geom_xpos[index] = hills.xpos + frame @ position
-    data.geom_xmat[index] = (frame @ rotation).ravel()
-
-
-def random_place(model, data, rng, name, spread=0.2):
-    position = rng.normal(size=3) * spread + (0, 0, 0.15)
-    place(model, data, name, position, Rotation.random(random_state=rng).as_matrix())
-
-
-def core(model, data, kind):
-    """Corners (n, 3) of a polytope's core in the world, and the radius that sweeps it."""
-    size = SIZE.get(kind)
-    if kind == "sphere":
-        local, radius = np.zeros((1, 3)), size[0]
-    elif kind == "capsule":
-        local, radius = np.array([(0, 0, -size[1]), (0, 0, size[1])]), size[0]
-    elif kind == "box":
-        local, radius = np.array(list(itertools.product((-1, 1), repeat=3))) * size, 0.0
-    else:
-        local, radius = model.mesh_vert.astype(float), 0.0
-    pose = data.geom(kind)
-    return pose.xpos + local @ pose.xmat.reshape(3, 3).T, radius
-
-
-def support(model, data, kind, direction):
-    """Furthest point of a convex geom along a unit direction."""
-    pose = data.geom(kind)
-    rotation, size = pose.xmat.reshape(3, 3), np.array(SIZE.get(kind, ()))
-    d = rotation.T @ direction
-    if kind == "cylinder":
-        local = np.append(size[0] * d[:2] / np.hypot(*d[:2]), np.copysign(size[1], d[2]))
-    elif kind == "ellipsoid":
-        local = size**2 * d / np.linalg.norm(size * d)
-    else:
-        corners, radius = core(model, data, kind)
-        return corners[np.argmax(corners @ direction)] + radius * direction
-    return pose.xpos + rotation @ local
-
-
-def convex_distance(points):
-    """Signed distance of the origin from the convex hull of points (n, 3).
-
-    Outside: the least norm of convex combinations, by non-negative least squares with the sum of
-    the weights held at one by a heavy row. Inside: the nearest facet, by Qhull.
-    """
-    heavy = 1e3
-    system = np.vstack((points.T, np.full(len(points), heavy)))
-    weights, _ = nnls(system, np.array((0, 0, 0, heavy)))
-    outside = np.linalg.norm(weights @ points) / weights.sum()
-    # The heavy row leaves 1e-6 of the size where the origin is inside.
-    return outside if outside > 1e-5 else ConvexHull(points).equations[:, 3].max()
+from free_flight import launch
+from height_field_scenes import (
+    BASE,
+    COLUMNS,
+    ELEVATION,
+    HALF_X,
+    HALF_Y,
+    ROWS,
+    SIZE,
+    convex_distance,
+    core,
+    make_model,
+    place_on_hills,
+    prisms,
+    random_place,
+    rough,
+)
+from query_geoms import CONVEX
+from query_scenes import ROUNDING, support
 
 
 def test_surface_is_that_of_mujocos_rays():
@@ -154,7 +44,7 @@ def test_surface_is_that_of_mujocos_rays():
         surface = 1.0 - drop
         # The cone of slopes of the field bounds how far the nearest point is from below.
         for above in (0.0, 1e-3):
-            place(model, data, "sphere", (x, y, surface + above), np.eye(3))
+            place_on_hills(model, data, "sphere", (x, y, surface + above), np.eye(3))
             near = distance(model, data, "hills", "sphere").distance + SIZE["sphere"][0]
             # MuJoCo's rays compute in single precision here and there.
             assert near <= above + 1e-7
@@ -168,7 +58,7 @@ def test_flat_field_is_a_box():
     rng = np.random.default_rng(2)
     for _ in range(200):
         point = rng.uniform(-1, 1, size=3)
-        place(model, data, "sphere", point, np.eye(3))
+        place_on_hills(model, data, "sphere", point, np.eye(3))
         outside = np.maximum(np.abs(point[:2]) - (HALF_X, HALF_Y), 0.0)
         above = max(point[2] - top, -BASE - point[2], 0.0)
         gap = np.hypot(np.linalg.norm(outside), above)
@@ -177,7 +67,7 @@ def test_flat_field_is_a_box():
             assert found.distance == pytest.approx(gap - SIZE["sphere"][0], abs=ROUNDING)
     for depth in (1e-9, 1e-4, 0.02):
         # Resting on a face: the deepest prisms are those wholly beneath it.
-        place(model, data, "box", (0.01, 0.02, top + 0.05 - depth), np.eye(3))
+        place_on_hills(model, data, "box", (0.01, 0.02, top + 0.05 - depth), np.eye(3))
         found = distance(model, data, "hills", "box")
         assert found.distance == pytest.approx(-depth, abs=ROUNDING)
         up = data.geom("hills").xmat.reshape(3, 3)[:, 2]
@@ -192,10 +82,10 @@ def test_aligned_with_a_flat_field(kind, capfd):
     x, y = 2 * HALF_X / (COLUMNS - 1), 2 * HALF_Y / (ROWS - 1)
     turns = [Rotation.identity(), Rotation.from_euler("xyz", (90, 0, 45), degrees=True)]
     for turn, at in itertools.product(turns, ((0, 0), (0, 0.5 * y), (0.5 * x, 0), (x / 2, y / 2))):
-        place(model, data, kind, (*at, 0), turn.as_matrix())
+        place_on_hills(model, data, kind, (*at, 0), turn.as_matrix())
         lowest = support(model, data, kind, np.array((0, 1e-300, -1.0)))[2]
         for gap in (1.0, 1e-3, 1e-9, 1e-15, 0.0, -1e-15, -1e-9, -1e-5, -1e-3):
-            place(model, data, kind, (*at, top + gap - lowest), turn.as_matrix())
+            place_on_hills(model, data, kind, (*at, top + gap - lowest), turn.as_matrix())
             found = distance(model, data, "hills", kind)
             # Curved overlaps: to 1e-10 of the size of the pair.
             assert found.distance == pytest.approx(gap, abs=1e-10)
@@ -256,7 +146,7 @@ def test_bounds_prove_the_distance(kind):
         # No point of the geom's surface is nearer to the field: sampled points.
         for direction in rng.normal(size=(40, 3)):
             point = support(model, data, kind, direction / np.linalg.norm(direction))
-            place(model, data, "sphere", frame.T @ (point - hills.xpos), np.eye(3))
+            place_on_hills(model, data, "sphere", frame.T @ (point - hills.xpos), np.eye(3))
             near = distance(model, data, "hills", "sphere").distance + SIZE["sphere"][0]
             assert near >= found.distance - 1e-9
     assert signs == {True, False}
@@ -290,120 +180,6 @@ def test_plane_under_a_height_field():
             assert found.time == pytest.approx(lowest / 3.0, abs=1e-9)
 
 
-# --- time of impact ---
-
-
-def launch(model, data, name, position, rotation, linear=(0, 0, 0), angular=(0, 0, 0)):
-    """Set the free body of that name: pose, and velocities in the world."""
-    joint = model.body(name).jntadr[0]
-    at, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-    data.qpos[at : at + 3] = position
-    data.qpos[at + 3 : at + 7] = np.roll(rotation.as_quat(), 1)
-    data.qvel[dof : dof + 3] = linear
-    data.qvel[dof + 3 : dof + 6] = rotation.inv().apply(angular)
-    mujoco.mj_forward(model, data)
-
-
-@pytest.mark.parametrize("speed", [0.5, 100.0])
-def test_ball_onto_a_slope(speed):
-    """Heights on a plane z = a x + b: the ball meets it where its centre is a radius away."""
-    slope = np.linspace(0.0, 1.0, COLUMNS) * np.ones((ROWS, 1))
-    model, data = make_model(slope, pose="")
-    tangent = ELEVATION / (2 * HALF_X)
-    normal = np.array((-tangent, 0, 1)) / np.hypot(tangent, 1)
-    radius = SIZE["sphere"][0]
-    rng = np.random.default_rng(6)
-    horizon = 1.0 / speed
-    for _ in range(50):
-        x, y = rng.uniform(-0.2, 0.2), rng.uniform(-0.4, 0.4)
-        foot = np.array((x, y, ELEVATION * (x + HALF_X) / (2 * HALF_X)))
-        velocity = np.array((*rng.normal(size=2) * 0.2, -1.0)) * speed
-        time = rng.uniform(0.1, 0.9) * horizon
-        start = foot + radius * normal - velocity * time
-        launch(model, data, "sphere", start, Rotation.identity(), velocity, rng.normal(size=3) * 50)
-        found = time_of_impact(model, data, "hills", "sphere", horizon=horizon)
-        # Heights in single precision: 1e-8 m, at a closing speed above half the speed.
-        assert found.hit
-        assert found.time == pytest.approx(time, abs=4e-8 / speed)
-        np.testing.assert_allclose(found.normal, normal, atol=1e-6)
-        receding = time_of_impact(model, data, "sphere", "hills", horizon=0.5 * time)
-        assert (receding.hit, receding.time) == (False, 0.5 * time)
-        assert receding.distance > 0.0
-
-
-@pytest.mark.parametrize("kind", CONVEX)
-@pytest.mark.parametrize("moving", [False, True])
-def test_tumbling_bodies_onto_hills(kind, moving):
-    """Against the distance along the motion: positive before, zero at the time of impact."""
-    model, data = make_model(rough(4), moving=moving)
-    moved = mujoco.MjData(model)
-    rng = np.random.default_rng([8, CONVEX.index(kind), moving])
-    horizon = 0.1
-    hits = 0
-    for _ in range(8):
-        turn = Rotation.random(random_state=rng)
-        centre = np.array((0.1, -0.2, 0.3)) * (not moving)
-        aim = centre + np.append(rng.uniform(-0.25, 0.25, size=2), 0.5)
-        linear = np.append(rng.normal(size=2), rng.uniform(-9, -4))
-        launch(model, data, kind, aim, turn, linear, rng.normal(size=3) * 30)
-        bodies = [kind]
-        if moving:
-            bodies.append("hills")
-            tilt = Rotation.from_rotvec(rng.normal(size=3) * 0.3)
-            spin = rng.normal(size=3) * 2
-            launch(model, data, "hills", (0, 0, 0), tilt, rng.normal(size=3) * 0.5, spin)
-        motion = {}
-        for name in bodies:
-            body = model.body(name).id
-            velocity = np.zeros(6)
-            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
-            motion[name] = (data.xipos[body].copy(), velocity[3:], velocity[:3])
-
-        def gap(time, motion=motion):
-            moved.geom_xpos[:], moved.geom_xmat[:] = data.geom_xpos, data.geom_xmat
-            for name, (middle, linear, angular) in motion.items():
-                turn = Rotation.from_rotvec(angular * time)
-                index = model.geom(name).id
-                moved.geom_xpos[index] = (
-                    middle + linear * time + turn.apply(data.geom_xpos[index] - middle)
-                )
-                rotation = turn.as_matrix() @ data.geom_xmat[index].reshape(3, 3)
-                moved.geom_xmat[index] = rotation.ravel()
-            return distance(model, moved, "hills", kind).distance
-
-        found = time_of_impact(model, data, "hills", kind, horizon=horizon)
-        before = [gap(t) for t in np.linspace(0, found.time, 60)]
-        assert min(before[:-1]) > 0.0  # never late
-        if found.hit:
-            hits += 1
-            assert gap(found.time) < 1e-8  # never early by more than the clearance
-            assert found.distance == pytest.approx(gap(found.time), abs=1e-9)
-        else:
-            assert found.time == horizon
-            assert found.distance == pytest.approx(before[-1], abs=1e-12)
-    assert hits >= 4
-
-
-def test_flight_over_and_past_the_field_does_not_hit():
-    model, data = make_model(rough(), pose="")
-    still = Rotation.identity()
-    launch(model, data, "box", (-5, 0, ELEVATION + 0.2), still, (100, 0, 0), (0, 0, 50))
-    assert not time_of_impact(model, data, "hills", "box", horizon=1.0).hit
-    launch(model, data, "box", (-5, 2 * HALF_Y, 0), still, (100, 0, 0))
-    away = time_of_impact(model, data, "hills", "box", horizon=1e4)
-    assert (away.hit, away.time) == (False, 1e4)
-    launch(model, data, "box", (0, 0, 1), still)
-    rest = time_of_impact(model, data, "hills", "box", horizon=1.0)
-    assert (rest.hit, rest.distance) == (False, distance(model, data, "hills", "box").distance)
-    launch(model, data, "box", (0, 0, 0), still, (0, 0, 9))
-    overlapping = time_of_impact(model, data, "hills", "box", horizon=1.0)
-    assert (overlapping.hit, overlapping.time) == (True, 0.0)
-    assert overlapping.distance == distance(model, data, "hills", "box").distance
-
-
-# --- callers ---
-
-
 def test_closest_and_distances():
     model, _ = make_model(rough())
     rng = np.random.default_rng(11)
@@ -426,7 +202,7 @@ def test_closest_and_distances():
 def test_heights_that_are_not_finite_are_named():
     heights = rough()
     model, data = make_model(heights, pose="")
-    place(model, data, "sphere", (0, 0, 0.5), np.eye(3))
+    place_on_hills(model, data, "sphere", (0, 0, 0.5), np.eye(3))
     model.hfield_data[3 * COLUMNS + 2] = np.nan
     with pytest.raises(ValueError, match="geom 'hills': the height of row 3, column 2 is nan"):
         distance(model, data, "hills", "sphere")
@@ -438,7 +214,7 @@ def test_contacts_filtered_by_height_field():
     engine = dashpot.Engine(model)
     data = engine.make_data()
     data.qpos[:] = model.qpos0
-    launch(engine.model, data, "box", (0, 0, 0.1 + 0.05), Rotation.identity())
+    launch(engine.model, data, "box", (0, 0, 0.1 + 0.05))
     engine.step(data, nstep=50)
     on_hills = engine.contacts(data, geom="hills")
     assert len(on_hills) > 0
@@ -447,22 +223,3 @@ def test_contacts_filtered_by_height_field():
     weight = engine.model.body_mass[engine.model.body("box").id] * 9.81
     # Forces point along normals that are all vertical on a flat field, and have settled.
     assert abs(between.force[:, 0].sum()) == pytest.approx(weight, rel=1e-3)
-
-
-def test_fast_ball_does_not_pass_a_thin_height_field():
-    """`impact="cut"` looks at height fields too."""
-    model = mujoco.MjModel.from_xml_string(
-        """<mujoco><option gravity="0 0 0" timestep="0.005"/><asset>
-        <hfield name="sheet" nrow="5" ncol="5" size="1 1 0.01 0.002"/></asset><worldbody>
-        <geom name="sheet" type="hfield" hfield="sheet"/>
-        <body><freejoint/><geom name="ball" size="0.01"/></body></worldbody></mujoco>"""
-    )
-    engine = dashpot.Engine(model, impact="cut")
-    rng = np.random.default_rng(12)
-    for _ in range(20):
-        data = engine.make_data()
-        data.qpos[:3] = *rng.uniform(-0.5, 0.5, size=2), rng.uniform(0.1, 0.5)
-        data.qvel[:3] = *rng.normal(size=2) * 10, -rng.uniform(20, 200)
-        engine.step(data, nstep=10)
-        assert data.qpos[2] > 0.0
-        assert data.qvel[2] >= -1e-6
