@@ -1,11 +1,4 @@
-"""The closed-form flow of one contact against 60-digit references, closed forms and its laws.
-
-Errors are relative to the natural magnitude of each quantity over the interval: the speed that
-start, load and stored compression can reach, and the compression, force and impulse that follow
-from it. An impulse that comes late or is a small remainder of large terms is only defined to
-rounding of those magnitudes, because the inputs are. A contact that holds throughout is measured
-by its own amplitude, however long it lasts.
-"""
+"""The closed-form flow of one contact against 60-digit references and closed forms."""
 
 from __future__ import annotations
 
@@ -13,42 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 import kelvin_voigt_reference
 from dashpot import law
-
-TOLERANCE = 1e-11  # what the engine's targets need; measured errors are given in the tests
-
-
-def scales(k, d, w, g, u, b, time, *, held=False):
-    """Return natural magnitudes (impulse, moment, gap, rate, force) over the interval."""
-    frequency = math.sqrt(w * k)
-    within = time if frequency * time < 1.0 else 1.0 / frequency
-    stored = frequency * max(0.0, -g)
-    unsupported = abs(u) + abs(b) * time + stored
-    speed = abs(u) + abs(b) * within + stored if held else unsupported
-    depth = max(0.0, -g) + speed * within
-    force = k * depth + d * speed
-    impulse = min(force * time, unsupported / w)
-    return impulse, impulse * time, depth if held else abs(g) + speed * time, speed, force
-
-
-def flow(k, d, w, g, u, b, time):
-    return law.flow_contact(g, u, b, time, stiffness=k, damping=d, inverse_mass=w)
-
-
-def natural_errors(case):
-    """Return the errors of (impulse, moment, gap, rate, force) in units of `scales`."""
-    result, exact = flow(*case), kelvin_voigt_reference.flow(*case)
-    natural = scales(*case, held=exact.events == 0 and exact.force > 0)
-    return [
-        float(abs(mpf(float(value)) - reference)) / scale if scale > 0.0 else 0.0
-        for value, reference, scale in zip(result[:5], exact[:5], natural, strict=True)
-    ]
-
+from kelvin_voigt_errors import TOLERANCE, flow, natural_errors, scales
 
 # --- every regime against the reference -------------------------------------------------------
 
@@ -322,181 +284,6 @@ def test_bouncing_to_rest_ends():
     assert result.events < 20
     assert result.gap == pytest.approx(-g / k, rel=1e-11)
     assert result.force == pytest.approx(g, rel=1e-11)
-
-
-# --- laws that hold for every contact -------------------------------------------------------------
-
-# Zero, or of either sign and of any size that matters beside 1.
-signed = st.one_of(
-    st.just(0.0),
-    st.floats(-1.0, 1.0).filter(lambda x: abs(x) > 1e-3),
-    st.builds(lambda sign, e: sign * 10**e, st.sampled_from([-1.0, 1.0]), st.floats(-17, 0)),
-)
-
-
-@st.composite
-def contacts(draw_value):
-    """Contacts with w k h^2 from 1e-12 to 1e8, damping ratio 0 to 20, any state and load."""
-    phase = 10 ** draw_value(st.floats(-6, 4))
-    time = 10 ** draw_value(st.floats(-4, 1))
-    w = 10 ** draw_value(st.floats(-3, 3))
-    zeta = draw_value(
-        st.one_of(st.sampled_from([0.0, 1.0 - 1e-9, 1.0, 1.0 + 1e-9, 20.0]), st.floats(0.0, 20.0))
-    )
-    omega = phase / time
-    v = 10 ** draw_value(st.floats(-3, 1))
-    length = v * draw_value(st.sampled_from([time, 1 / omega]))
-    # Loads of the scale of the interval or of the contact, without too many bounces to reference.
-    acceleration = v * draw_value(st.sampled_from([1 / time, min(omega, 100 / time)]))
-    return (
-        omega**2 / w,
-        2 * zeta * omega / w,
-        w,
-        length * draw_value(signed),
-        v * draw_value(signed),
-        acceleration * draw_value(signed),
-        time,
-    )
-
-
-every_contact = settings(max_examples=400, deadline=None)
-
-
-@every_contact
-@given(contacts())
-def test_every_contact_matches_reference_or_its_conditioning(case):
-    # Just at grazing the speed of onset varies as the square root of the gap, so that the inputs
-    # themselves, 1 ulp apart, have results further apart than any tolerance.
-    errors = natural_errors(case)
-    if max(errors) > TOLERANCE:
-        spread = conditioning(case)
-        assert all(e <= TOLERANCE + 10 * s for e, s in zip(errors, spread, strict=True)), errors
-
-
-def conditioning(case):
-    """Change of the exact result, in natural units, under rounding of the initial state."""
-    k, d, w, g, u, b, time = case
-    centre = kelvin_voigt_reference.flow(*case)
-    natural = scales(*case, held=centre.events == 0 and centre.force > 0)
-    spread = [0.0] * 5
-    for sign in (-1.0, 1.0):
-        for dg, du in ((4e-16 * natural[2], 0.0), (0.0, 4e-16 * natural[3])):
-            moved = kelvin_voigt_reference.flow(k, d, w, g + sign * dg, u + sign * du, b, time)
-            for i in range(5):
-                if natural[i] > 0.0:
-                    change = float(abs(moved[i] - centre[i])) / natural[i]
-                    spread[i] = max(spread[i], change)
-    return spread
-
-
-@every_contact
-@given(contacts(), st.floats(0.0, 1.0))
-def test_flow_over_two_parts_equals_flow_over_the_whole(case, fraction):
-    *state, time = case
-    whole = flow(*case)
-    first = flow(*state, fraction * time)
-    second = flow(*case[:3], float(first.gap), float(first.rate), case[5], (1 - fraction) * time)
-    parts = [
-        first.impulse + second.impulse,
-        first.moment + first.impulse * (1 - fraction) * time + second.moment,
-        second.gap,
-        second.rate,
-    ]
-    errors = [
-        abs(a - b) / s if s > 0.0 else 0.0
-        for a, b, s in zip(parts, whole[:4], scales(*case), strict=False)
-    ]
-    if max(errors) > TOLERANCE:
-        spread = conditioning(case)
-        assert all(e <= TOLERANCE + 10 * s for e, s in zip(errors, spread, strict=False)), errors
-
-
-@every_contact
-@given(contacts(), st.floats(0.0, 1.0))
-def test_contact_never_pulls(case, fraction):
-    *state, time = case
-    whole, part = flow(*case), flow(*state, fraction * time)
-    assert whole.impulse >= 0.0
-    assert whole.force >= 0.0
-    # 0 <= r <= p t, and the impulse only grows: to rounding of the natural impulse.
-    impulse, moment, *_ = scales(*case)
-    assert 0.0 <= whole.moment <= whole.impulse * time + 1e-14 * moment
-    assert whole.impulse >= part.impulse - 1e-13 * impulse
-    if not whole.touched:
-        assert (whole.impulse, whole.moment, whole.force, whole.events) == (0.0, 0.0, 0.0, 0)
-
-
-@every_contact
-@given(contacts())
-def test_contact_creates_no_energy(case):
-    k, _, w, g, u, b, _ = case
-    result = flow(*case)
-
-    def energy(gap, rate):
-        return 0.5 * rate**2 / w + 0.5 * k * min(gap, 0.0) ** 2
-
-    work = b / w * (result.gap - g)
-    _, _, length, speed, _ = scales(*case)
-    size = 0.5 * speed**2 / w + abs(b) / w * length
-    gain = energy(result.gap, result.rate) - energy(g, u) - work
-    # Rounding; the phase omega t contributes up to 1e-12 of a cycle at 1e4.
-    assert gain <= TOLERANCE * size
-
-
-@every_contact
-@given(contacts())
-def test_impulse_is_the_change_of_momentum(case):
-    _, _, w, g, u, b, time = case
-    result = flow(*case)
-    _, _, length, speed, _ = scales(*case)
-    assert result.rate == pytest.approx(u + b * time + w * result.impulse, abs=1e-13 * speed)
-    moved = g + u * time + 0.5 * b * time**2 + w * result.moment
-    assert result.gap == pytest.approx(moved, abs=1e-13 * length)
-
-
-@every_contact
-@given(contacts(), st.integers(-20, 20))
-def test_flow_is_homogeneous_in_the_state(case, power):
-    # Scaling by a power of two is exact in floating point, so that every bit has to agree.
-    k, d, w, g, u, b, time = case
-    factor = 2.0**power
-    plain, scaled = flow(*case), flow(k, d, w, factor * g, factor * u, factor * b, time)
-    assert all(s == factor * p for s, p in zip(scaled[:5], plain[:5], strict=True))
-    assert scaled.events == plain.events
-
-
-@every_contact
-@given(contacts(), st.integers(-20, 20))
-def test_flow_scales_with_mass(case, power):
-    k, d, w, *rest = case
-    factor = 2.0**power
-    plain, heavy = flow(*case), flow(k * factor, d * factor, w / factor, *rest)
-    assert heavy.impulse == factor * plain.impulse
-    assert heavy.force == factor * plain.force
-    assert (heavy.gap, heavy.rate, heavy.events) == (plain.gap, plain.rate, plain.events)
-
-
-@every_contact
-@given(contacts())
-def test_events_are_bounded(case):
-    k, _, w, *_, time = case
-    assert flow(*case).events <= 3 * (712 + 0.5 * math.sqrt(w * k) * time)
-
-
-@given(contacts(), st.floats(0.0, 1.0))
-@settings(max_examples=100, deadline=None)
-def test_undamped_flow_runs_backwards(case, fraction):
-    # Reversing time after an undamped flow returns to the start.
-    k, _, w, g, u, b, time = case
-    time *= fraction
-    forth = flow(k, 0.0, w, g, u, b, time)
-    back = flow(k, 0.0, w, float(forth.gap), -float(forth.rate), b, time)
-    here = (k, 0.0, w, g, u, b, time)
-    _, _, length, speed, _ = scales(*here)
-    errors = [abs(back.gap - g) / max(length, 1e-300), abs(back.rate + u) / max(speed, 1e-300)]
-    if max(errors) > 10 * TOLERANCE:
-        # Many bounces amplify rounding; so they do in the exact flow.
-        assert max(errors) <= 10 * TOLERANCE + 100 * max(conditioning(here))
 
 
 # --- arrays and bad input -------------------------------------------------------------------------

@@ -1,0 +1,151 @@
+"""Calibration: intervals, and what the data identify."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+from scipy import stats
+
+import dashpot
+from ball_throws import FALL, IDENTITY, SIDEWAYS, ball_engine, ball_parameters, observe
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate.identifiability import judge
+from dashpot.calibrate.intervals import covariance
+
+
+def test_covariance_of_a_straight_line_is_the_closed_form():
+    rng = np.random.default_rng(2)
+    x = rng.uniform(0.0, 3.0, 40)
+    y = 1.0 + 2.0 * x + 0.1 * rng.normal(size=40)
+    design = np.stack([np.ones(40), x], axis=1)
+    estimate = np.linalg.lstsq(design, y, rcond=None)[0]
+    residuals = design @ estimate - y
+    result = covariance(design, residuals)
+    s2 = residuals @ residuals / 38
+    sxx = np.sum((x - x.mean()) ** 2)
+    expected = np.sqrt([s2 * (1 / 40 + x.mean() ** 2 / sxx), s2 / sxx])
+    np.testing.assert_allclose(result.standard_error, expected, rtol=1e-12)
+    correlation = -x.mean() / np.sqrt(np.mean(x**2))
+    assert result.correlation[0, 1] == pytest.approx(correlation, rel=1e-12)
+    factor = stats.t.ppf(0.975, 38)
+    np.testing.assert_allclose(result.half_width(0.95), factor * expected, rtol=1e-12)
+
+
+def test_clustered_covariance_of_a_mean_is_that_of_cluster_means():
+    """With equal clusters the standard error of a mean is that of the cluster means."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(size=(12, 1)) + 0.1 * rng.normal(size=(12, 5))
+    residuals = (values.mean() - values).ravel()
+    offsets = 5 * np.arange(13)
+    result = covariance(np.ones((60, 1)), residuals, offsets=offsets)
+    expected = values.mean(axis=1).std(ddof=1) / np.sqrt(12)
+    assert result.standard_error[0] == pytest.approx(expected, rel=1e-12)
+    assert result.degrees_of_freedom == 11
+    # Treating the residuals as independent would claim about sqrt(5) times too much.
+    assert covariance(np.ones((60, 1)), residuals).standard_error[0] < 0.6 * expected
+
+
+def test_undetermined_directions_have_infinite_variance():
+    rng = np.random.default_rng(4)
+    a, b = rng.normal(size=(2, 20))
+    jacobian = np.stack([a, b, b, np.zeros(20)], axis=1)
+    error = covariance(jacobian, rng.normal(size=20)).standard_error
+    assert np.isfinite(error).tolist() == [True, False, False, False]
+
+
+def test_interval_of_a_linear_problem_is_the_closed_form():
+    """Sideways gravity: positions are linear in it, so the whole fit has a closed form."""
+    model = mujoco.MjModel.from_xml_string(FALL)
+    rng = np.random.default_rng(5)
+    n, true, sigma = 50, 0.7, 1e-3
+    k = np.arange(n)
+    sensitivity = 0.01**2 * k * (k + 1) / 2  # semi-implicit Euler from rest
+    position = np.zeros((n, 3))
+    position[:, 0] = true * sensitivity
+    position[:, 2] = 1.0 - 9.81 * sensitivity
+    position += sigma * rng.normal(size=(n, 3))
+    trajectory = Trajectory(
+        "fall", 0.01 * k, position, np.tile(IDENTITY, (n, 1)), ("body",),
+        initial_qpos=[0, 0, 1, *IDENTITY], initial_qvel=np.zeros(6),
+    )  # fmt: skip
+
+    def sideways(system, value):
+        system.opt.gravity[0] = value
+
+    parameter = Parameter(
+        "gravity", start=-1.0, bounds=(-3.0, 3.0), transform="linear", apply=sideways
+    )
+    result = fit(Problem(model, [parameter], [trajectory], sigma, 1.0))
+    a, x = sensitivity / sigma, position[:, 0] / sigma
+    estimate = a @ x / (a @ a)
+    residuals = np.concatenate(
+        [a * estimate - x, position[:, 1] / sigma,
+         (position[:, 2] - 1.0 + 9.81 * sensitivity) / sigma, np.zeros(3 * n)]
+    )  # fmt: skip
+    degrees = 6 * n - 1
+    error = np.sqrt(residuals @ residuals / degrees / (a @ a))
+    half = stats.t.ppf(0.975, degrees) * error
+    # The problem is linear: only rounding and the optimiser's tolerance (1e-8) remain.
+    assert result["gravity"].value == pytest.approx(estimate, rel=1e-7)
+    assert result["gravity"].standard_error == pytest.approx(error, rel=1e-7)
+    assert result["gravity"].upper - result["gravity"].value == pytest.approx(half, rel=1e-6)
+    assert result["gravity"].identified
+    assert result.cost == pytest.approx(0.5 * residuals @ residuals, rel=1e-9)
+
+
+def statement(z, half_width, transform="log", correlation=(1.0, 0.0), standard_error=None):
+    parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0), transform=transform)
+    error = half_width / 1.96 if standard_error is None else standard_error
+    return judge(parameter, z, error, half_width, np.array(correlation), ("k", "d"), 0.95)
+
+
+def test_statements():
+    good = statement(math.log(30.0), 0.01)
+    assert good.identified
+    assert good.statement.startswith("identified: 95% interval 29.7 to 30.3")
+    assert (good.lower, good.upper) == pytest.approx((30 * math.exp(-0.01), 30 * math.exp(0.01)))
+    for estimate, reason in (
+        (statement(math.log(30.0), 0.7), "more than a factor of 4"),
+        (statement(math.log(30.0), 4.0), "covers 100% of the allowed range"),
+        (statement(math.log(1.0), 0.01), "lies at its lower bound 1"),
+        (statement(math.log(1000.0), 0.01), "lies at its upper bound 1000"),
+        (statement(0.5, 0.3, transform="linear"), "covers 60% of the allowed range"),
+        (statement(1.0, math.inf, standard_error=math.inf), "does not depend on it"),
+    ):
+        assert not estimate.identified
+        assert reason in estimate.statement
+        assert 1.0 <= estimate.lower <= estimate.value <= estimate.upper <= 1000.0
+    both = statement(math.log(30.0), 0.01, correlation=(1.0, -0.97))
+    assert both.identified
+    assert "correlated -0.97 with d" in both.statement
+
+
+def test_an_inert_parameter_is_not_identified():
+    """Torsional friction of a sphere with condim 3 has no effect on anything."""
+    engine = ball_engine()
+    trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(6))
+    inert = Parameter.material("ball", "torsional_friction", start=0.01, bounds=(1e-4, 1.0))
+    result = fit(Problem(engine, [*ball_parameters(), inert], [trajectory], 1e-4, 1e-3))
+    assert not result["torsional_friction"].identified
+    assert "does not depend on it" in result["torsional_friction"].statement
+    assert (result["torsional_friction"].lower, result["torsional_friction"].upper) == (1e-4, 1.0)
+    for name in ("stiffness", "damping", "sliding_friction"):
+        assert result[name].identified
+
+
+def test_two_parameters_of_one_effect_are_not_identified():
+    """Two springs in series: only the sum of the compliances is seen."""
+    engine = ball_engine(2e4)
+    engine.set_material("floor", dashpot.Material(2e4, damping=0.0, friction=0.0))
+    rules = [("ball", "ball stiffness"), ("floor", "floor stiffness")]
+    parameters = [
+        Parameter.material(geom, "stiffness", start=1e4, bounds=(1e3, 1e6), name=name)
+        for geom, name in rules
+    ]
+    for geom in ("ball", "floor"):
+        engine.set_material(geom, replace(engine.material(geom), damping=None, restitution=0.8))
+    trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(7))
+    result = fit(Problem(engine, parameters, [trajectory], 1e-4, 1e-3))
+    assert not any(estimate.identified for estimate in result.estimates)

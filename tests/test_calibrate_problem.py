@@ -1,0 +1,211 @@
+"""Calibration: trajectories, parameters, problems and what they refuse."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from ball_throws import BALL, IDENTITY, ball_engine, ball_parameters, make_trajectory
+from dashpot.calibrate import Parameter, Problem
+from dashpot.calibrate.transforms import Transform
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"time": [0.0, 0.01, 0.01, 0.02, 0.03]}, r"time\[2\]"),
+        ({"time": [0.0, 0.01, 0.03, 0.02, 0.04]}, r"time\[3\] .* follows time\[2\]"),
+        ({"time": [0.0, 0.01, 0.02, 0.04, 0.05]}, r"gap of 0.02 s before time\[3\]"),
+        ({"time": [0.0, 0.01, 0.02, 0.025, 0.035]}, r"short interval of 0.005 s before time\[3\]"),
+        ({"time": [0.0, 0.01, math.nan, 0.03, 0.04]}, r"time\[2\] is nan"),
+        ({"time": [0.0]}, "n >= 2"),
+        ({"position": np.zeros((4, 3))}, r"position must be \(5, 1, 3\)"),
+        ({"quaternion": np.tile(IDENTITY, (5, 2, 1))}, r"quaternion must be \(5, 1, 4\)"),
+        ({"quaternion": np.full((5, 4), 0.4)}, "quaternion of frame 0, body 'body' has norm 0.8"),
+        ({"bodies": ("body", "body")}, "bodies"),
+        ({"initial_qvel": [0.0, math.inf]}, r"initial_qvel\[1\] is inf"),
+        ({"initial_qpos": np.zeros((2, 2))}, "initial_qpos must be 1-D"),
+        ({"control": np.zeros((5, 1))}, "4 frame intervals, got 5"),
+    ],
+)
+def test_bad_trajectory_is_named(changes, message):
+    with pytest.raises(ValueError, match=rf"trajectory 'throw 7'.*{message}"):
+        make_trajectory(**changes)
+
+
+def test_nan_in_a_pose_is_located():
+    position = np.zeros((5, 3))
+    position[3, 1] = math.nan
+    with pytest.raises(ValueError, match=r"trajectory 'throw 7': position\[3, 1\] is nan"):
+        make_trajectory(position=position)
+
+
+def test_trajectory_keeps_its_own_data():
+    position = np.zeros((5, 3))
+    trajectory = make_trajectory(position=position)
+    position[0, 0] = 1.0
+    assert trajectory.position[0, 0, 0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        trajectory.position[0, 0, 0] = 2.0
+
+
+def test_head_keeps_the_frames_of_a_window():
+    assert make_trajectory(control=np.zeros((4, 1))).head(0.02).frames == 3
+    assert make_trajectory().head(1e-6).frames == 2
+    assert make_trajectory().head(1.0).frames == 5
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"start": 0.5}, "start must lie between"),
+        ({"start": math.nan}, "start must lie between"),
+        ({"bounds": (2.0, 1.0)}, "bounds must be finite and ascend"),
+        ({"bounds": (0.0, 10.0)}, "the log transform needs bounds > 0"),
+        ({"bounds": (1.0, math.inf)}, "bounds must be finite"),
+        ({"transform": "sqrt"}, "transform must be one of"),
+        ({"difference": 0.0}, "difference"),
+    ],
+)
+def test_bad_parameter_is_named(changes, message):
+    with pytest.raises(ValueError, match=f"parameter 'mass': {message}"):
+        Parameter(**{"name": "mass", "start": 2.0, "bounds": (1.0, 10.0), **changes})
+
+
+def test_unknown_names_list_near_matches():
+    with pytest.raises(ValueError, match=r"unknown material quantity 'stifness'.*near: stiffness"):
+        Parameter.material("ball", "stifness", start=1.0, bounds=(0.1, 2.0))
+    for parameter, near in (
+        (Parameter.material("bal", "stiffness", start=1e4, bounds=(1e2, 1e6)), "ball"),
+        (Parameter.model("body_mass", "bodi", start=1.0, bounds=(0.1, 2.0)), "body"),
+        (Parameter.model("body_masss", "body", start=1.0, bounds=(0.1, 2.0)), "body_mass"),
+    ):
+        with pytest.raises(ValueError, match=rf"parameter '{parameter.name}' = .*near.*{near}"):
+            Problem(ball_engine(), [parameter], [make_trajectory()], 1e-3, 1e-2)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        (
+            {"trajectories": [make_trajectory(bodies=("bod",))]},
+            "trajectory 'throw 7': .* no body 'bod'",
+        ),
+        (
+            {"trajectories": [make_trajectory(), make_trajectory()]},
+            "two trajectory entries are named 'throw 7'",
+        ),
+        ({"trajectories": []}, "at least one trajectory"),
+        ({"parameters": []}, "at least one parameter"),
+        ({"parameters": ball_parameters()[:1] * 2}, "two parameter entries .* 'stiffness'"),
+        ({"trajectories": [make_trajectory(initial_qvel=None)]}, "'throw 7' has no initial_qvel"),
+        (
+            {"trajectories": [make_trajectory(initial_qvel=np.zeros(5))]},
+            r"initial_qvel must be \(6,\)",
+        ),
+        (
+            {"trajectories": [make_trajectory(initial_qpos=np.zeros(6))]},
+            r"initial_qpos must be \(7,\)",
+        ),
+        (
+            {"trajectories": [make_trajectory(control=np.zeros((4, 1)))]},
+            "control must have 0 columns",
+        ),
+        ({"position_sigma": 0.0}, "position_sigma"),
+        ({"rotation_sigma": math.nan}, "rotation_sigma"),
+        ({"substeps": 0}, "substeps"),
+        ({"window": -1.0}, "window"),
+        ({"initial_state": "guess"}, "initial_state"),
+    ],
+)
+def test_bad_problem_names_its_culprit(changes, message):
+    fields = {
+        "system": ball_engine(),
+        "parameters": ball_parameters(),
+        "trajectories": [make_trajectory()],
+        "position_sigma": 1e-3,
+        "rotation_sigma": 1e-2,
+    }
+    with pytest.raises(ValueError, match=message):
+        Problem(**{**fields, **changes})
+
+
+def test_a_material_cannot_be_varied_in_a_mujoco_model():
+    model = mujoco.MjModel.from_xml_string(BALL)
+    with pytest.raises(TypeError, match=r"parameter 'stiffness' = .*dashpot\.Engine"):
+        Problem(model, ball_parameters()[:1], [make_trajectory()], 1e-3, 1e-2)
+
+
+def test_building_a_candidate_leaves_the_engine_alone():
+    engine = ball_engine()
+    problem = Problem(engine, ball_parameters(), [make_trajectory()], 1e-3, 1e-2)
+    built = problem.build({"stiffness": 5e4, "damping": 7.0, "sliding_friction": 0.9})
+    assert built.material("ball").stiffness == 5e4
+    assert built.material("ball").damping == 7.0
+    # Torsional and rolling friction stay as the MJCF has them.
+    assert built.material("ball").friction == (0.9, 0.005, 0.0001)
+    assert engine.material("ball") == dashpot.Material(1e4, damping=20.0, friction=0.3)
+    with pytest.raises(ValueError, match="exactly stiffness, damping, sliding_friction"):
+        problem.build({"stiffness": 5e4})
+
+
+def test_one_form_of_damping_replaces_another():
+    parameter = Parameter.pair("ball", "floor", "restitution", start=0.5, bounds=(0.0, 1.0))
+    engine = ball_engine()
+    engine.set_pair_material("ball", "floor", dashpot.Material(1e4, damping=3.0))
+    built = Problem(engine, [parameter], [make_trajectory()], 1e-3, 1e-2).build(
+        {"restitution": 0.7}
+    )
+    material = built.pair_material("ball", "floor")
+    assert (material.damping, material.damping_ratio, material.restitution) == (None, None, 0.7)
+    assert material.stiffness == 1e4
+
+
+def test_model_properties_bring_derived_constants_along():
+    parameters = [
+        Parameter.model("body_mass", "body", start=2.0, bounds=(0.1, 10.0)),
+        Parameter.model("geom_size", "ball", index=0, start=0.2, bounds=(0.01, 1.0)),
+        Parameter.model(
+            "body_ipos", "body", index=2, start=0.01, bounds=(-0.1, 0.1), transform="linear"
+        ),
+    ]
+    compiled_simple = mujoco.MjModel.from_xml_string(BALL)
+    with pytest.raises(ValueError, match=r"does not take the values of .*body_ipos.*simple"):
+        Problem(compiled_simple, parameters, [make_trajectory()], 1e-3, 1e-2)
+    model = mujoco.MjModel.from_xml_string(BALL.replace("<body ", '<body simple="false" '))
+    built = Problem(model, parameters, [make_trajectory()], 1e-3, 1e-2).build(
+        {"body_mass": 3.0, "geom_size": 0.25, "body_ipos": 0.02}
+    )
+    assert built.body_subtreemass[0] == 3.0
+    assert built.geom_rbound[1] == 0.25
+    assert built.body_ipos[1].tolist() == [0.0, 0.0, 0.02]
+    assert model.body_mass[1] == 1.0
+
+
+def test_geom_size_equals_a_compiled_model():
+    """The extent that is set for a varied box is what the compiler derives."""
+    xml = BALL.replace('size="0.1"', 'type="box" size="{}"')
+    parameter = Parameter.model("geom_size", "ball", start=0.2, bounds=(0.01, 1.0))
+    model = mujoco.MjModel.from_xml_string(xml.format("0.1 0.1 0.1"))
+    built = Problem(model, [parameter], [make_trajectory()], 1e-3, 1e-2).build({"geom_size": 0.3})
+    compiled = mujoco.MjModel.from_xml_string(xml.format("0.3 0.3 0.3"))
+    np.testing.assert_allclose(built.geom_rbound, compiled.geom_rbound, rtol=1e-15)
+    np.testing.assert_allclose(built.geom_aabb, compiled.geom_aabb, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "transform",
+    [Transform("log", 0.1, 1e4), Transform("linear", -2.0, 3.0), Transform("logit", 0.0, 1.0)],
+)
+def test_transforms_invert_and_have_their_slope(transform):
+    for share in (0.02, 0.3, 0.5, 0.98):
+        x = transform.lower + share * (transform.upper - transform.lower)
+        z = transform.to_search(x)
+        assert transform.to_value(z) == pytest.approx(x, rel=1e-13)
+        h = 1e-5  # central difference: error h^2 relative
+        slope = (transform.to_value(z + h) - transform.to_value(z - h)) / (2 * h)
+        assert transform.slope(z) == pytest.approx(slope, rel=1e-6)
+    assert transform.to_value(1e3) == transform.upper
+    assert transform.to_value(-1e3) == transform.lower
