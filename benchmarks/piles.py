@@ -7,7 +7,7 @@ import dataclasses
 import mujoco
 import numpy as np
 
-from scenes import Array, Run, Scene, free_body, mjcf
+from scene import Array, Run, Scene, free_body, mjcf
 
 DENSITY = 1000.0
 

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from scenes import free_body
+from scene import free_body
 
 CONVEX = ("sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh")
 SIZE = {

@@ -9,7 +9,7 @@ import numpy as np
 
 import dashpot
 from piles import random_quat
-from scenes import free_body, mjcf
+from scene import free_body, mjcf
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,8 @@ from rich.console import Console
 from rich.table import Table
 
 from piles import BINS, balls_666, many_body, pile
-from scenes import Scene, few_body, gripper, slope, spin, wall_press
+from scene import Scene
+from scenes import few_body, gripper, slope, spin, wall_press
 from simulate import MUJOCO, SETTINGS, measure
 from speed import as_rows, summary, time_bin
 

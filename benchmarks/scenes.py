@@ -1,120 +1,16 @@
-"""Scenes with a known answer: declarative, engine independent.
-
-A scene is an MJCF string, an initial state, contact materials, what drives it, and a function
-that turns the recorded motion into named numbers. Each number has a target; the number is an
-error or a bound, so smaller is better. Stepping lives in `simulate`.
-"""
+"""Few-body scenes with a known answer."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from math import cos, radians, sin
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dashpot import Material
-
-GRAVITY = 9.81
-Array = NDArray[np.float64]
-Change = Callable[[mujoco.MjModel, mujoco.MjData], None]
-
-
-@dataclass(frozen=True)
-class Run:
-    """Recorded motion: `time` (T,), `qpos` (T, nq), `qvel` (T, nv), one row per sample.
-
-    `penetration` (T, 3) holds the sum of squares (m^2), the sum (m) and the largest (m) of the
-    geometric overlaps, `touching` (T,) how many contacts overlap; both are empty unless the scene
-    asks for them.
-    """
-
-    model: mujoco.MjModel
-    time: Array
-    qpos: Array
-    qvel: Array
-    penetration: Array
-    touching: Array
-
-    def position(self, body: str) -> Array:
-        """Positions (T, 3) of a free body."""
-        start = self.model.jnt_qposadr[self.model.body(body).jntadr[0]]
-        return self.qpos[:, start : start + 3]
-
-    def velocity(self, body: str) -> Array:
-        """Linear velocities (T, 3) of a free body."""
-        start = self.model.jnt_dofadr[self.model.body(body).jntadr[0]]
-        return self.qvel[:, start : start + 3]
-
-    def at(self, time: float) -> int:
-        """Index of the sample nearest to `time` (s)."""
-        return int(np.argmin(np.abs(self.time - time)))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scene:
-    """One benchmark scene; see the module docstring."""
-
-    name: str
-    title: str
-    xml: str
-    duration: float
-    measure: Callable[[Run], dict[str, float]]
-    targets: Mapping[str, float] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
-    start: Change | None = None
-    drive: Change | None = None
-    kick: Change | None = None
-    kick_time: float = 0.0
-    materials: Mapping[str, Material] = field(default_factory=dict)
-    pair_materials: Mapping[tuple[str, str], Material] = field(default_factory=dict)
-    direct_solref: tuple[float, float] | None = None
-    sample_interval: float | None = None
-    penetration: bool = False
-    timesteps: tuple[float, ...] = (0.001, 0.002, 0.005, 0.010)
-
-    def model(self, timestep: float) -> mujoco.MjModel:
-        """Compile the MJCF and set the time step (s)."""
-        model = mujoco.MjModel.from_xml_string(self.xml)
-        model.opt.timestep = timestep
-        return model
-
-
-def mjcf(bodies: str, *, option: str = "", rest: str = "", floor: str = "") -> str:
-    """Wrap bodies in a world with a plane floor; `floor` overrides its attributes."""
-    floor = floor or 'friction="1 0.005 0.0001"'
-    return f"""<mujoco>
-  <option gravity="0 0 -{GRAVITY}" {option}/>
-  <size memory="200M"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="0 0 1" {floor}/>
-    {bodies}
-  </worldbody>
-  {rest}
-</mujoco>"""
-
-
-def free_body(
-    name: str, geom: str, position: Array | tuple[float, ...], *, quat: Array | None = None
-) -> str:
-    """Return a body with a free joint and one geom of the same name (`geom`: its attributes)."""
-    pos = " ".join(repr(float(x)) for x in position)
-    turn = "" if quat is None else 'quat="' + " ".join(repr(float(x)) for x in quat) + '"'
-    return f"""<body name="{name}" pos="{pos}" {turn}>
-      <freejoint name="{name}"/><geom name="{name}" {geom}/></body>"""
-
-
-def set_velocity(body: str, velocity: tuple[float, ...]) -> Change:
-    """Return a change that sets the linear velocity (3,) or linear and angular velocity (6,)."""
-
-    def change(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        dof = model.jnt_dofadr[model.body(body).jntadr[0]]
-        data.qvel[dof : dof + len(velocity)] = velocity
-
-    return change
+from scene import GRAVITY, Array, Run, Scene, free_body, mjcf, set_velocity
 
 
 def ball_drop(*, restitution: float = 0.9, stiffness: float = 1e4) -> Scene:

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 import dashpot
-from scenes import Run, Scene
+from scene import Run, Scene
 
 Advance = Callable[[int], None]
 DIRECT_IMPEDANCE = 1e-4  # MuJoCo's smallest: its load-dependent part of the contact force

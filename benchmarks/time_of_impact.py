@@ -40,7 +40,7 @@ from impact_references import (
     two_boxes,
 )
 from query_geoms import hull_mesh, hull_points, prism_corners, shape, unit
-from scenes import free_body
+from scene import free_body
 
 CLEARANCE = 1e-9  # m, of shapes whose sizes add up to less than 1 m
 

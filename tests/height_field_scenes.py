@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from query_geoms import CONVEX, hull_mesh, hull_points, prism_corners, shape
 from query_scenes import place
-from scenes import free_body
+from scene import free_body
 
 ROWS, COLUMNS = 7, 5
 HALF_X, HALF_Y, ELEVATION, BASE = 0.3, 0.5, 0.2, 0.1

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY
+from scene import GRAVITY
 
 MACHINE = """<mujoco>
   <option integrator="{integrator}" timestep="0.002"/>

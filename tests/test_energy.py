@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY, free_body, mjcf, slide
+from scene import GRAVITY, free_body, mjcf
+from scenes import slide
 from simulate import make_engine
 
 

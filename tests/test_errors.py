@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import free_body, mjcf
+from scene import free_body, mjcf
 
 BALL = free_body("ball", 'type="sphere" size="0.1" mass="1"', (0, 0, 0.1))
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY, slope
+from scene import GRAVITY
+from scenes import slope, wall_press
 from simulate import make_engine, measure, record
 
 TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
@@ -79,8 +80,6 @@ def test_acceleration_above_the_friction_angle(timestep):
 
 @pytest.mark.parametrize("timestep", [0.002, 0.010])
 def test_box_pressed_to_a_wall_stays(timestep):
-    from scenes import wall_press
-
     numbers = measure(wall_press(duration=3.0), timestep=timestep)
     assert numbers["drop"] <= 1e-4
     assert numbers["speed"] <= 1e-9  # at rest to rounding
@@ -88,8 +87,6 @@ def test_box_pressed_to_a_wall_stays(timestep):
 
 @pytest.mark.parametrize("timestep", [0.001, 0.010])
 def test_elastic_sag_at_a_wall(timestep):
-    from scenes import wall_press
-
     stiffness, depth, half = 1e5, 0.02, 0.05
     scene = wall_press(depth=depth, duration=3.0, materials={"cube": dashpot.Material(stiffness)})
     drop = measure(scene, timestep=timestep)["drop"]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import free_body
+from scene import free_body
 
 STEP = 0.002
 BODIES = (

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY, free_body, mjcf
+from scene import GRAVITY, free_body, mjcf
 
 TIMESTEPS = (0.001, 0.002, 0.005, 0.010)
 BALL = 'type="sphere" size="0.1" mass="2"'

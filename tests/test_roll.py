@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from scenes import roll, set_velocity
+from scene import set_velocity
+from scenes import roll
 from simulate import DASHPOT, make_engine, measure
 
 TIMESTEPS = (0.001, 0.002, 0.005, 0.010)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY
+from scene import GRAVITY
 
 XML = f"""<mujoco>
   <option gravity="0 0 -{GRAVITY}" timestep="0.002"/>

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import dashpot
-from scenes import GRAVITY, free_body, mjcf, rise, set_velocity, slide
+from scene import GRAVITY, free_body, mjcf, set_velocity
+from scenes import rise, slide
 from simulate import DASHPOT, make_engine, measure
 
 TIMESTEPS = (0.001, 0.002, 0.005, 0.010)

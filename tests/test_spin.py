@@ -2,6 +2,7 @@
 
 import pytest
 
+from scene import GRAVITY, free_body
 from scenes import spin
 from simulate import DASHPOT, measure
 
@@ -26,7 +27,6 @@ def test_free_fall_is_an_exact_parabola():
     import mujoco
 
     import dashpot
-    from scenes import GRAVITY, free_body
 
     body = free_body("a", 'type="box" size="0.1 0.2 0.3" mass="3"', (0, 0, 0))
     model = mujoco.MjModel.from_xml_string(

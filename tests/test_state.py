@@ -6,7 +6,8 @@ import pytest
 
 import dashpot
 from piles import pile
-from scenes import Scene, slope
+from scene import Scene
+from scenes import slope
 from simulate import make_engine
 
 INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
