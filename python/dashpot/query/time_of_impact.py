@@ -157,15 +157,13 @@ def times_of_impact(
     horizon
         s, > 0, how far to look ahead of each state.
     nthread
-        Number of threads, >= 1. None: one per core.
+        As in `distances`.
 
     Raises
     ------
-    TypeError
-        Arguments that are not numbers.
-    ValueError
-        As `time_of_impact`; also a `qpos` or `qvel` of another shape or that is not finite, naming
-        the index, and an `nthread` below 1.
+    TypeError, ValueError
+        As `time_of_impact` and `distances`; also a `qvel` of another shape or that is not finite,
+        naming the index.
     RuntimeError
         As `time_of_impact`.
     """
