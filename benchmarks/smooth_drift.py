@@ -1,0 +1,108 @@
+"""Energy that first-order integration adds: smooth motion, and a closed mechanism.
+
+    python benchmarks/smooth_drift.py
+
+First, random articulated scenes stripped of every constraint row, from a state on their way: what
+`mj_step` adds at whole, half and a quarter of the time step and with RK4, and whether dashpot steps
+the chains bit for bit alike. Then an undamped four-bar linkage closed by a connect equality.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+import dashpot
+from random_scenes import random_articulated_scene
+
+CASES = ((7594, 120, 160), (7780, 180, 80))  # seed, steps before, steps
+
+LINK = 'type="capsule" size=".02" mass="1"'
+FOUR_BAR = f"""<mujoco><option integrator="implicitfast"><flag contact="disable"/></option>
+  <worldbody><body pos="0 0 1"><joint axis="0 1 0"/><geom {LINK} fromto="0 0 0 0 0 -.2"/>
+  <body pos="0 0 -.2"><joint axis="0 1 0"/><geom {LINK} fromto="0 0 0 .3 0 0"/>
+  <body pos=".3 0 0"><joint axis="0 1 0"/><geom {LINK} fromto="0 0 0 0 0 .2"/>
+  <body name="end" pos="0 0 .2"><geom size=".01" mass="1e-3"/></body></body></body></body>
+  </worldbody><equality><connect body1="end" anchor="0 0 0"/></equality></mujoco>"""
+
+
+def energy(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Kinetic plus potential energy (J) of the state of `data`."""
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    probe = mujoco.MjData(model)
+    probe.qpos[:], probe.qvel[:] = data.qpos, data.qvel
+    mujoco.mj_forward(model, probe)
+    return float(probe.energy.sum())
+
+
+def without_rows(xml: str) -> mujoco.MjModel:
+    """Return the scene without contacts, limits, equalities and dry friction."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.eq_active0[:] = 0
+    model.jnt_limited[:] = 0
+    model.dof_frictionloss[:] = 0.0
+    return model
+
+
+def drift_without_rows(seed: int, before: int, steps: int) -> None:
+    """Print what smooth steps add to the energy of a random scene, in parts of its start's."""
+    scene = random_articulated_scene(seed)
+    engine = scene.engine()
+    data = engine.make_data()
+    data.qvel[:] = scene.velocity
+    mujoco.mj_forward(engine.model, data)
+    model = without_rows(scene.xml)
+    scale = energy(model, data)
+    engine.step(data, nstep=before)
+    chains = [i for i in range(model.nv) if model.jnt_type[model.dof_jntid[i]] != 0]
+    print(f"seed {seed}, {steps} steps from the state after {before}, without rows:")
+    for name in ("IMPLICITFAST", "RK4"):
+        for refine in (1, 2, 4):
+            model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{name}")
+            model.opt.timestep = scene.timestep / refine
+            end = mujoco.MjData(model)
+            end.qpos[:], end.qvel[:] = data.qpos, data.qvel
+            mujoco.mj_step(model, end, refine * steps)
+            gain = (energy(model, end) - energy(model, data)) / scale
+            text = f"  mj_step {name.lower()} at 1/{refine} of the time step: {gain:+.2%}"
+            if name != "RK4":
+                smooth = dashpot.Engine(model)
+                twin = smooth.make_data()
+                twin.qpos[:], twin.qvel[:] = data.qpos, data.qvel
+                smooth.step(twin, nstep=refine * steps)
+                same = np.array_equal(twin.qvel[chains], end.qvel[chains])
+                text += f", dashpot {'bit-equal' if same else 'different'}"
+            print(text)
+
+
+def drift_of_a_four_bar(timestep: float, duration: float = 12.0) -> None:
+    """Print what `duration` (s) add to the energy of the four-bar (J)."""
+    model = mujoco.MjModel.from_xml_string(FOUR_BAR)
+    model.opt.timestep = timestep
+    engine = dashpot.Engine(model)
+    ours, theirs = engine.make_data(), mujoco.MjData(model)
+    steps = round(duration / timestep)
+    for data in (ours, theirs):
+        data.qvel[:] = 3.0, -3.0, 3.0
+    start = energy(model, ours)
+    engine.step(ours, nstep=steps)
+    mujoco.mj_step(model, theirs, steps)
+    print(
+        f"four-bar of {start - energy(model, mujoco.MjData(model)):.2f} J kinetic energy, "
+        f"{duration:g} s at {1e3 * timestep:g} ms: "
+        f"dashpot {energy(model, ours) - start:+.3f} J, "
+        f"mj_step {energy(model, theirs) - start:+.3f} J"
+    )
+
+
+def main() -> None:
+    """Print both tables."""
+    for case in CASES:
+        drift_without_rows(*case)
+    for timestep in (1e-3, 2e-3):
+        drift_of_a_four_bar(timestep)
+
+
+if __name__ == "__main__":
+    main()
