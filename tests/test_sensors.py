@@ -159,3 +159,40 @@ def test_accelerometer_is_the_mean_over_the_step():
         np.testing.assert_allclose(measured, gained, atol=1e-8)
         largest = max(largest, np.abs(measured).max())
     assert largest > 10 * GRAVITY
+
+
+def mixed_scene(sensors: str = "") -> mujoco.MjModel:
+    """Return a hinged arm, a box and a ball that tumble on a floor, with every contact dimension."""
+    return mujoco.MjModel.from_xml_string(f"""
+    <mujoco><option timestep="0.002"/><worldbody>
+      <geom name="floor" type="plane" size="2 2 0.1"/>
+      <body pos="0 0 0.3"><joint axis="0 1 0" range="-60 60"/>
+        <geom type="capsule" size="0.03" fromto="0 0 0 0.3 0 0" mass="0.5"/></body>
+      <body name="box" pos="0.2 0 0.5" euler="20 10 0"><freejoint/>
+        <geom type="box" size="0.05 0.04 0.03" condim="4"/></body>
+      <body pos="0.25 0.02 0.7"><freejoint/><geom type="sphere" size="0.04" condim="6"/></body>
+    </worldbody>{sensors}</mujoco>""")
+
+
+def test_rows_between_the_steps_of_one_call_are_left_out_without_consequence():
+    """Only the last step of a call has MuJoCo's rows of contacts, unless a sensor reads them."""
+    model = mixed_scene()
+    engine = dashpot.Engine(model)
+    together, apart = engine.make_data(), engine.make_data()
+    engine.step(together, nstep=400)
+    for _ in range(400):
+        engine.step(apart)
+    sensing = dashpot.Engine(
+        mixed_scene('<sensor><framelinacc objtype="body" objname="box"/></sensor>')
+    )
+    sensed = sensing.make_data()
+    sensing.step(sensed, nstep=400)
+    assert together.ncon > 0
+    for other in (apart, sensed):
+        assert np.array_equal(together.qpos, other.qpos)
+        assert np.array_equal(together.qvel, other.qvel)
+    wrench = np.zeros((2, 6))
+    for index in range(together.ncon):
+        for of, data in zip(wrench, (together, apart), strict=True):
+            mujoco.mj_contactForce(engine.model, data, index, of)
+        assert np.array_equal(*wrench)

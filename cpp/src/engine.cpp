@@ -46,7 +46,7 @@ void accumulate(const StepStats& step, StepStats& total) {
 
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p);
-  StepStats step(mjData_* d);
+  StepStats step(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts);
 
   // The stages of a step (DESIGN section 2).
@@ -91,6 +91,7 @@ struct Stepper::Impl {
   int cuts = 0;
   Part part;
   ProvenApart proven_apart;
+  host::Detection detection;
   bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<double> start_position, start_velocity;
   Trees trees;
@@ -104,7 +105,7 @@ struct Stepper::Impl {
   MicrostepLoop microsteps;
   std::vector<FreeMotion> free_motion;      // by tree; meaningful for free bodies
   std::vector<double> inertia_factor;       // of trees that are not free bodies
-  std::vector<double> start_motion;         // start velocity in motion coordinates
+  AlignedDoubles start_motion;              // start velocity in motion coordinates
   std::vector<char> inverted;               // by tree: its inverse inertia is filled in
   std::vector<double> smooth_acceleration;  // generalized
   std::vector<double> constraint_force, row_force;
@@ -132,10 +133,11 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p) : model(m), parameters(p) 
   trees = host::make_trees(m);
 }
 
-StepStats Stepper::Impl::step(mjData_* d) {
+StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
   host::StepParts parts(model, d);
+  detection.contact_rows = leave_rows || host::anything_reads_rows(model);
   cuts = 0;
   proven_apart.clear();
   StepStats total;
@@ -157,7 +159,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   const bool rough = parts.cut() && cuts < kMaxCuts;
   const double searched = length;
   find_smooth_acceleration(d, rough);
-  host::detect(model, d, smooth_acceleration, contacts, constraints);
+  host::detect(model, d, smooth_acceleration, detection, contacts, constraints);
   part = Part();
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) find_smooth_acceleration(d);
@@ -195,7 +197,8 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart) {
   const std::vector<ContactInput> start = contacts;
   const std::vector<ConstraintInput> start_constraints = constraints;
-  const host::MiddleGeometry middle(model, d, smooth_acceleration, contacts, constraints);
+  const host::MiddleGeometry middle(model, d, smooth_acceleration, detection, contacts,
+                                    constraints);
   drop_pairs(apart, contacts);
   freeze_at_middle(d);
   build_rows(d);
@@ -282,7 +285,7 @@ void Stepper::Impl::append_constraint(int index, mjData_* d) {
 void Stepper::Impl::append_contact(int index, mjData_* d) {
   const ContactInput& input = contacts[index];
   const RowGroup& c = rows.append(RowKind::kContact, index, input.dim, input.tree);
-  host::typical_inverse_mass(d, input, rows.typical_inverse_mass.data() + c.row);
+  host::typical_inverse_mass(model, d, input, rows.typical_inverse_mass.data() + c.row);
   materials.push_back(material_of(model, parameters, input));
   const Material& material = materials.back().material;
   std::array<double, 5> friction = input.friction;
@@ -368,7 +371,9 @@ void Stepper::Impl::build_rows(mjData_* d) {
     throw std::runtime_error(std::to_string(contacts.size()) + " contacts exceed the memory for " +
                              std::to_string(memory_layout.contacts) +
                              " contacts that data reserve");
-  rows.clear();
+  int count = static_cast<int>(constraints.size());
+  for (const ContactInput& contact : contacts) count += contact.dim;
+  rows.reset(count);
   materials.clear();
   for (size_t i = 0; i < constraints.size(); ++i) append_constraint(static_cast<int>(i), d);
   for (size_t i = 0; i < contacts.size(); ++i) append_contact(static_cast<int>(i), d);
@@ -515,7 +520,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
 // work of the smooth load.
 double Stepper::Impl::contact_work(int index) const {
   const Tree& tree = trees.tree[index];
-  const auto centre = [&](const std::vector<double>& coordinates) -> Vector6 {
+  const auto centre = [&](const AlignedDoubles& coordinates) -> Vector6 {
     const double* own = coordinates.data() + tree.begin;
     if (tree.free_body) return of_body(own);
     return motion_of_centre(free_motion[index], Eigen::Map<const Vector6>(own));
@@ -632,9 +637,10 @@ Stepper::~Stepper() = default;
 Stepper::Stepper(Stepper&&) noexcept = default;
 Stepper& Stepper::operator=(Stepper&&) noexcept = default;
 
-StepStats Stepper::step(mjData_* data, int nstep) {
+StepStats Stepper::step(mjData_* data, int nstep, bool leave_rows) {
   StepStats total;
-  for (int i = 0; i < nstep; ++i) accumulate(impl_->step(data), total);
+  for (int i = 0; i < nstep; ++i)
+    accumulate(impl_->step(data, leave_rows && i == nstep - 1), total);
   return total;
 }
 

@@ -8,10 +8,12 @@ namespace dashpot {
 
 namespace {
 
-// Yoshida's sixth-order weights, symmetric about the middle one.
-constexpr std::array<double, 7> kYoshida = {0.784513610477560, 0.235573213359357, -1.17767998417887,
-                                            1.315186320683906, -1.17767998417887, 0.235573213359357,
-                                            0.784513610477560};
+// Weights of Yoshida's compositions of fourth and of sixth order, symmetric about the middle one.
+constexpr std::array<double, 3> kFourthOrder = {1.3512071919596578, -1.7024143839193153,
+                                                1.3512071919596578};
+constexpr std::array<double, 7> kSixthOrder = {
+    0.784513610477560, 0.235573213359357, -1.17767998417887, 1.315186320683906,
+    -1.17767998417887, 0.235573213359357, 0.784513610477560};
 
 // Turn per composed step for which the sixth-order error is at rounding level over long runs.
 constexpr double kComposedTurn = 0.05;
@@ -19,6 +21,8 @@ constexpr double kComposedTurn = 0.05;
 constexpr double kPredictedTurn = 0.5;
 // Turn below which one Strang step (error ~ turn^3 / 12) is at rounding level.
 constexpr double kStrangTurn = 1.0e-4;
+// The same for one step of fourth order (error ~ turn^5 / 10).
+constexpr double kFourthOrderTurn = 2.0e-3;
 
 struct SineCosine {
   double sine, cosine;
@@ -124,10 +128,12 @@ Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
   SplitRotation split(start, inertia, torque);
   if (turn < kStrangTurn) {
     split.strang(time);
+  } else if (turn < kFourthOrderTurn) {
+    for (double weight : kFourthOrder) split.strang(weight * time);
   } else {
     const int steps = static_cast<int>(std::ceil(turn / (rough ? kPredictedTurn : kComposedTurn)));
     for (int i = 0; i < steps; ++i)
-      for (double weight : kYoshida) split.strang(weight * time / steps);
+      for (double weight : kSixthOrder) split.strang(weight * time / steps);
   }
   split.finish();
   r.orientation = split.orientation();

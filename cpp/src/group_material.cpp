@@ -26,18 +26,22 @@ GroupMaterial from_solref(const Input& input) {
 
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
                           const ContactInput& input) {
-  const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
-  const auto pair = parameters.pair_material.find({low, high});
-  if (pair != parameters.pair_material.end()) return {pair->second};
+  if (!parameters.pair_material.empty()) {
+    const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
+    const auto pair = parameters.pair_material.find({low, high});
+    if (pair != parameters.pair_material.end()) return {pair->second};
+  }
+  const auto from_model = [&](int geom) {
+    return geom < 0 || parameters.geom_material[geom].from_model;
+  };
+  if (from_model(input.geom[0]) && from_model(input.geom[1])) return from_solref(input);
   Material side[2];
   for (int i = 0; i < 2; ++i) {
-    const bool flex = input.geom[i] < 0;
-    if (flex)
+    if (input.geom[i] < 0)
       side[i].from_model = true;
     else
       side[i] = parameters.geom_material[input.geom[i]];
   }
-  if (side[0].from_model && side[1].from_model) return from_solref(input);
   const bool overridden = side[0].has_friction || side[1].has_friction;
   if (overridden)
     for (int i = 0; i < 2; ++i) {

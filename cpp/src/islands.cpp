@@ -7,6 +7,9 @@
 #include <limits>
 #include <numeric>
 
+#include "dashpot/instruction_sets.hpp"
+#include "dashpot/lanes.hpp"
+
 namespace dashpot {
 
 namespace {
@@ -16,34 +19,39 @@ constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
 constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
 
-// S += sum_i weight_i row_i' row_i over the rows of a pair for one body. With B = sum w_i n_i n_i'
-// over the linear rows and R v = arm x v the linear rows give (B, B R'; R B, R B R'), of which the
-// lower triangle is kept, and angular rows add to the last block.
+// S += sum_i weight_i row_i' row_i over the rows of a pair for one body, whose linear rows are
+// (n, a x n) with the arm a and whose angular rows are (0, n). Of the mixed block the lower triangle
+// is kept.
+DASHPOT_VECTOR_CLONES
 void add_pair(const PairGeometry& pair, int side, int dim, const double* weight, double* sum) {
-  using Matrix = Eigen::Matrix3d;
-  using Vector = Eigen::Vector3d;
-  const auto outer_sum = [&](int first, int last) {
-    Matrix b = Matrix::Zero();
-    for (int i = first; i < last; ++i) {
-      const Vector n = Eigen::Map<const Vector>(pair.frame.data() + 3 * (i % 3));
-      b += weight[i] * n * n.transpose();
-    }
-    return b;
-  };
-  const Vector arm = Eigen::Map<const Vector>(pair.arm[side].data());
-  Matrix cross;
-  cross << 0.0, -arm[2], arm[1], arm[2], 0.0, -arm[0], -arm[1], arm[0], 0.0;
-  const Matrix linear = outer_sum(0, std::min(dim, 3));
-  const Matrix mixed = cross * linear;
-  Matrix angular = mixed * cross.transpose();
-  if (dim > 3) angular += outer_sum(3, dim);
+  const auto column = [&](int j) { return sum + j * kBodyCoordinates; };
+  Lanes linear[3], mixed[3], angular[3];
   for (int j = 0; j < 3; ++j) {
-    double* column = sum + j * kBodyCoordinates;
-    for (int i = 0; i < 3; ++i) {
-      column[i] += linear(i, j);
-      column[4 + i] += mixed(i, j);
-      column[4 * kBodyCoordinates + 4 + i] += angular(i, j);
+    linear[j] = load_lanes(column(j));
+    mixed[j] = load_lanes(column(j) + 4);
+    angular[j] = load_lanes(column(4 + j) + 4);
+  }
+  const double* a = pair.arm[side].data();
+  for (int i = 0; i < dim; ++i) {
+    const double* n = pair.frame.data() + 3 * (i % 3);
+    const Lanes direction{n[0], n[1], n[2], 0.0};
+    if (i >= 3) {
+      for (int j = 0; j < 3; ++j) angular[j] += weight[i] * n[j] * direction;
+      continue;
     }
+    const double m[3] = {a[1] * n[2] - a[2] * n[1], a[2] * n[0] - a[0] * n[2],
+                         a[0] * n[1] - a[1] * n[0]};
+    const Lanes moment{m[0], m[1], m[2], 0.0};
+    for (int j = 0; j < 3; ++j) {
+      linear[j] += weight[i] * n[j] * direction;
+      mixed[j] += weight[i] * n[j] * moment;
+      angular[j] += weight[i] * m[j] * moment;
+    }
+  }
+  for (int j = 0; j < 3; ++j) {
+    store_lanes(linear[j], column(j));
+    store_lanes(mixed[j], column(j) + 4);
+    store_lanes(angular[j], column(4 + j) + 4);
   }
 }
 
@@ -63,24 +71,42 @@ double body_bound(double* sum, const double* inverse) {
   }
   const double trace = b.trace();
   if (trace == 0.0) return 0.0;
-  b /= trace;
+  b *= 1.0 / trace;
   const Matrix square = b * b;
   const Matrix fourth = square * square;
-  return trace * std::pow(fourth.cwiseProduct(fourth.transpose()).sum(), 0.125);
+  const double eighth = fourth.cwiseProduct(fourth.transpose()).sum();
+  return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
 }
 
-// trace(B^4)^(1/4).
-double tree_bound(const double* sum, const double* inverse, const Tree& t) {
-  using Matrix = Eigen::MatrixXd;
-  using Map = Eigen::Map<const Matrix>;
-  const int n = t.dof_count;
-  Matrix b = Map(inverse, t.count, t.count).topLeftCorner(n, n) *
-             Map(sum, t.count, t.count).topLeftCorner(n, n);
-  const double trace = b.trace();
+// c = a b of matrices with `count` rows and columns, of which the first n columns and rows count.
+// Zeros of b are passed over: few rows make it sparse.
+DASHPOT_VECTOR_CLONES
+void multiply(const double* a, const double* b, int n, int count, double* c) {
+  for (int j = 0; j < n; ++j, b += count, c += count) {
+    std::fill_n(c, count, 0.0);
+    for (int k = 0; k < n; ++k) {
+      if (b[k] == 0.0) continue;
+      const double* column = a + k * count;
+      for (int i = 0; i < count; ++i) c[i] += column[i] * b[k];
+    }
+  }
+}
+
+// trace(B^4)^(1/4). `room`: for two matrices.
+double tree_bound(const double* sum, const double* inverse, const Tree& t, double* room) {
+  const int n = t.dof_count, count = t.count;
+  double* b = room;
+  double* square = room + count * count;
+  multiply(inverse, sum, n, count, b);
+  double trace = 0.0;
+  for (int i = 0; i < n; ++i) trace += b[i * (count + 1)];
   if (trace == 0.0) return 0.0;
-  b /= trace;
-  const Matrix square = b * b;
-  return trace * std::pow(square.cwiseProduct(square.transpose()).sum(), 0.25);
+  for (int i = 0; i < n * count; ++i) b[i] /= trace;
+  multiply(b, b, n, count, square);
+  double fourth = 0.0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) fourth += square[i * count + j] * square[j * count + i];
+  return trace * std::sqrt(std::sqrt(fourth));
 }
 
 // Inverse mass that mass-normalised rows divide by. A contact row without any cannot be loaded; an
@@ -186,6 +212,10 @@ double limit(double allowed, double bound) { return bound > allowed ? allowed / 
 void Islands::CoupledSum::reset(const Trees& trees) {
   entry.resize(trees.inverse.size(), 0.0);
   empty.assign(trees.tree.size(), 1);
+  size_t largest = 0;
+  for (const Tree& t : trees.tree)
+    if (!t.free_body) largest = std::max<size_t>(largest, t.count);
+  room.resize(2 * largest * largest);
 }
 
 void Islands::CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
@@ -211,7 +241,7 @@ double Islands::CoupledSum::take_bound(const Trees& trees, int tree) {
   const Tree& t = trees.tree[tree];
   double* sum = entry.data() + t.inverse;
   const double* inverse = trees.inverse.data() + t.inverse;
-  const double bound = t.free_body ? body_bound(sum, inverse) : tree_bound(sum, inverse, t);
+  const double bound = t.free_body ? body_bound(sum, inverse) : tree_bound(sum, inverse, t, room.data());
   std::fill_n(sum, t.count * t.count, 0.0);
   empty[tree] = 1;
   return bound;
@@ -288,25 +318,30 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const bool is_rigid = materials[index].rigid();
-    for (int side = 0; side < 2; ++side) {
-      if (c.tree[side] < 0) continue;
-      // Weights of the rows, 1/w of rigid ones, with the split between the two trees.
-      double split[kMaxRows], weight[kMaxRows];
-      for (int i = 0; i < c.dim; ++i) {
-        const std::array<double, 2>& part = rows.tree_inverse_mass[c.row + i];
-        split[i] = part[side] > 0.0 ? 1.0 + std::sqrt(part[1 - side] / part[side]) : 0.0;
-      }
-      const auto add = [&](CoupledSum& sum, const auto& weight_of_row) {
-        for (int i = 0; i < c.dim; ++i)
-          weight[i] = split[i] == 0.0 ? 0.0 : split[i] * weight_of_row(c.row + i);
+    // The weight of a row in a tree, k (1 + sqrt(w_other / w)), without k.
+    double split[2][kMaxRows];
+    for (int i = 0; i < c.dim; ++i) {
+      const auto [w0, w1] = rows.tree_inverse_mass[c.row + i];
+      const double both = std::sqrt(w0 * w1);
+      split[0][i] = w0 > 0.0 ? (w0 + both) / w0 : 0.0;
+      split[1][i] = w1 > 0.0 ? (w1 + both) / w1 : 0.0;
+    }
+    const auto add = [&](CoupledSum& sum, const auto& weight_of_row) {
+      double k[kMaxRows], weight[kMaxRows];
+      for (int i = 0; i < c.dim; ++i) k[i] = weight_of_row(c.row + i);
+      for (int side = 0; side < 2; ++side) {
+        if (c.tree[side] < 0) continue;
+        for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * k[i];
         sum.add(rows, trees, c, side, weight);
-      };
-      if (is_rigid) {
-        add(rigid_, [&](int row) { return 1.0 / rows.inverse_mass[row]; });
-      } else {
-        add(stiffness_, [&](int row) { return rows.stiffness[row]; });
-        add(damping_, [&](int row) { return rows.damping[row]; });
       }
+    };
+    if (is_rigid) {
+      add(rigid_, [&](int row) {
+        return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
+      });
+    } else {
+      add(stiffness_, [&](int row) { return rows.stiffness[row]; });
+      add(damping_, [&](int row) { return rows.damping[row]; });
     }
   }
   for (int tree : island.tree)

@@ -66,17 +66,42 @@ double slack(double deformation, double offset) {
 
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-// A geom pair as one number, and a slot with it, in the order of pairs and slots.
+// A geom pair as one number.
 std::uint64_t pair_key(int geom1, int geom2) {
   return static_cast<std::uint64_t>(static_cast<std::uint32_t>(geom1)) << 32 |
          static_cast<std::uint32_t>(geom2);
 }
-struct SlotKey {
-  std::uint64_t pair;
-  int slot;
-  bool operator<(const SlotKey& other) const {
-    return pair != other.pair ? pair < other.pair : slot < other.slot;
+
+// Finds the slots of a geom pair, in their order: chains by the hash of the pair.
+class SlotsByPair {
+ public:
+  // Appends a chain's slots in front, so they are to be added from the last one down.
+  void reset(int slots) {
+    bits_ = 1;
+    while ((1 << bits_) < 2 * slots) ++bits_;
+    first_.assign(size_t{1} << bits_, -1);
+    next_.resize(slots);
+    key_.resize(slots);
   }
+  void add(std::uint64_t pair, int slot) {
+    int& first = first_[bucket(pair)];
+    key_[slot] = pair;
+    next_[slot] = first;
+    first = slot;
+  }
+  template <typename Visit>
+  void for_each(std::uint64_t pair, const Visit& visit) const {
+    for (int slot = first_[bucket(pair)]; slot >= 0; slot = next_[slot])
+      if (key_[slot] == pair) visit(slot);
+  }
+
+ private:
+  // Fibonacci hashing: multiplication by 2^64 over the golden ratio.
+  size_t bucket(std::uint64_t pair) const { return pair * 0x9E3779B97F4A7C15u >> (64 - bits_); }
+
+  int bits_ = 1;
+  std::vector<int> first_, next_;
+  std::vector<std::uint64_t> key_;
 };
 
 }  // namespace
@@ -149,15 +174,12 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
                              double recovery_speed, RowData& data) const {
-  // Slots by geom pair, and in their order within a pair. Kept by the thread: no allocation in a
-  // step.
-  thread_local std::vector<SlotKey> order;
-  order.clear();
-  for (int i = 0; i < contact_count(); ++i) {
+  thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
+  slots.reset(contact_count());
+  for (int i = contact_count() - 1; i >= 0; --i) {
     const double* slot = contact_storage(i);
-    order.push_back({pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i});
+    slots.add(pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i);
   }
-  if (!std::is_sorted(order.begin(), order.end())) std::sort(order.begin(), order.end());
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
@@ -167,18 +189,16 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
     // Nearest old point of the pair; a point fixed to either geom is recognised by that geom.
     int nearest_slot = -1;
     double nearest_distance = std::numeric_limits<double>::infinity();
-    const std::uint64_t pair = pair_key(input.geom[0], input.geom[1]);
-    for (auto key = std::lower_bound(order.begin(), order.end(), SlotKey{pair, 0});
-         key != order.end() && key->pair == pair; ++key) {
-      const double* position = contact_storage(key->slot) + kSlotPosition;
+    slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int index_of_slot) {
+      const double* position = contact_storage(index_of_slot) + kSlotPosition;
       const double distance =
           std::min(squared_distance(position, input.local_position[0].data()),
                    squared_distance(position + 3, input.local_position[1].data()));
       if (distance < nearest_distance) {
         nearest_distance = distance;
-        nearest_slot = key->slot;
+        nearest_slot = index_of_slot;
       }
-    }
+    });
     RememberedContact slot;
     const RememberedContact* nearest = nullptr;
     if (nearest_slot >= 0) {

@@ -30,7 +30,7 @@ struct MicrostepLoop::Impl {
   double recovery_speed = 0.0;
   AllBlocks blocks;
   std::vector<Tree> island_trees;
-  std::vector<double> displacement, force, impulse, moment, acceleration;
+  AlignedDoubles displacement, force, impulse, moment, acceleration;
 
   void pack();
   void run_microsteps();

@@ -20,11 +20,16 @@ void add_cross(const double* a, const double* b, double sign, double* sum) {
 
 double side_sign(int side) { return side == 0 ? -1.0 : 1.0; }
 
-// J inv(H) J' of one row over one free body.
+// J inv(H) J' of row i of a pair over one of its free bodies.
 double body_inverse_mass(const PairGeometry& pair, int i, int side, const double* inverse) {
-  const std::array<double, 6> row = pair_row(pair, i, side);
-  double sum = inverse[0] * dot(row.data(), row.data());
-  for (int j = 0; j < 3; ++j) sum += row[3 + j] * dot(row.data() + 3, inverse + 4 * (j + 1));
+  const double* n = pair.frame.data() + 3 * (i % 3);
+  double moment[3] = {};
+  if (i < 3)
+    add_cross(pair.arm[side].data(), n, 1.0, moment);
+  else
+    std::copy_n(n, 3, moment);
+  double sum = i < 3 ? inverse[0] * dot(n, n) : 0.0;
+  for (int j = 0; j < 3; ++j) sum += moment[j] * dot(moment, inverse + 4 * (j + 1));
   return sum;
 }
 
@@ -52,17 +57,15 @@ double Rows::bounded_inverse_mass(int row) const {
   return std::max(inverse_mass[row], kSingular * typical_inverse_mass[row]);
 }
 
-void Rows::clear() {
+void Rows::reset(int count) {
   group.clear();
   pair.clear();
   column.clear();
   value.clear();
-  inverse_mass.clear();
-  tree_inverse_mass.clear();
-  typical_inverse_mass.clear();
-  stiffness.clear();
-  damping.clear();
-  friction.clear();
+  appended = 0;
+  for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
+    array->assign(count, 0.0);
+  tree_inverse_mass.assign(count, {0.0, 0.0});
 }
 
 RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree) {
@@ -71,13 +74,11 @@ RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree
   c.kind = kind;
   c.input = input;
   c.dim = dim;
-  c.row = static_cast<int>(inverse_mass.size());
+  c.row = appended;
   c.tree = tree;
   c.column = static_cast<int>(column.size());
   c.value = static_cast<int>(value.size());
-  for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
-    array->resize(array->size() + dim, 0.0);
-  tree_inverse_mass.resize(tree_inverse_mass.size() + dim, {0.0, 0.0});
+  appended += dim;
   group.push_back(c);
   return group.back();
 }

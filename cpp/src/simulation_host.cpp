@@ -87,7 +87,7 @@ void Simulation::step() {
   mjModel* model = impl_->model.get();
   mjData* data = impl_->data.get();
   if (impl_->stepper) {
-    impl_->stepper->step(data);
+    impl_->stepper->step(data, 1, false);
   } else {
     mj_step(model, data);
   }

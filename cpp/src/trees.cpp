@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/instruction_sets.hpp"
 #include "dashpot/lanes.hpp"
 
 namespace dashpot {
@@ -14,12 +15,43 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+// inverse = inv(L L'), symmetric, `count` apart. `lower`: room for inv(L), row-major.
+DASHPOT_VECTOR_CLONES
+void invert(const double* factor, int n, int count, double* lower, double* inverse) {
+  // Row i of inv(L) is what the rows above leave of the unit vector.
+  for (int i = 0; i < n; ++i) {
+    double* row = lower + i * n;
+    std::fill_n(row, n, 0.0);
+    for (int k = 0; k < i; ++k) {
+      const double entry = factor[i * n + k];
+      if (entry == 0.0) continue;
+      const double* above = lower + k * n;
+      for (int j = 0; j <= k; ++j) row[j] -= entry * above[j];
+    }
+    row[i] = 1.0;
+    const double scale = 1.0 / factor[i * n + i];
+    for (int j = 0; j <= i; ++j) row[j] *= scale;
+  }
+  // inv(H) = inv(L)' inv(L), row by row of inv(L).
+  std::fill_n(inverse, count * count, 0.0);
+  for (int k = 0; k < n; ++k) {
+    const double* row = lower + k * n;
+    for (int i = 0; i <= k; ++i) {
+      if (row[i] == 0.0) continue;
+      double* out = inverse + i * count;
+      for (int j = 0; j <= k; ++j) out[j] += row[i] * row[j];
+    }
+  }
+}
+
 }  // namespace
 
 void Trees::append(int dof_begin, int dof_count, bool free_body) {
   Tree t;
   t.dof_begin = dof_begin;
   t.dof_count = dof_count;
+  if (free_body)
+    coordinates = (coordinates + kBodyCoordinates - 1) / kBodyCoordinates * kBodyCoordinates;
   t.begin = coordinates;
   t.count = free_body ? kBodyCoordinates : (dof_count + kLanes - 1) / kLanes * kLanes;
   t.free_body = free_body;
@@ -59,28 +91,9 @@ void solve_inertia(int dofs, const double* factor, double* x) {
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
-  const int n = t.dof_count;
-  double* inverse = trees.inverse.data() + t.inverse;
-  std::fill(inverse, inverse + t.count * t.count, 0.0);
-  // The columns of inv(L) by forward substitution, then inv(H) = inv(L)' inv(L).
-  for (int j = 0; j < n; ++j) {
-    double* column = inverse + j * t.count;
-    column[j] = 1.0 / factor[j * n + j];
-    for (int i = j + 1; i < n; ++i) {
-      double sum = 0.0;
-      for (int k = j; k < i; ++k) sum += factor[i * n + k] * column[k];
-      column[i] = -sum / factor[i * n + i];
-    }
-  }
-  // In place: above the diagonal of column j there is room, and its own entry j is read before.
-  for (int i = 0; i < n; ++i)
-    for (int j = i; j < n; ++j) {
-      double sum = 0.0;
-      for (int k = j; k < n; ++k) sum += inverse[i * t.count + k] * inverse[j * t.count + k];
-      inverse[j * t.count + i] = sum;
-    }
-  for (int i = 0; i < n; ++i)
-    for (int j = i + 1; j < n; ++j) inverse[i * t.count + j] = inverse[j * t.count + i];
+  thread_local std::vector<double> lower;  // kept by the thread: no allocation in a step
+  lower.resize(t.dof_count * t.dof_count);
+  invert(factor, t.dof_count, t.count, lower.data(), trees.inverse.data() + t.inverse);
 }
 
 }  // namespace dashpot

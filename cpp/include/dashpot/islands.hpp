@@ -77,7 +77,8 @@ class Islands {
   // coordinates and the angular block); zero between islands.
   struct CoupledSum {
     std::vector<double> entry;
-    std::vector<char> empty;  // by tree
+    std::vector<char> empty;   // by tree
+    std::vector<double> room;  // for the matrices of a bound
     void reset(const Trees& trees);
     // Adds the rows of a group over one of its trees, `weight` for each.
     void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side,

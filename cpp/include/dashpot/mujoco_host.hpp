@@ -12,6 +12,7 @@
 
 #include "dashpot/free_body.hpp"
 #include "dashpot/law.hpp"
+#include "dashpot/mujoco_reach.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
@@ -105,11 +106,21 @@ long long data_size(const mjModel_* m);
 // `new_control` false: controls are held, the control callback is not asked.
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control);
 
+// How to detect, and what detection keeps from step to step.
+struct Detection {
+  bool contact_rows = true;  // MuJoCo's rows of contacts as well, which its force queries read
+  ReachBuffers buffers;
+};
+
+// Whether anything may read MuJoCo's rows of contacts within a step or before the next one:
+// sensors, plugins, callbacks, and the contacts of flexes.
+bool anything_reads_rows(const mjModel_* m);
+
 // Collision and limits with a reach that covers the motion of every body and joint in this step,
 // and MuJoCo's own constraint rows for what was found, so that its sensors and force queries see
 // them. The model's gaps and margins are widened during the call and restored.
 // `acceleration` is the smooth generalized acceleration over the step (nv).
-void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows of the configuration
@@ -118,7 +129,7 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
 class MiddleGeometry {
  public:
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                 std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+                 Detection& detection, std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
   ~MiddleGeometry();
   MiddleGeometry(const MiddleGeometry&) = delete;
   MiddleGeometry& operator=(const MiddleGeometry&) = delete;
@@ -179,7 +190,8 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
 
 // MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);
-void typical_inverse_mass(const mjData_* d, const ContactInput& input, double* typical);
+void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                          double* typical);
 
 // Trees that are one free body without children.
 bool is_free_body(const mjModel_* m, int tree);

@@ -32,7 +32,7 @@ struct RowData {
 
   // Per motion coordinate; `total_impulse` of the rows over the step is a wrench of a free body, a
   // generalized impulse elsewhere.
-  std::vector<double> velocity, smooth_acceleration, total_displacement, coordinate_impulse;
+  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse;
 
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;

@@ -38,6 +38,8 @@ struct ContactInput {
   // flex has the frame of the geom on the other side, or the world's.
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
+
+  bool is_of_flex() const { return geom[0] < 0 || geom[1] < 0; }
 };
 
 // What law a group of rows obeys.
@@ -109,10 +111,12 @@ struct Rows {
   // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.
   double bounded_inverse_mass(int row) const;
 
-  void clear();
-  // Appends a group with room for its rows; its pair geometry or sparse rows are to be appended
-  // next.
+  // Empties everything and makes room for `count` rows, of groups to be appended.
+  void reset(int count);
+  // Appends a group; its pair geometry or sparse rows are to be appended next.
   RowGroup& append(RowKind kind, int input, int dim, std::array<int, 2> tree);
+
+  int appended = 0;  // rows of the groups so far
 };
 
 // out = J xi: the rates of a group's rows.

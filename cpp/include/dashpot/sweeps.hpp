@@ -51,7 +51,7 @@ enum class Sweep {
   kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
   kFlow,           // rows: closed-form flow of every row under its load
   kContactMotion,  // trees: the motion that the impulses cause
-  kRead            // rows, after the last micro-step: its motion
+  kRead            // rows, after the last micro-step: its motion, and the sum of impulses
 };
 
 template <typename Jacobian, typename Law>
@@ -72,7 +72,8 @@ template <typename Jacobian, typename Law>
   gather<kDim>(block.jacobian, m.velocity, rate);
   gather<kDim>(block.jacobian, m.displacement, displacement);
   read_motion(law, rate, displacement, m.h, m.recovery_speed);
-  if (sweep == Sweep::kRead) return;
+  if (sweep == Sweep::kRead)
+    return scatter<kDim>(block.jacobian, law.total_impulse, m.total_impulse);
   find_present_force(law);
   scatter<kDim>(block.jacobian, law.force, m.force);
 }
@@ -116,7 +117,6 @@ template <typename Jacobian, typename Law>
   respond(t, m.inverse, m.moment, m.displacement);
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     add_lanes(m.displacement + i, m.total_displacement + i);
-    add_lanes(m.impulse + i, m.total_impulse + i);
     for (double* applied : {m.force, m.impulse, m.moment}) store_lanes(Lanes{}, applied + i);
   }
 }

@@ -8,12 +8,15 @@
 // H is the effective inertia in these coordinates: inertia plus what the integrator treats
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
 // through the normal and the arm alone. The first eight coordinates belong to the ground: they are
-// zero, and what is applied to them has no effect. One of them, which no body has, moves at 1: its
+// zero, and what is applied to them has no effect. A free body's coordinates begin at a multiple of
+// eight. One of them, which no body has, moves at 1: its
 // column in a row is the rate that surfaces of their own motion (conveyor belts) add.
 
 #pragma once
 
 #include <vector>
+
+#include "dashpot/aligned.hpp"
 
 namespace dashpot {
 
@@ -34,7 +37,7 @@ struct Trees {
   int coordinates = kBodyCoordinates;
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
-  std::vector<double> inverse;
+  AlignedDoubles inverse;
 
   // Appends a tree with room for its inverse inertia, of either form.
   void append(int dof_begin, int dof_count, bool free_body);

@@ -1,0 +1,39 @@
+// How far contacts and limits may be at the start of a step to start in it. Part of the mujoco_host
+// room.
+
+#pragma once
+
+#include <vector>
+
+struct mjModel_;
+struct mjData_;
+struct mjContact_;
+
+namespace dashpot::host {
+
+// What a model sets itself, and what the reach is computed from; kept from step to step.
+struct ReachBuffers {
+  std::vector<double> geom_gap, body_margin, pair_gap, flex_gap, joint_margin, tendon_margin;
+  std::vector<double> now, later;           // spatial velocities of bodies at both ends of the step
+  std::vector<double> end_velocity, reach;  // generalized; by geom, m
+};
+
+// While it lives, the detection distance of every geom, pair, flex, joint and tendon covers how far
+// it can move in the model's time step with `acceleration` (nv), the smooth one.
+class WidenedReach {
+ public:
+  WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
+               ReachBuffers& buffers);
+  ~WidenedReach();
+  WidenedReach(const WidenedReach&) = delete;
+  WidenedReach& operator=(const WidenedReach&) = delete;
+
+  // Whether MuJoCo would have found a contact without the wider reach.
+  bool within_own(const mjContact_& contact) const;
+
+ private:
+  mjModel_* m_;
+  ReachBuffers& own_;
+};
+
+}  // namespace dashpot::host

@@ -1,0 +1,187 @@
+// Jacobian rows and velocities of contacts. Part of the mujoco_host room.
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+constexpr int kBodyRows = 6;  // coordinates of a free body that are not zero
+
+bool has_surface_motion(const mjModel* m, const ContactInput& input) {
+  for (int geom : input.geom)
+    if (geom >= 0)
+      for (int i = 0; i < 6; ++i)
+        if (m->geom_surfacevel[6 * geom + i] != 0.0) return true;
+  return false;
+}
+
+// What the surfaces of the geoms, moving by themselves, add to the rates of a contact's rows: to
+// sliding and spin, as in MuJoCo; not to the gap, nor to rolling.
+std::array<double, 6> surface_motion(const mjModel* m, const mjData* d, const ContactInput& input) {
+  mjtNum linear[3] = {}, angular[3] = {};
+  for (int side = 0; side < 2; ++side) {
+    const int geom = input.geom[side];
+    if (geom < 0) continue;
+    const mjtNum* own = m->geom_surfacevel + 6 * geom;
+    const mjtNum* rotation = d->geom_xmat + 9 * geom;
+    mjtNum v[3], w[3], arm[3], around[3];
+    mju_mulMatVec3(v, rotation, own);
+    mju_mulMatVec3(w, rotation, own + 3);
+    mju_sub3(arm, input.position.data(), d->geom_xpos + 3 * geom);
+    mju_cross(around, w, arm);
+    mju_addTo3(v, around);
+    mju_addToScl3(linear, v, side ? 1.0 : -1.0);
+    mju_addToScl3(angular, w, side ? 1.0 : -1.0);
+  }
+  const double* frame = input.frame.data();
+  return {
+      0.0, mju_dot3(frame + 3, linear), mju_dot3(frame + 6, linear), mju_dot3(frame, angular), 0.0,
+      0.0};
+}
+
+// Last degree of freedom that moves a body, -1 if none does.
+int last_dof(const mjModel* m, int body) {
+  while (body > 0 && m->body_dofnum[body] == 0) body = m->body_parentid[body];
+  return body > 0 ? m->body_dofadr[body] + m->body_dofnum[body] - 1 : -1;
+}
+
+// Appends the coordinates of a tree that move either geom of a contact; returns how many.
+int append_columns(const mjModel* m, const ContactInput& input, const Tree& t, int tree,
+                   Rows& rows) {
+  const size_t before = rows.column.size();
+  if (t.free_body) {
+    for (int i : {0, 1, 2, 4, 5, 6}) rows.column.push_back(t.begin + i);
+    return kBodyRows;
+  }
+  // Both chains from the leaves down, merged; each descends strictly.
+  int dof[2] = {-1, -1};
+  for (int side = 0; side < 2; ++side)
+    if (input.tree[side] == tree) dof[side] = last_dof(m, m->geom_bodyid[input.geom[side]]);
+  while (dof[0] >= 0 || dof[1] >= 0) {
+    const int next = std::max(dof[0], dof[1]);
+    rows.column.push_back(t.begin + next - t.dof_begin);
+    for (int& end : dof)
+      if (end == next) end = m->dof_parentid[end];
+  }
+  std::reverse(rows.column.begin() + before, rows.column.end());
+  return static_cast<int>(rows.column.size() - before);
+}
+
+// Adds what the body on one side contributes to the sparse rows of a contact.
+void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int side,
+              const PairGeometry& pair, const Trees& trees, const RowGroup& c, Rows& rows) {
+  const int block = c.tree[0] == input.tree[side] ? 0 : 1;
+  const Tree& t = trees.tree[input.tree[side]];
+  const int first = block == 0 ? 0 : c.columns[0];
+  const int* column = rows.column.data() + c.column + first;
+  double* value = rows.value.data() + c.value + first;
+  if (t.free_body) {
+    for (int i = 0; i < c.dim; ++i) {
+      const std::array<double, 6> row = pair_row(pair, i, side);
+      for (int k = 0; k < kBodyRows; ++k) value[i * c.width() + k] = row[k];
+    }
+    return;
+  }
+  const double* frame = input.frame.data();
+  const double sign = side ? 1.0 : -1.0;
+  const int body = m->geom_bodyid[input.geom[side]];
+  mjtNum arm[3];
+  mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+  int k = c.columns[block] - 1;
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
+    while (column[k] != t.begin + dof - t.dof_begin) --k;
+    const mjtNum* axis = d->cdof + 6 * dof;
+    mjtNum linear[3];
+    mju_cross(linear, axis, arm);
+    mju_addTo3(linear, axis + 3);
+    for (int i = 0; i < c.dim; ++i)
+      value[i * c.width() + k] +=
+          sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
+  }
+}
+
+}  // namespace
+
+void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                     const Trees& trees, Rows& rows) {
+  RowGroup& c = rows.group.back();
+  const bool driven = has_surface_motion(m, input);
+  std::array<double, 6> surface_rate{};
+  if (driven) surface_rate = surface_motion(m, d, input);
+  if (input.is_of_flex()) {
+    append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
+    if (driven) append_surface_motion(rows, surface_rate.data());
+    return;
+  }
+  PairGeometry pair;
+  pair.frame = input.frame;
+  bool is_pair = !driven;
+  for (int side = 0; side < 2; ++side) {
+    const int tree = input.tree[side];
+    if (tree < 0) continue;
+    is_pair = is_pair && trees.tree[tree].free_body && input.tree[0] != input.tree[1];
+    pair.begin[side] = trees.tree[tree].begin;
+    const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
+    for (int i = 0; i < 3; ++i) pair.arm[side][i] = input.position[i] - centre[i];
+  }
+  if (is_pair) {
+    c.pair = static_cast<int>(rows.pair.size());
+    rows.pair.push_back(pair);
+    return;
+  }
+  for (int block = 0; block < 2; ++block)
+    if (c.tree[block] >= 0)
+      c.columns[block] = append_columns(m, input, trees.tree[c.tree[block]], c.tree[block], rows);
+  rows.value.resize(c.value + c.dim * c.width(), 0.0);
+  for (int side = 0; side < 2; ++side)
+    if (input.tree[side] >= 0) add_side(m, d, input, side, pair, trees, c, rows);
+  if (driven) append_surface_motion(rows, surface_rate.data());
+}
+
+void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                          double* typical) {
+  if (input.is_of_flex()) {
+    std::copy_n(d->efc_diagA + d->contact[input.source].efc_address, input.dim, typical);
+    return;
+  }
+  // MuJoCo's efc_diagA, computed here because its rows may be left out: friction rows are regularised
+  // by their part of the limit surface.
+  typical[0] = 0.0;
+  for (int geom : input.geom) typical[0] += m->body_invweight0[2 * m->geom_bodyid[geom]];
+  const mjtNum* friction = d->contact[input.source].friction;
+  for (int i = 1; i < input.dim; ++i) {
+    const double ratio = friction[0] / friction[i - 1];
+    typical[i] = typical[0] / m->opt.impratio * ratio * ratio;
+  }
+}
+
+std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
+                                       const ContactInput& input) {
+  if (input.is_of_flex()) {
+    const mjtNum* rate = d->efc_vel + d->contact[input.source].efc_address;
+    return {rate[0], input.dim > 1 ? rate[1] : 0.0, input.dim > 1 ? rate[2] : 0.0};
+  }
+  mjtNum relative[3] = {0, 0, 0};
+  for (int side = 0; side < 2; ++side) {
+    const int body = m->geom_bodyid[input.geom[side]];
+    const mjtNum* v = d->cvel + 6 * body;
+    mjtNum arm[3], velocity[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    mju_cross(velocity, v, arm);
+    mju_addTo3(velocity, v + 3);
+    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
+  }
+  std::array<double, 3> result;
+  mju_mulMatVec3(result.data(), input.frame.data(), relative);
+  if (!has_surface_motion(m, input)) return result;
+  const std::array<double, 6> surface_rate = surface_motion(m, d, input);
+  for (int i = 1; i < 3; ++i) result[i] += surface_rate[i];
+  return result;
+}
+
+}  // namespace dashpot::host

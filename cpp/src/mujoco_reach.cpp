@@ -1,0 +1,178 @@
+// How far contacts and limits may be at the start of a step to start in it. Part of the mujoco_host
+// room.
+
+#include "dashpot/mujoco_reach.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_host.hpp"
+
+// Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
+// any two convex geoms.
+extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
+                          mjtNum margin);
+
+namespace dashpot::host {
+
+namespace {
+
+// Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
+constexpr double kFarReach = 0.005;
+
+thread_local bool reach_is_widened = false;
+mjfCollision collide_boxes = nullptr;
+
+// MuJoCo's own collision of boxes, which finds nothing between boxes that are apart and face each
+// other with corners or edges. Under a widened reach such contacts may start in this step.
+int collide_boxes_apart(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                        mjtNum margin) {
+  const int count = collide_boxes(m, d, contact, geom1, geom2, margin);
+  if (count > 0 || !reach_is_widened) return count;
+  double half_width = mjMAXVAL;
+  for (int geom : {geom1, geom2})
+    for (int i = 0; i < 3; ++i) half_width = std::min(half_width, m->geom_size[3 * geom + i]);
+  if (margin <= kFarReach * half_width) return 0;
+  return mjc_Convex(m, d, contact, geom1, geom2, margin);
+}
+
+// Once in a process; collisions outside detect() stay as they are.
+void install_collision_of_boxes() {
+  static const bool installed = [] {
+    mjfCollision& entry = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
+    collide_boxes = entry;
+    entry = collide_boxes_apart;
+    return true;
+  }();
+  static_cast<void>(installed);
+}
+
+double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// Largest speed of any point of a body within `radius` of `point`.
+double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
+                   const double* body_velocity) {
+  const double* v = body_velocity + 6 * body;
+  const mjtNum* com = d->subtree_com + 3 * m->body_rootid[body];
+  mjtNum arm[3], at_point[3];
+  mju_sub3(arm, point, com);
+  mju_cross(at_point, v, arm);
+  mju_addTo3(at_point, v + 3);
+  return norm3(at_point) + norm3(v) * radius;
+}
+
+double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
+  return speed_about(m, d, m->geom_bodyid[geom], d->geom_xpos + 3 * geom, m->geom_rbound[geom],
+                     body_velocity);
+}
+
+// Geoms that are only to be seen may still be named in a contact pair.
+bool may_collide(const mjModel* m, int geom) {
+  return m->geom_contype[geom] || m->geom_conaffinity[geom] || m->npair > 0;
+}
+
+// Largest speed of the vertices of a flex, or of the nodes that carry them.
+double flex_speed(const mjModel* m, const mjData* d, int flex, const double* body_velocity) {
+  const bool nodes = m->flex_interp[flex];
+  const int begin = nodes ? m->flex_nodeadr[flex] : m->flex_vertadr[flex];
+  const int count = nodes ? m->flex_nodenum[flex] : m->flex_vertnum[flex];
+  double speed = 0.0;
+  for (int i = begin; i < begin + count; ++i) {
+    const int body = nodes ? m->flex_nodebodyid[i] : m->flex_vertbodyid[i];
+    const double radius = norm3(nodes ? m->flex_node + 3 * i : m->flex_vert + 3 * i);
+    speed = std::max(speed, speed_about(m, d, body, d->xpos + 3 * body, radius, body_velocity));
+  }
+  return speed;
+}
+
+}  // namespace
+
+void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
+                     std::vector<double>& velocity) {
+  velocity.assign(6 * m->nbody, 0.0);
+  for (int body = 1; body < m->nbody; ++body) {
+    double* v = velocity.data() + 6 * body;
+    const double* parent = velocity.data() + 6 * m->body_parentid[body];
+    std::copy(parent, parent + 6, v);
+    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
+      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
+  }
+}
+
+WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
+                           ReachBuffers& buffers)
+    : m_(m), own_(buffers) {
+  own_.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
+  own_.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
+  own_.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);
+  own_.flex_gap.assign(m->flex_gap, m->flex_gap + m->nflex);
+  own_.joint_margin.assign(m->jnt_margin, m->jnt_margin + m->njnt);
+  own_.tendon_margin.assign(m->tendon_margin, m->tendon_margin + m->ntendon);
+  install_collision_of_boxes();
+  reach_is_widened = true;
+    const double h = m->opt.timestep;
+    std::vector<double>&now = buffers.now, &later = buffers.later;
+  std::vector<double>&end_velocity = buffers.end_velocity, &reach = buffers.reach;
+  end_velocity.resize(m->nv);
+    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
+    body_velocities(m, d, d->qvel, now);
+    body_velocities(m, d, end_velocity.data(), later);
+    reach.assign(m->ngeom, 0.0);
+    for (int geom = 0; geom < m->ngeom; ++geom) {
+      if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
+      reach[geom] =
+          h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
+      m->geom_gap[geom] = std::max(own_.geom_gap[geom], reach[geom]);
+      // The broadphase goes by the largest of a body's geoms.
+      mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
+      margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
+    }
+    for (int pair = 0; pair < m->npair; ++pair)
+      m->pair_gap[pair] =
+          std::max(own_.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+
+    for (int flex = 0; flex < m->nflex; ++flex)
+      m->flex_gap[flex] = std::max(
+          own_.flex_gap[flex],
+          h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
+
+    const auto dof_reach = [&](int dof) {
+      return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
+    };
+    for (int joint = 0; joint < m->njnt; ++joint) {
+      // A ball joint's angle changes no faster than its angular velocity.
+      const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
+      for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
+    }
+    for (int tendon = 0; tendon < m->ntendon; ++tendon)
+      for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
+           ++k)
+        m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
+  }
+
+WidenedReach::~WidenedReach() {
+  reach_is_widened = false;
+  std::copy(own_.geom_gap.begin(), own_.geom_gap.end(), m_->geom_gap);
+  std::copy(own_.body_margin.begin(), own_.body_margin.end(), m_->body_margin);
+  std::copy(own_.pair_gap.begin(), own_.pair_gap.end(), m_->pair_gap);
+  std::copy(own_.flex_gap.begin(), own_.flex_gap.end(), m_->flex_gap);
+  std::copy(own_.joint_margin.begin(), own_.joint_margin.end(), m_->jnt_margin);
+  std::copy(own_.tendon_margin.begin(), own_.tendon_margin.end(), m_->tendon_margin);
+}
+
+bool WidenedReach::within_own(const mjContact_& contact) const {
+  const int first = contact.geom[0], second = contact.geom[1];
+  const auto own_gap = [&](int side) {
+    return contact.geom[side] < 0 ? own_.flex_gap[contact.flex[side]]
+                                  : own_.geom_gap[contact.geom[side]];
+  };
+  double gap = own_gap(0) + own_gap(1);
+  for (int pair = 0; pair < m_->npair; ++pair)
+    if (std::minmax(m_->pair_geom1[pair], m_->pair_geom2[pair]) == std::minmax(first, second))
+      gap = own_.pair_gap[pair];
+  return contact.dist < contact.includemargin + gap;
+}
+
+}  // namespace dashpot::host
