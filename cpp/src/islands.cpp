@@ -1,14 +1,10 @@
 #include "dashpot/islands.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
 #include <numeric>
-
-#include "dashpot/instruction_sets.hpp"
-#include "dashpot/lanes.hpp"
 
 namespace dashpot {
 
@@ -16,98 +12,6 @@ namespace {
 
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
-
-constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
-
-// S += sum_i weight_i row_i' row_i over the rows of a pair for one body, whose linear rows are
-// (n, a x n) with the arm a and whose angular rows are (0, n). Of the mixed block the lower triangle
-// is kept.
-DASHPOT_VECTOR_CLONES
-void add_pair(const PairGeometry& pair, int side, int dim, const double* weight, double* sum) {
-  const auto column = [&](int j) { return sum + j * kBodyCoordinates; };
-  Lanes linear[3], mixed[3], angular[3];
-  for (int j = 0; j < 3; ++j) {
-    linear[j] = load_lanes(column(j));
-    mixed[j] = load_lanes(column(j) + 4);
-    angular[j] = load_lanes(column(4 + j) + 4);
-  }
-  const double* a = pair.arm[side].data();
-  for (int i = 0; i < dim; ++i) {
-    const double* n = pair.frame.data() + 3 * (i % 3);
-    const Lanes direction{n[0], n[1], n[2], 0.0};
-    if (i >= 3) {
-      for (int j = 0; j < 3; ++j) angular[j] += weight[i] * n[j] * direction;
-      continue;
-    }
-    const double m[3] = {a[1] * n[2] - a[2] * n[1], a[2] * n[0] - a[0] * n[2],
-                         a[0] * n[1] - a[1] * n[0]};
-    const Lanes moment{m[0], m[1], m[2], 0.0};
-    for (int j = 0; j < 3; ++j) {
-      linear[j] += weight[i] * n[j] * direction;
-      mixed[j] += weight[i] * n[j] * moment;
-      angular[j] += weight[i] * m[j] * moment;
-    }
-  }
-  for (int j = 0; j < 3; ++j) {
-    store_lanes(linear[j], column(j));
-    store_lanes(mixed[j], column(j) + 4);
-    store_lanes(angular[j], column(4 + j) + 4);
-  }
-}
-
-// trace(B^8)^(1/8) for the 6x6 matrix B of a free body.
-double body_bound(double* sum, const double* inverse) {
-  using Matrix = Eigen::Matrix<double, 6, 6>;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      sum[(4 + i) * kBodyCoordinates + j] = sum[j * kBodyCoordinates + 4 + i];
-  Matrix b;
-  for (int column = 0; column < 6; ++column) {
-    const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
-    for (int i = 0; i < 3; ++i) {
-      b(i, column) = inverse[i] * s[i];
-      b(3 + i, column) = inverse[4 + i] * s[4] + inverse[8 + i] * s[5] + inverse[12 + i] * s[6];
-    }
-  }
-  const double trace = b.trace();
-  if (trace == 0.0) return 0.0;
-  b *= 1.0 / trace;
-  const Matrix square = b * b;
-  const Matrix fourth = square * square;
-  const double eighth = fourth.cwiseProduct(fourth.transpose()).sum();
-  return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
-}
-
-// c = a b of matrices with `count` rows and columns, of which the first n columns and rows count.
-// Zeros of b are passed over: few rows make it sparse.
-DASHPOT_VECTOR_CLONES
-void multiply(const double* a, const double* b, int n, int count, double* c) {
-  for (int j = 0; j < n; ++j, b += count, c += count) {
-    std::fill_n(c, count, 0.0);
-    for (int k = 0; k < n; ++k) {
-      if (b[k] == 0.0) continue;
-      const double* column = a + k * count;
-      for (int i = 0; i < count; ++i) c[i] += column[i] * b[k];
-    }
-  }
-}
-
-// trace(B^4)^(1/4). `room`: for two matrices.
-double tree_bound(const double* sum, const double* inverse, const Tree& t, double* room) {
-  const int n = t.dof_count, count = t.count;
-  double* b = room;
-  double* square = room + count * count;
-  multiply(inverse, sum, n, count, b);
-  double trace = 0.0;
-  for (int i = 0; i < n; ++i) trace += b[i * (count + 1)];
-  if (trace == 0.0) return 0.0;
-  for (int i = 0; i < n * count; ++i) b[i] /= trace;
-  multiply(b, b, n, count, square);
-  double fourth = 0.0;
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) fourth += square[i * count + j] * square[j * count + i];
-  return trace * std::sqrt(std::sqrt(fourth));
-}
 
 // Inverse mass that mass-normalised rows divide by. A contact row without any cannot be loaded; an
 // equality may pass a singular configuration.
@@ -181,12 +85,14 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
   // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {
     const double w = loaded_inverse_mass(rows, c, row);
+    const double mass = w > 0.0 ? 1.0 / w : 0.0;
     // Where nothing moves along a row, any positive stiffness carries its zero load.
-    rows.stiffness[row] = w > 0.0 ? kappa / w : 1.0;
-    rows.damping[row] = w > 0.0 ? delta / w : 0.0;
+    rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
+    rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
   };
+  const double inverse_bound = 1.0 / bound;
   const auto fill_coupled = [&](int row, double zeta, double kappa) {
-    fill(row, kappa, std::min(2.0 * zeta * std::sqrt(kappa / bound), most_damped));
+    fill(row, kappa, std::min(2.0 * zeta * std::sqrt(kappa * inverse_bound), most_damped));
   };
   if (material.form == DampingForm::kRestitution) {
     const double zeta = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
@@ -208,44 +114,6 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
 double limit(double allowed, double bound) { return bound > allowed ? allowed / bound : 1.0; }
 
 }  // namespace
-
-void Islands::CoupledSum::reset(const Trees& trees) {
-  entry.resize(trees.inverse.size(), 0.0);
-  empty.assign(trees.tree.size(), 1);
-  size_t largest = 0;
-  for (const Tree& t : trees.tree)
-    if (!t.free_body) largest = std::max<size_t>(largest, t.count);
-  room.resize(2 * largest * largest);
-}
-
-void Islands::CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
-                              const double* weight) {
-  empty[c.tree[side]] = 0;
-  const Tree& t = trees.tree[c.tree[side]];
-  double* sum = entry.data() + t.inverse;
-  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, c.dim, weight, sum);
-  const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
-  const int* column = rows.column.data() + c.column + first;
-  for (int i = 0; i < c.dim; ++i) {
-    const double* value = rows.value.data() + c.value + i * c.width() + first;
-    for (int k = 0; k < count; ++k) {
-      const double scaled = weight[i] * value[k];
-      double* to = sum + (column[k] - t.begin) * t.count - t.begin;
-      for (int l = 0; l < count; ++l) to[column[l]] += scaled * value[l];
-    }
-  }
-}
-
-double Islands::CoupledSum::take_bound(const Trees& trees, int tree) {
-  if (empty[tree]) return 0.0;
-  const Tree& t = trees.tree[tree];
-  double* sum = entry.data() + t.inverse;
-  const double* inverse = trees.inverse.data() + t.inverse;
-  const double bound = t.free_body ? body_bound(sum, inverse) : tree_bound(sum, inverse, t, room.data());
-  std::fill_n(sum, t.count * t.count, 0.0);
-  empty[tree] = 1;
-  return bound;
-}
 
 const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   const int tree_count = static_cast<int>(trees.tree.size());

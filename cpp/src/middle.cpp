@@ -1,7 +1,9 @@
 #include "dashpot/middle.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
 
 namespace dashpot {
 
@@ -35,8 +37,7 @@ int nearest_of_pair(const ContactInput& contact, const std::vector<ContactInput>
   return nearest;
 }
 
-}  // namespace
-
+// `way`: m, of each contact's points along each other up to the middle.
 void take_gaps_at_start(const std::vector<ContactInput>& start, const std::vector<double>& way,
                         std::vector<ContactInput>& contacts) {
   for (size_t i = 0; i < contacts.size(); ++i) {
@@ -44,6 +45,51 @@ void take_gaps_at_start(const std::vector<ContactInput>& start, const std::vecto
     if (same < 0 || squared_distance(contacts[i], start[same]) > 4.0 * way[i] * way[i]) continue;
     if (nearest_of_pair(start[same], contacts) == static_cast<int>(i))
       contacts[i].gap = start[same].gap;
+  }
+}
+
+}  // namespace
+
+void give_back_way(const Rows& rows, const RowData& data, double length,
+                   const std::vector<ContactInput>& start,
+                   const std::vector<ConstraintInput>& start_constraints,
+                   std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  std::vector<double> way;
+  for (const RowGroup& c : rows.group) {
+    double rate[kMaxRows], load[kMaxRows];
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
+    for (int i = 0; i < c.dim; ++i) rate[i] = 0.5 * length * (rate[i] + 0.25 * length * load[i]);
+    if (c.kind == RowKind::kContact) {
+      contacts[c.input].gap -= rate[0];
+      way.push_back(c.dim > 1 ? std::hypot(rate[0], rate[1], rate[2]) : std::abs(rate[0]));
+      continue;
+    }
+    ConstraintInput& constraint = constraints[c.input];
+    constraint.position -= rate[0];
+    for (const ConstraintInput& same : start_constraints)
+      if (same.memory == constraint.memory) constraint.position = same.position;
+  }
+  take_gaps_at_start(start, way, contacts);
+}
+
+void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
+                                const std::vector<ContactInput>& contacts, const Rows& rows,
+                                double length, std::vector<GroupMaterial>& materials) {
+  std::map<GeomPair, double> compressed;
+  for (int i = 0; i < memory.contact_count(); ++i) {
+    const RememberedContact contact = memory.contact(i);
+    double& stiffness = compressed[{int(contact.geom[0]), int(contact.geom[1])}];
+    stiffness = std::max(stiffness, contact.stiffness);
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || !materials[i].rigid()) continue;
+    const GeomPair& pair = contacts[c.input].geom;
+    if (!std::binary_search(impact.begin(), impact.end(), pair)) continue;
+    const auto before = compressed.find(pair);
+    make_impact_spring(materials[i].material, rows.inverse_mass[c.row], length,
+                       before == compressed.end() ? 0.0 : before->second);
   }
 }
 

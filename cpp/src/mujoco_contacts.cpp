@@ -50,8 +50,7 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
     const Frame frame = frame_of_side(d, contact, side);
     input.local_position[side] = to_local(frame.position, frame.rotation, contact.pos);
   }
-  if (input.is_of_flex())
-    input.tree = trees_of_row(m, d, contact.efc_address);
+  if (input.is_of_flex()) input.tree = trees_of_row(m, d, contact.efc_address);
   const mjtNum* rotation = frame_of_side(d, contact, 0).rotation;
   std::copy(rotation, rotation + 9, input.rotation.begin());
 }

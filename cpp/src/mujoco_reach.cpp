@@ -112,45 +112,45 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   own_.tendon_margin.assign(m->tendon_margin, m->tendon_margin + m->ntendon);
   install_collision_of_boxes();
   reach_is_widened = true;
-    const double h = m->opt.timestep;
-    std::vector<double>&now = buffers.now, &later = buffers.later;
+  const double h = m->opt.timestep;
+  std::vector<double>&now = buffers.now, &later = buffers.later;
   std::vector<double>&end_velocity = buffers.end_velocity, &reach = buffers.reach;
   end_velocity.resize(m->nv);
-    for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
-    body_velocities(m, d, d->qvel, now);
-    body_velocities(m, d, end_velocity.data(), later);
-    reach.assign(m->ngeom, 0.0);
-    for (int geom = 0; geom < m->ngeom; ++geom) {
-      if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
-      reach[geom] =
-          h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
-      m->geom_gap[geom] = std::max(own_.geom_gap[geom], reach[geom]);
-      // The broadphase goes by the largest of a body's geoms.
-      mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
-      margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
-    }
-    for (int pair = 0; pair < m->npair; ++pair)
-      m->pair_gap[pair] =
-          std::max(own_.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
-
-    for (int flex = 0; flex < m->nflex; ++flex)
-      m->flex_gap[flex] = std::max(
-          own_.flex_gap[flex],
-          h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
-
-    const auto dof_reach = [&](int dof) {
-      return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
-    };
-    for (int joint = 0; joint < m->njnt; ++joint) {
-      // A ball joint's angle changes no faster than its angular velocity.
-      const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
-      for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
-    }
-    for (int tendon = 0; tendon < m->ntendon; ++tendon)
-      for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
-           ++k)
-        m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
+  for (int i = 0; i < m->nv; ++i) end_velocity[i] = d->qvel[i] + h * acceleration[i];
+  body_velocities(m, d, d->qvel, now);
+  body_velocities(m, d, end_velocity.data(), later);
+  reach.assign(m->ngeom, 0.0);
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
+    reach[geom] =
+        h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
+    m->geom_gap[geom] = std::max(own_.geom_gap[geom], reach[geom]);
+    // The broadphase goes by the largest of a body's geoms.
+    mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
+    margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
   }
+  for (int pair = 0; pair < m->npair; ++pair)
+    m->pair_gap[pair] =
+        std::max(own_.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+
+  for (int flex = 0; flex < m->nflex; ++flex)
+    m->flex_gap[flex] = std::max(
+        own_.flex_gap[flex],
+        h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
+
+  const auto dof_reach = [&](int dof) {
+    return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
+  };
+  for (int joint = 0; joint < m->njnt; ++joint) {
+    // A ball joint's angle changes no faster than its angular velocity.
+    const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
+    for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
+  }
+  for (int tendon = 0; tendon < m->ntendon; ++tendon)
+    for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
+         ++k)
+      m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
+}
 
 WidenedReach::~WidenedReach() {
   reach_is_widened = false;

@@ -18,10 +18,10 @@ struct CacheAligned {
   template <typename U>
   CacheAligned(const CacheAligned<U>&) {}
   T* allocate(std::size_t count) {
-    return static_cast<T*>(::operator new(count * sizeof(T), std::align_val_t{kCacheLine}));
+    return static_cast<T*>(::operator new (count * sizeof(T), std::align_val_t{kCacheLine}));
   }
   void deallocate(T* memory, std::size_t) {
-    ::operator delete(memory, std::align_val_t{kCacheLine});
+    ::operator delete (memory, std::align_val_t{kCacheLine});
   }
   bool operator==(const CacheAligned&) const { return true; }
   bool operator!=(const CacheAligned&) const { return false; }

@@ -67,9 +67,9 @@ class Stepper {
 
   // Advances `data` by nstep * timestep. Throws std::invalid_argument, before anything is changed,
   // on a state that is not finite or data of another model.
-  // MuJoCo's constraint rows of contacts (efc_*), which its force queries and sensors read, are left
-  // in `data` for the last step, and where `leave_rows` is false only if sensors, plugins, callbacks
-  // or flexes need them.
+  // MuJoCo's constraint rows of contacts (efc_*), which its force queries and sensors read, are
+  // left in `data` for the last step, and where `leave_rows` is false only if sensors, plugins,
+  // callbacks or flexes need them.
   StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true);
 
  private:

@@ -6,19 +6,13 @@
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
 //     A = J inv(H) J' = Jw Jw',   theta = 1/2 .
 //
-// Upper bound on lambda_max. With K = diag(k), (a + b)^2 <= (1 + |b|/|a|) a^2 + (1 + |a|/|b|) b^2
-// splits a row between its two trees T, so
-//
-//     lambda_max(K^1/2 A K^1/2) <= max_T lambda_max(inv(H_T) S_T),
-//     S_T = sum_r k_r (1 + sqrt(w_r^other / w_r^T)) J_r^T' J_r^T ,
-//
-// w_r^T being the part of w_r that tree T contributes. The eigenvalues of B = inv(H_T) S_T are real
-// and not negative, so lambda_max(B) <= trace(B^m)^(1/m): m = 8 for free bodies, 4 for other trees.
+// The bound on lambda_max is that of coupled_sum.hpp.
 
 #pragma once
 
 #include <vector>
 
+#include "dashpot/coupled_sum.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/group_material.hpp"
 #include "dashpot/rows.hpp"
@@ -73,19 +67,6 @@ class Islands {
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
   };
-  // S_T of every tree, dense, `count` columns each (of a free body the columns of the linear
-  // coordinates and the angular block); zero between islands.
-  struct CoupledSum {
-    std::vector<double> entry;
-    std::vector<char> empty;   // by tree
-    std::vector<double> room;  // for the matrices of a bound
-    void reset(const Trees& trees);
-    // Adds the rows of a group over one of its trees, `weight` for each.
-    void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
-             const double* weight);
-    double take_bound(const Trees& trees, int tree);
-  };
-
   void measure(const Island& island, const Rows& rows, const Trees& trees,
                const std::vector<GroupMaterial>& materials);
   double longest_si_microstep(const Island& island) const;

@@ -14,21 +14,11 @@
 
 #include <vector>
 
-#include "dashpot/microstep.hpp"
+#include "dashpot/energy_ledger.hpp"
+#include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
-
-// Energies since the data was made or reset, J. `elastic` is the present store.
-struct EnergyLedger {
-  double elastic = 0.0;
-  double dissipated_normal = 0.0;
-  double dissipated_friction = 0.0;
-  double dissipated_constraint = 0.0;
-  double dissipated_recovery = 0.0;  // negative when recovery has put energy in
-  double dissipated_damping = 0.0;   // by dampers of joints and tendons, and by fluids
-  double work = 0.0;                 // of actuators, applied forces and gravity compensation
-};
 
 // What one compressed contact remembers. Vectors are in the frame of geom 1.
 struct RememberedContact {

@@ -10,15 +10,29 @@
 
 #include <vector>
 
-#include "dashpot/rows.hpp"
+#include "dashpot/group_material.hpp"
+#include "dashpot/impact.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/row_data.hpp"
 
 namespace dashpot {
 
-// Replaces the gaps of contacts found in the middle of a part by those at its start. A contact
+// Replaces the gaps of contacts and the positions of constraints, whose `rows` were found in the
+// middle of a part of `length` (s), by those at its start, where `start` and `start_constraints`
+// were found. What the smooth motion in `data` closes up to the middle is given back; but a contact
 // takes the gap of its nearest contact of the same pair at the start where each is the other's
-// nearest and the point has moved on one of the two geoms by no more than twice the way (m, one for
-// each contact) that the two geoms have moved along each other there; otherwise it keeps its gap.
-void take_gaps_at_start(const std::vector<ContactInput>& start, const std::vector<double>& way,
-                        std::vector<ContactInput>& contacts);
+// nearest and the point has moved on one of the two geoms by no more than twice the way that the
+// two geoms have moved along each other there.
+void give_back_way(const Rows& rows, const RowData& data, double length,
+                   const std::vector<ContactInput>& start,
+                   const std::vector<ConstraintInput>& start_constraints,
+                   std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+
+// A rigid contact of the sorted pairs under `impact` becomes a spring whose contact time is about a
+// part of `length` (s), so that the part resolves it; one that is compressed keeps its spring. What
+// rigid means is thus the limit of ever stiffer springs with the same damping ratio.
+void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
+                                const std::vector<ContactInput>& contacts, const Rows& rows,
+                                double length, std::vector<GroupMaterial>& materials);
 
 }  // namespace dashpot

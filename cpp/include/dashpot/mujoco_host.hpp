@@ -129,7 +129,8 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
 class MiddleGeometry {
  public:
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                 Detection& detection, std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+                 Detection& detection, std::vector<ContactInput>& contacts,
+                 std::vector<ConstraintInput>& constraints);
   ~MiddleGeometry();
   MiddleGeometry(const MiddleGeometry&) = delete;
   MiddleGeometry& operator=(const MiddleGeometry&) = delete;

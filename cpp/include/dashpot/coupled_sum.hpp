@@ -1,0 +1,38 @@
+// Upper bounds on the coupled stiffness or damping of rows, tree by tree.
+//
+// Of lambda_max(K^1/2 A K^1/2), A = J inv(H) J'. With K = diag(k), (a + b)^2 <= (1 + |b|/|a|) a^2 +
+// (1 + |a|/|b|) b^2 splits a row between its two trees T, so
+//
+//     lambda_max(K^1/2 A K^1/2) <= max_T lambda_max(inv(H_T) S_T),
+//     S_T = sum_r k_r (1 + sqrt(w_r^other / w_r^T)) J_r^T' J_r^T ,
+//
+// w_r^T being the part of w_r that tree T contributes. The eigenvalues of B = inv(H_T) S_T are real
+// and not negative, so lambda_max(B) <= trace(B^m)^(1/m): m = 8 for free bodies, 4 for other trees.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+namespace dashpot {
+
+// S_T of every tree, dense, `count` columns each (of a free body the columns of the linear
+// coordinates and the angular block); zero between islands. Keeps its arrays from step to step.
+class CoupledSum {
+ public:
+  void reset(const Trees& trees);
+  // Adds the rows of a group over one of its trees, `weight` for each.
+  void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
+           const double* weight);
+  // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
+  double take_bound(const Trees& trees, int tree);
+
+ private:
+  std::vector<double> entry_;
+  std::vector<char> empty_;   // by tree
+  std::vector<double> room_;  // for the matrices of a bound
+};
+
+}  // namespace dashpot

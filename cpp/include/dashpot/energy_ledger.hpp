@@ -1,0 +1,27 @@
+// The energy ledger: kinetic + potential + elastic + dissipated - work is constant.
+
+#pragma once
+
+#include "dashpot/row_data.hpp"
+
+namespace dashpot {
+
+// Energies since the data was made or reset, J. `elastic` is the present store.
+struct EnergyLedger {
+  double elastic = 0.0;
+  double dissipated_normal = 0.0;
+  double dissipated_friction = 0.0;
+  double dissipated_constraint = 0.0;
+  double dissipated_recovery = 0.0;  // negative when recovery has put energy in
+  double dissipated_damping = 0.0;   // by dampers of joints and tendons, and by fluids
+  double work = 0.0;                 // of actuators, applied forces and gravity compensation
+};
+
+// Books what the rows did in a step: `before` and `after` are the elastic energies that memory
+// brought back and that the micro-steps left. Elastic energy that memory did not bring back, and
+// work of the recovering surface, count as recovery; what the rows took from the bodies and did not
+// store was dissipated.
+void book_rows(const RowData& data, const EnergyShares& before, const EnergyShares& after,
+               EnergyLedger& ledger);
+
+}  // namespace dashpot

@@ -1,0 +1,77 @@
+// How every tree moves over a step: its smooth motion in motion coordinates, which the rows start
+// from, and its state at the end of the step, with what the rows added.
+//
+// Free bodies follow the accurate motion of free_body.hpp. Of the other trees those that rows hold
+// take the integral of their micro-step velocities; MuJoCo's semi-implicit update has all others,
+// and those that dry friction alone slows.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/free_body.hpp"
+#include "dashpot/row_data.hpp"
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+// What rows did to a tree in a step.
+struct RowsOnTree {
+  bool touched = false;      // moved it
+  bool held = false;         // so did rows that have a position, which dry friction has not
+  bool from_middle = false;  // in the geometry of the middle of the part
+};
+
+class TreeMotion {
+ public:
+  // Unless `accurate_free_bodies`, free bodies move as MuJoCo moves them, as all other trees do.
+  TreeMotion(const mjModel_* model, bool accurate_free_bodies);
+
+  // Reads the state at the start of a step.
+  void start(const mjData_* d);
+  // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
+  // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
+  // std::runtime_error where it has diverged.
+  void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data);
+  // The same as the geometry of the middle sees it, which `d` holds.
+  void freeze_at_middle(mjData_* d, double length, RowData& data);
+  // Fills in inv(H) of up to two trees (-1: none): those that no row touches never need it.
+  void invert_inertia(const std::array<int, 2>& tree);
+
+  // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
+  void to_generalized(int tree, const double* coordinates, double* generalized) const;
+  void to_generalized_force(int tree, const double* coordinates, double* force) const;
+
+  // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
+  void advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, const RowData& data);
+
+  const Trees& trees() const { return trees_; }
+  int tree_count() const { return static_cast<int>(trees_.tree.size()); }
+  const std::vector<double>& start_velocity() const { return start_velocity_; }            // (nv)
+  const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
+  const AlignedDoubles& start_motion() const { return start_motion_; }  // motion coordinates
+
+ private:
+  bool is_accurate(int tree) const;
+  void to_coordinates(int tree, const double* generalized, double* coordinates) const;
+  double contact_work(int tree, double length, const RowData& data) const;
+  void advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                         const RowData& data);
+
+  const mjModel_* model_;
+  bool accurate_free_bodies_;
+  Trees trees_;
+  std::vector<double> start_position_, start_velocity_;  // generalized
+  std::vector<double> smooth_acceleration_;              // generalized
+  AlignedDoubles start_motion_;
+  std::vector<FreeMotion> free_motion_;  // by tree; meaningful for free bodies
+  std::vector<double> inertia_factor_;   // of trees that are not free bodies
+  std::vector<char> inverted_;           // by tree: its inverse inertia is filled in
+  std::vector<double> displacement_;     // generalized, of one tree
+};
+
+}  // namespace dashpot

@@ -1,0 +1,71 @@
+#include "dashpot/row_assembly.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dashpot/islands.hpp"
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// The friction coefficients of a contact: the model's, unless its material has its own.
+std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {
+  std::array<double, 5> friction = input.friction;
+  if (!material.has_friction) return friction;
+  const int coefficient[5] = {0, 0, 1, 2, 2};
+  for (int i = 0; i < 5; ++i) {
+    const double overriding = material.friction[coefficient[i]];
+    if (!std::isnan(overriding)) friction[i] = overriding;
+  }
+  return friction;
+}
+
+}  // namespace
+
+void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
+                   const std::vector<ConstraintInput>& constraints,
+                   const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
+                   std::vector<GroupMaterial>& materials) {
+  int count = static_cast<int>(constraints.size());
+  for (const ContactInput& contact : contacts) count += contact.dim;
+  rows.reset(count);
+  materials.clear();
+  for (size_t i = 0; i < constraints.size(); ++i) {
+    const ConstraintInput& input = constraints[i];
+    const RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
+    rows.friction[c.row] = input.limit;
+    host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
+    materials.push_back(material_of(input));
+    host::append_jacobian(model, data, input, motion.trees(), rows);
+    motion.invert_inertia(c.tree);
+    find_inverse_mass(rows, c, motion.trees());
+  }
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    const ContactInput& input = contacts[i];
+    const RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
+    host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
+    materials.push_back(material_of(model, parameters, input));
+    const std::array<double, 5> friction = friction_of(input, materials.back().material);
+    std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
+    host::append_jacobian(model, data, input, motion.trees(), rows);
+    motion.invert_inertia(c.tree);
+    find_inverse_mass(rows, c, motion.trees());
+  }
+}
+
+void find_sag_times(const mjModel_* model, const Rows& rows,
+                    const std::vector<ContactInput>& contacts, std::vector<double>& sag_time) {
+  const double gravity = host::gravity(model);
+  sag_time.assign(rows.group.size(), std::numeric_limits<double>::infinity());
+  if (gravity == 0.0) return;
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    sag_time[i] = std::sqrt(kRigidSag * host::contact_radius(model, contacts[c.input]) / gravity);
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,190 @@
+#include "dashpot/tree_motion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// The coordinates of a free body without their zeros.
+Vector6 of_body(const double* coordinates) {
+  Vector6 body;
+  std::copy_n(coordinates, 3, body.data());
+  std::copy_n(coordinates + 4, 3, body.data() + 3);
+  return body;
+}
+
+}  // namespace
+
+TreeMotion::TreeMotion(const mjModel_* model, bool accurate_free_bodies)
+    : model_(model), accurate_free_bodies_(accurate_free_bodies), trees_(host::make_trees(model)) {}
+
+void TreeMotion::start(const mjData_* d) {
+  const double* q = host::position(d);
+  const double* v = host::velocity(d);
+  start_position_.assign(q, q + host::position_count(model_));
+  start_velocity_.assign(v, v + host::dof_count(model_));
+}
+
+bool TreeMotion::is_accurate(int tree) const {
+  return accurate_free_bodies_ && host::is_free_body(model_, tree);
+}
+
+void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data) {
+  host::prepare_effective_inertia(model_, d);
+  host::find_effective_inertia(model_, d, trees_, inertia_factor_);
+  data.reset_motion(trees_.coordinates);
+  free_motion_.resize(trees_.tree.size());
+  smooth_acceleration_.resize(start_velocity_.size());
+  inverted_.resize(trees_.tree.size());
+  for (int index = 0; index < tree_count(); ++index) {
+    const Tree& tree = trees_.tree[index];
+    double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
+    inverted_[index] = tree.free_body;
+    host::smooth_acceleration(d, trees_, index, inertia_factor_, acceleration);
+    if (host::is_free_body(model_, index)) {
+      FreeMotion& motion = free_motion_[index];
+      motion =
+          predict_free_motion(host::read_free_body(model_, d, index, acceleration), length, rough);
+      if (is_accurate(index))
+        Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+    }
+    to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
+    to_coordinates(index, start_velocity_.data() + tree.dof_begin,
+                   data.velocity.data() + tree.begin);
+  }
+  start_motion_ = data.velocity;
+  for (size_t i = 0; i < smooth_acceleration_.size(); ++i)
+    if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
+      throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
+                               " diverged; data are as they were before the step");
+}
+
+void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
+  host::find_effective_inertia(model_, d, trees_, inertia_factor_);
+  for (int index = 0; index < tree_count(); ++index) {
+    const Tree& tree = trees_.tree[index];
+    double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
+    Vector6 of_free_body;
+    const double* velocity = start_velocity_.data() + tree.dof_begin;
+    inverted_[index] = tree.free_body;
+    if (is_accurate(index)) {
+      FreeMotion& motion = free_motion_[index];
+      freeze_at(motion, host::orientation(model_, d, index));
+      Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+      of_free_body = dashpot::start_velocity(motion);
+      velocity = of_free_body.data();
+    }
+    to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
+    to_coordinates(index, velocity, data.velocity.data() + tree.begin);
+  }
+  start_motion_ = data.velocity;
+}
+
+void TreeMotion::invert_inertia(const std::array<int, 2>& tree) {
+  for (int index : tree) {
+    if (index < 0 || inverted_[index]) continue;
+    dashpot::invert_inertia(trees_, index, inertia_factor_.data() + trees_.tree[index].inverse);
+    inverted_[index] = 1;
+  }
+}
+
+void TreeMotion::to_coordinates(int index, const double* generalized, double* coordinates) const {
+  const Tree& tree = trees_.tree[index];
+  if (!tree.free_body) {
+    std::copy_n(generalized, tree.dof_count, coordinates);
+    return;
+  }
+  const Vector6 centre =
+      motion_of_centre(free_motion_[index], Eigen::Map<const Vector6>(generalized));
+  std::copy_n(centre.data(), 3, coordinates);
+  std::copy_n(centre.data() + 3, 3, coordinates + 4);
+}
+
+void TreeMotion::to_generalized(int index, const double* coordinates, double* generalized) const {
+  const Tree& tree = trees_.tree[index];
+  if (tree.free_body)
+    Eigen::Map<Vector6>{generalized} = motion_of_origin(free_motion_[index], of_body(coordinates));
+  else
+    std::copy_n(coordinates, tree.dof_count, generalized);
+}
+
+void TreeMotion::to_generalized_force(int index, const double* coordinates, double* force) const {
+  const Tree& tree = trees_.tree[index];
+  if (tree.free_body)
+    Eigen::Map<Vector6>{force} = generalized_force(free_motion_[index], of_body(coordinates));
+  else
+    std::copy_n(coordinates, tree.dof_count, force);
+}
+
+void TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
+                         const RowData& data) {
+  if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
+  if (!by_rows.touched) return;
+  const Tree& tree = trees_.tree[index];
+  const double* moved = data.total_displacement.data() + tree.begin;
+  const double* end_velocity = data.velocity.data() + tree.begin;
+  // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
+  if (!by_rows.held) {
+    displacement_.assign(end_velocity, end_velocity + tree.dof_count);
+    for (double& way : displacement_) way *= length;
+    moved = displacement_.data();
+  }
+  host::write_tree(model_, d, tree, start_position_.data(), moved, end_velocity);
+}
+
+// Seen from the geometry of the middle, a body's inertia differs a little from what it is at the
+// start and at the end. What this would add to its energy is taken out of its rotation.
+void TreeMotion::advance_free_body(mjData_* d, int index, double length, const RowsOnTree& by_rows,
+                                   const RowData& data) {
+  const Tree& tree = trees_.tree[index];
+  const FreeMotion& motion = free_motion_[index];
+  Vector6 velocity_change = Vector6::Zero(), shift = Vector6::Zero();
+  if (by_rows.touched) {
+    // What contacts added to the smooth motion.
+    double change[kBodyCoordinates], move[kBodyCoordinates];
+    for (int i = 0; i < tree.count; ++i) {
+      const double velocity = start_motion_[tree.begin + i];
+      const double acceleration = data.smooth_acceleration[tree.begin + i];
+      change[i] = data.velocity[tree.begin + i] - velocity - length * acceleration;
+      move[i] = data.total_displacement[tree.begin + i] -
+                length * (velocity + 0.5 * length * acceleration);
+    }
+    velocity_change = of_body(change);
+    shift = of_body(move);
+    if (!tree.free_body) {
+      velocity_change = motion_of_centre(motion, Eigen::Map<const Vector6>(change));
+      shift = motion_of_centre(motion, Eigen::Map<const Vector6>(move));
+    }
+  }
+  FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
+  if (by_rows.touched && by_rows.from_middle) {
+    const double excess = energy_gain(motion, length, end) - contact_work(index, length, data);
+    if (excess > 0.0) brake_rotation(end, excess);
+  }
+  host::write_free_body(model_, d, index, end);
+}
+
+// Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the
+// work of the smooth load.
+double TreeMotion::contact_work(int index, double length, const RowData& data) const {
+  const Tree& tree = trees_.tree[index];
+  const auto centre = [&](const AlignedDoubles& coordinates) -> Vector6 {
+    const double* own = coordinates.data() + tree.begin;
+    if (tree.free_body) return of_body(own);
+    return motion_of_centre(free_motion_[index], Eigen::Map<const Vector6>(own));
+  };
+  const Vector6 twice_mean = centre(start_motion_) + centre(data.velocity);
+  const Vector6 load = wrench_of(free_motion_[index], centre(data.smooth_acceleration));
+  double work = load.dot(0.5 * length * twice_mean - centre(data.total_displacement));
+  for (int i = tree.begin; i < tree.begin + tree.count; ++i)
+    work += 0.5 * data.coordinate_impulse[i] * (start_motion_[i] + data.velocity[i]);
+  return work;
+}
+
+}  // namespace dashpot
