@@ -81,11 +81,12 @@ struct Stepper::Impl {
   Islands islands;
   MicrostepLoop microsteps;
   std::vector<double> constraint_force, row_force;
-  std::vector<char> touched;                  // by tree: rows moved it
-  std::vector<char> held;                     // by tree: rows that have a position moved it
-  std::vector<double> mean_displacement;      // generalized
-  std::vector<double> recovery_displacement;  // of equalities, in motion coordinates
-  std::vector<double> recovered;              // the same, generalized
+  std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
+  std::vector<char> touched;                   // by tree: rows moved it
+  std::vector<char> held;                      // by tree: rows that have a position moved it
+  std::vector<double> mean_displacement;       // generalized
+  std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
+  std::vector<double> recovered;               // the same, generalized
   EnergyLedger ledger;
 };
 
@@ -221,19 +222,21 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   ledger = memory(d).ledger();
-  std::vector<double> gap, mass;
+  gaps.clear();
+  effective_masses.clear();
   for (const RowGroup& c : rows.group) {
     // Equalities and dry friction loss can enter by edits of the model.
     if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
       host::check_supported(model, parameters.options.law);
     const bool contact = c.kind == RowKind::kContact;
-    gap.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
-    mass.push_back(effective_mass(
-        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gap.back()),
+    gaps.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
+    effective_masses.push_back(effective_mass(
+        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gaps.back()),
         rows.typical_inverse_mass[c.row]));
   }
   const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
-  dashpot::update_complementarity_free(law, rows, motion.trees(), gap, mass, length, data);
+  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses, length,
+                                       data);
   check_finite();
   find_touched_trees();
   book_rows(data, {}, {}, ledger);

@@ -174,7 +174,9 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
     c.columns[0] = static_cast<int>(rows.column.size()) - c.column;
     return;
   }
-  std::vector<double> dense[2];  // dim rows over the degrees of freedom of each tree
+  // `dim` rows over the degrees of freedom of each tree; kept by the thread, as everything that a
+  // step needs is: it allocates nothing.
+  thread_local std::vector<double> dense[2];
   for (int side = 0; side < 2; ++side) {
     if (c.tree[side] < 0) continue;
     const Tree& t = trees.tree[c.tree[side]];

@@ -279,7 +279,8 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
   const bool any = std::any_of(constraint_force.begin(), constraint_force.end(),
                                [](double force) { return force != 0.0; });
   if (any) {
-    std::vector<double> acceleration(m->nv);
+    thread_local std::vector<double> acceleration;  // a step allocates nothing
+    acceleration.resize(m->nv);
     mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }

@@ -20,9 +20,15 @@ double dot(const std::vector<double>& a, const std::vector<double>& b) {
 // The system (A + R) e = t over the rows of an island whose springs act.
 class RecoverySystem {
  public:
-  RecoverySystem(const Rows& rows, const Trees& trees, const Island& island, double reach,
-                 double time, const RowData& data)
-      : rows_(rows), trees_(trees), island_(island) {
+  void reset(const Rows& rows, const Trees& trees, const Island& island, double reach, double time,
+             const RowData& data) {
+    rows_ = &rows;
+    trees_ = &trees;
+    island_ = &island;
+    group_.clear();
+    target_.clear();
+    softness_.clear();
+    acts_.clear();
     for (int index : island.group) {
       const RowGroup& c = rows.group[index];
       const double x = data.deformation[c.row];
@@ -55,67 +61,76 @@ class RecoverySystem {
   // displacement = inv(H) J' e by conjugate gradients.
   void solve(std::vector<double>& displacement) {
     const size_t n = target_.size();
-    std::vector<double> multiplier(n, 0.0), residual = target_, direction = target_, image(n);
-    double square = dot(residual, residual);
+    multiplier_.assign(n, 0.0);
+    residual_ = direction_ = target_;
+    image_.resize(n);
+    double square = dot(residual_, residual_);
     const double small = kConverged * square;
     for (int i = 0; i < kMaxIterations && square > small; ++i) {
-      displace(direction, displacement);
-      project(displacement, image);
+      displace(direction_, displacement);
+      project(displacement, image_);
       for (size_t j = 0; j < n; ++j)
-        image[j] = acts_[j] ? image[j] + softness_[j] * direction[j] : 0.0;
-      const double curvature = dot(direction, image);
+        image_[j] = acts_[j] ? image_[j] + softness_[j] * direction_[j] : 0.0;
+      const double curvature = dot(direction_, image_);
       if (!(curvature > 0.0)) break;
       const double alpha = square / curvature;
       for (size_t j = 0; j < n; ++j) {
-        multiplier[j] += alpha * direction[j];
-        residual[j] -= alpha * image[j];
+        multiplier_[j] += alpha * direction_[j];
+        residual_[j] -= alpha * image_[j];
       }
-      const double next = dot(residual, residual);
-      for (size_t j = 0; j < n; ++j) direction[j] = residual[j] + next / square * direction[j];
+      const double next = dot(residual_, residual_);
+      for (size_t j = 0; j < n; ++j) direction_[j] = residual_[j] + next / square * direction_[j];
       square = next;
     }
-    displace(multiplier, displacement);
+    displace(multiplier_, displacement);
   }
 
   // d' H d of the solution.
   double square() const { return square_; }
 
-  // out = J displacement, row by row.
-  void project(const std::vector<double>& displacement, std::vector<double>& out) const {
-    double* shift = out.data();
-    for (int index : group_) {
-      const RowGroup& c = rows_.group[index];
-      gather(rows_, c, displacement.data(), shift);
-      shift += c.dim;
-    }
+  // What a displacement moves every row, J displacement.
+  const std::vector<double>& shift(const std::vector<double>& displacement) {
+    image_.resize(target_.size());
+    project(displacement, image_);
+    return image_;
   }
 
  private:
+  void project(const std::vector<double>& displacement, std::vector<double>& out) const {
+    double* of_group = out.data();
+    for (int index : group_) {
+      const RowGroup& c = rows_->group[index];
+      gather(*rows_, c, displacement.data(), of_group);
+      of_group += c.dim;
+    }
+  }
+
   // displacement = inv(H) J' multiplier.
   void displace(const std::vector<double>& multiplier, std::vector<double>& displacement) {
     impulse_.assign(displacement.size(), 0.0);
     const double* factor = multiplier.data();
     for (int index : group_) {
-      const RowGroup& c = rows_.group[index];
-      scatter(rows_, c, factor, impulse_.data());
+      const RowGroup& c = rows_->group[index];
+      scatter(*rows_, c, factor, impulse_.data());
       factor += c.dim;
     }
     square_ = 0.0;
-    for (int index : island_.tree) {
-      const Tree& t = trees_.tree[index];
+    for (int index : island_->tree) {
+      const Tree& t = trees_->tree[index];
       std::fill_n(displacement.begin() + t.begin, t.count, 0.0);
-      add_response(trees_, index, impulse_.data() + t.begin, displacement.data() + t.begin);
+      add_response(*trees_, index, impulse_.data() + t.begin, displacement.data() + t.begin);
       for (int i = t.begin; i < t.begin + t.count; ++i) square_ += displacement[i] * impulse_[i];
     }
   }
 
-  const Rows& rows_;
-  const Trees& trees_;
-  const Island& island_;
+  const Rows* rows_ = nullptr;
+  const Trees* trees_ = nullptr;
+  const Island* island_ = nullptr;
   std::vector<int> group_;
   std::vector<double> target_, softness_;  // per row of these groups
   std::vector<char> acts_;
   std::vector<double> impulse_;  // J' multiplier
+  std::vector<double> multiplier_, residual_, direction_, image_;
   double square_ = 0.0;
 };
 
@@ -128,11 +143,11 @@ double recover_positions(const Rows& rows, const Trees& trees, const Island& isl
         return rows.group[index].kind == RowKind::kBilateral && data.offset[index] != 0.0;
       }))
     return 0.0;
-  RecoverySystem system(rows, trees, island, recovery_speed * time, time, data);
+  thread_local RecoverySystem system;  // kept by the thread: no allocation in a step
+  system.reset(rows, trees, island, recovery_speed * time, time, data);
   if (system.empty()) return 0.0;
   system.solve(displacement);
-  std::vector<double> shift(system.target().size());
-  system.project(displacement, shift);
+  const std::vector<double>& shift = system.shift(displacement);
 
   // What all springs follow, beyond what equalities recover.
   double strain_energy = 0.0;

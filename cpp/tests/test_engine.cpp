@@ -5,11 +5,14 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
+#include <new>
 #include <random>
 #include <stdexcept>
 #include <string>
@@ -22,6 +25,29 @@
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/query.hpp"
 #include "dashpot/rollout.hpp"
+
+namespace {
+
+long allocations = 0;  // by operator new, so not MuJoCo's
+
+void* allocate(std::size_t size, std::size_t alignment) {
+  ++allocations;
+  const std::size_t whole =
+      (std::max<std::size_t>(size, 1) + alignment - 1) / alignment * alignment;
+  if (void* memory = std::aligned_alloc(alignment, whole)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) { return allocate(size, alignof(std::max_align_t)); }
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 
 namespace {
 
@@ -128,6 +154,19 @@ void check_steps(mjModel* m, const dashpot::Parameters& p) {
   mj_deleteData(d);
 }
 
+// A step allocates nothing once its arrays are as large as the scene asks for.
+void check_allocations(mjModel* m, const dashpot::Parameters& p) {
+  mjData* d = mj_makeData(m);
+  dashpot::Stepper stepper(m, p);
+  for (int pass = 0; pass < 2; ++pass) {
+    mj_resetData(m, d);
+    const long before = allocations;
+    stepper.step(d, 400);
+    if (pass == 1) check(allocations == before, "a step that was taken before allocates nothing");
+  }
+  mj_deleteData(d);
+}
+
 // Many rollouts give the same bits on one thread and on two.
 void check_rollouts(const mjModel* m, const dashpot::Parameters& p) {
   const dashpot::ModelSizes sizes = dashpot::sizes_of(m);
@@ -222,6 +261,7 @@ int main() {
   mjModel* m = compile();
   const dashpot::Parameters p = parameters(m);
   check_steps(m, p);
+  check_allocations(m, p);
   check_rollouts(m, p);
   check_queries(m);
   check_height_field();
