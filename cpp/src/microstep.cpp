@@ -17,7 +17,8 @@ using AllBlocks =
                Blocks<PairLanes, ContactLanes<4>>, Blocks<PairLanes, ContactLanes<6>>,
                Blocks<SparseLanes, ContactLanes<1>>, Blocks<SparseLanes, ContactLanes<3>>,
                Blocks<SparseLanes, ContactLanes<4>>, Blocks<SparseLanes, ContactLanes<6>>,
-               Blocks<SparseLanes, SpringLanes>>;
+               Blocks<SparseLanes, SpringLanes>, Blocks<JointLanes, ContactLanes<1>>,
+               Blocks<JointLanes, SpringLanes>>;
 
 }  // namespace
 
@@ -46,6 +47,7 @@ struct MicrostepLoop::Impl {
   template <typename Jacobian, typename Law>
   void append(Blocks<Jacobian, Law>& list, int index);
   void pack_jacobian(const RowGroup& c, int lane, PairLanes& j) const;
+  void pack_jacobian(const RowGroup& c, int lane, JointLanes& j) const;
   void pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const;
   template <int Dim>
   void pack_rows(const RowGroup& c, int index, int lane, RowLanes<Dim>& law) const;
@@ -62,6 +64,11 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, PairLanes& 
     for (int i = 0; i < 3; ++i) j.arm[side][i][lane] = pair.arm[side][i];
     j.body[side][lane] = pair.begin[side];
   }
+}
+
+void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, JointLanes& j) const {
+  j.value[lane] = rows->value[c.value];
+  j.column[lane] = rows->column[c.column];
 }
 
 void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const {
@@ -157,8 +164,13 @@ void MicrostepLoop::Impl::pack() {
   };
   for (int index : island->group) {
     const RowGroup& c = rows->group[index];
-    if (!c.is_unilateral())
+    const bool of_joint = c.pair < 0 && c.dim == 1 && c.width() == 1;
+    if (!c.is_unilateral() && of_joint)
+      append(std::get<Blocks<JointLanes, SpringLanes>>(blocks), index);
+    else if (!c.is_unilateral())
       append(std::get<Blocks<SparseLanes, SpringLanes>>(blocks), index);
+    else if (of_joint)
+      append(std::get<Blocks<JointLanes, ContactLanes<1>>>(blocks), index);
     else if (c.pair >= 0)
       append_contact(PairLanes{}, index, c.dim);
     else

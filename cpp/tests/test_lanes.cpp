@@ -206,6 +206,37 @@ void check_equal_bits(const Swept& a, const Swept& b, const char* claim) {
           claim, a.arrays[i][kBodyCoordinates], b.arrays[i][kBodyCoordinates]);
 }
 
+// Rows of one coordinate are sparse rows of width one.
+void check_joint_rows() {
+  double motion[kBodyCoordinates + 6];
+  for (double& m : motion) m = uniform(-3.0, 3.0);
+  JointLanes joint;
+  SparseLanes sparse;
+  double value[kLanes];
+  Lanes impulse[1], rates[2][1];
+  for (int lane = 0; lane < kLanes; ++lane) {
+    // Two lanes share a coordinate.
+    joint.column[lane] = kBodyCoordinates + (lane == 3 ? 0 : 2 * lane);
+    joint.value[lane] = value[lane] = uniform(-2.0, 2.0);
+    sparse.value[lane] = value + lane;
+    sparse.column[lane] = joint.column + lane;
+    sparse.width[lane] = 1;
+    impulse[0][lane] = uniform(-2.0, 2.0);
+  }
+  gather<1>(joint, motion, rates[0]);
+  gather<1>(sparse, motion, rates[1]);
+  double force[2][kBodyCoordinates + 6] = {};
+  scatter<1>(joint, impulse, force[0]);
+  scatter<1>(sparse, impulse, force[1]);
+  for (int lane = 0; lane < kLanes; ++lane) {
+    check(rates[0][0][lane] == rates[1][0][lane], "rates of joints", rates[0][0][lane],
+          rates[1][0][lane]);
+    check(force[0][joint.column[lane]] == force[1][joint.column[lane]], "forces on joints",
+          force[0][joint.column[lane]], force[1][joint.column[lane]]);
+  }
+  check(force[0][kBodyCoordinates] != 0.0, "joints are loaded", 0, 1);
+}
+
 void check_instruction_sets() {
   const double h = 1e-4;
   for (int i = 0; i < 50; ++i) {
@@ -232,6 +263,7 @@ int main() {
     check_normals(c, h);
     check_friction(c);
   }
+  for (int i = 0; i < 1000; ++i) check_joint_rows();
   check_instruction_sets();
   if (failures > 0) std::printf("%d checks failed\n", failures);
   return failures > 0 ? 1 : 0;

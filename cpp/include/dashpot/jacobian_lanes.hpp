@@ -17,6 +17,13 @@ struct PairLanes {
   int body[2][kLanes];  // coordinates; lanes to spare act on the ground
 };
 
+// The Jacobian of four rows of one coordinate each, as limits and dry friction of hinges and slides
+// have; lanes to spare act on the ground.
+struct JointLanes {
+  Lanes value;
+  int column[kLanes];
+};
+
 // The Jacobian of four groups of sparse rows; lanes to spare have none.
 struct SparseLanes {
   const double* value[kLanes];
@@ -91,6 +98,22 @@ template <int Dim>
     f[3] = t[3] = Lanes{};
     add_to_bodies(f, t, j.body[side], force);
   }
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const JointLanes& j, const double* motion, Lanes* out) {
+  static_assert(Dim == 1);
+  const Lanes at{motion[j.column[0]], motion[j.column[1]], motion[j.column[2]],
+                 motion[j.column[3]]};
+  out[0] = j.value * at;
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void scatter(const JointLanes& j, const Lanes* impulse,
+                                           double* force) {
+  static_assert(Dim == 1);
+  const Lanes generalized = j.value * impulse[0];
+  for (int lane = 0; lane < kLanes; ++lane) force[j.column[lane]] += generalized[lane];
 }
 
 template <int Dim>
