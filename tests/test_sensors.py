@@ -162,7 +162,7 @@ def test_accelerometer_is_the_mean_over_the_step():
 
 
 def mixed_scene(sensors: str = "") -> mujoco.MjModel:
-    """Return a hinged arm, a box and a ball that tumble on a floor, with every contact dimension."""
+    """Return a hinged arm, a box and a ball tumbling on a floor, with every condim."""
     return mujoco.MjModel.from_xml_string(f"""
     <mujoco><option timestep="0.002"/><worldbody>
       <geom name="floor" type="plane" size="2 2 0.1"/>

@@ -72,18 +72,15 @@ double body_bound(double* sum, const double* inverse) {
   return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
 }
 
-// c = a b of matrices with `count` rows and columns, of which the first n columns and rows count.
-// Zeros of b are passed over: few rows make it sparse.
+// c = a b of matrices with `count` rows, a multiple of four, of which the first n columns count.
 DASHPOT_VECTOR_CLONES
 void multiply(const double* a, const double* b, int n, int count, double* c) {
-  for (int j = 0; j < n; ++j, b += count, c += count) {
-    std::fill_n(c, count, 0.0);
-    for (int k = 0; k < n; ++k) {
-      if (b[k] == 0.0) continue;
-      const double* column = a + k * count;
-      for (int i = 0; i < count; ++i) c[i] += column[i] * b[k];
+  for (int j = 0; j < n; ++j, b += count, c += count)
+    for (int i = 0; i < count; i += kLanes) {
+      Lanes sum{};
+      for (int k = 0; k < n; ++k) sum += load_lanes(a + k * count + i) * b[k];
+      store_lanes(sum, c + i);
     }
-  }
 }
 
 // trace(B^4)^(1/4). `room`: for two matrices.

@@ -15,33 +15,31 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// inverse = inv(L L'), symmetric, `count` apart. `lower`: room for inv(L), row-major.
+// inverse = inv(L L'), symmetric, `count` apart, a multiple of four. `lower`: room for inv(L),
+// which is row-major and as wide.
 DASHPOT_VECTOR_CLONES
 void invert(const double* factor, int n, int count, double* lower, double* inverse) {
+  std::fill_n(lower, count * count, 0.0);
+  std::fill_n(inverse, count * count, 0.0);
   // Row i of inv(L) is what the rows above leave of the unit vector.
   for (int i = 0; i < n; ++i) {
-    double* row = lower + i * n;
-    std::fill_n(row, n, 0.0);
-    for (int k = 0; k < i; ++k) {
-      const double entry = factor[i * n + k];
-      if (entry == 0.0) continue;
-      const double* above = lower + k * n;
-      for (int j = 0; j <= k; ++j) row[j] -= entry * above[j];
-    }
+    double* row = lower + i * count;
     row[i] = 1.0;
     const double scale = 1.0 / factor[i * n + i];
-    for (int j = 0; j <= i; ++j) row[j] *= scale;
-  }
-  // inv(H) = inv(L)' inv(L), row by row of inv(L).
-  std::fill_n(inverse, count * count, 0.0);
-  for (int k = 0; k < n; ++k) {
-    const double* row = lower + k * n;
-    for (int i = 0; i <= k; ++i) {
-      if (row[i] == 0.0) continue;
-      double* out = inverse + i * count;
-      for (int j = 0; j <= k; ++j) out[j] += row[i] * row[j];
+    for (int j = 0; j <= i; j += kLanes) {
+      Lanes rest = load_lanes(row + j);
+      for (int k = j; k < i; ++k) rest -= factor[i * n + k] * load_lanes(lower + k * count + j);
+      store_lanes(rest * scale, row + j);
     }
   }
+  // inv(H) = inv(L)' inv(L).
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; j += kLanes) {
+      Lanes sum{};
+      for (int k = std::max(i, j); k < n; ++k)
+        sum += lower[k * count + i] * load_lanes(lower + k * count + j);
+      store_lanes(sum, inverse + i * count + j);
+    }
 }
 
 }  // namespace
@@ -92,7 +90,7 @@ void solve_inertia(int dofs, const double* factor, double* x) {
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
   thread_local std::vector<double> lower;  // kept by the thread: no allocation in a step
-  lower.resize(t.dof_count * t.dof_count);
+  lower.resize(t.count * t.count);
   invert(factor, t.dof_count, t.count, lower.data(), trees.inverse.data() + t.inverse);
 }
 
