@@ -140,3 +140,32 @@ def test_rollouts_on_any_number_of_threads_give_the_same_bits():
         mujoco.mj_setState(engine.model, data, start, mujoco.mjtState.mjSTATE_FULLPHYSICS)
         engine.step(data, nstep=40)
         assert data.qpos.tobytes() == trajectory[-1, 1 : 1 + engine.model.nq].tobytes()
+
+
+WELDED = """<mujoco><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="5 5 .1"/><geom name="post" size=".2"/>
+  <body name="hand" mocap="true" pos="0 0 .25"><geom name="palm" size=".1"/></body>
+  <body pos="1 0 .095"><freejoint/><geom name="ball" size=".1"/>
+    <geom name="bump" size=".1" pos=".05 0 0"/>
+    <body pos="0 .1 0"><geom name="welded" size=".1"/></body></body></worldbody>
+  <contact><pair geom1="ball" geom2="bump"/><pair geom1="welded" geom2="ball"/>
+    <pair geom1="palm" geom2="post"/></contact></mujoco>"""
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e5])
+def test_pairs_that_nothing_moves_against_each_other_are_no_contacts(stiffness):
+    """MuJoCo drops them when it makes rows, which single and joined steps do at other times."""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(WELDED))
+    if stiffness:
+        for geom in ("ball", "bump", "welded"):
+            engine.set_material(geom, dashpot.Material(stiffness=stiffness, damping_ratio=0.5))
+    start, apart, together = (engine.make_data() for _ in range(3))
+    for _ in range(200):
+        stats = engine.step(apart)
+        assert stats.contacts <= 3  # with the floor, each ball once
+    assert engine.step(together, nstep=200).contacts == stats.contacts == 3
+    initial = get_state(engine.model, start)
+    rolled, _ = dashpot.rollout(engine, initial, nstep=200)
+    final = get_state(engine.model, apart)
+    assert np.array_equal(get_state(engine.model, together), final)
+    assert np.array_equal(rolled[0, -1], final)

@@ -55,6 +55,15 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
   std::copy(rotation, rotation + 9, input.rotation.begin());
 }
 
+// Whether no joint moves the two sides of a contact against each other: those of one body or of
+// bodies welded to it, or both of the world and of mocap bodies. MuJoCo makes no rows of them.
+bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInput& input) {
+  if (input.tree == std::array<int, 2>{-1, -1}) return true;
+  const int first = contact.geom[0], second = contact.geom[1];
+  return first >= 0 && second >= 0 &&
+         m->body_weldid[m->geom_bodyid[first]] == m->body_weldid[m->geom_bodyid[second]];
+}
+
 // MuJoCo's constraint rows; without those of contacts if nothing will read them.
 void make_rows(mjModel* m, mjData* d, bool of_contacts) {
   const int flags = m->opt.disableflags;
@@ -137,8 +146,7 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     if (contact.exclude != 0 || !(geoms || contact.efc_address >= 0)) continue;
     contacts.emplace_back();
     read_contact(m, d, i, contacts.back());
-    // Nothing moves: MuJoCo has no rows of it either.
-    if (contacts.back().tree == std::array<int, 2>{-1, -1}) contacts.pop_back();
+    if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
   }
 }
 
