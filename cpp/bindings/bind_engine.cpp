@@ -6,12 +6,15 @@
 #include <pybind11/stl.h>
 
 #include <cstring>
+#include <memory>
 #include <mutex>
+#include <utility>
 
 #include "dashpot/contacts.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "model_lock.hpp"
 
 namespace py = pybind11;
 
@@ -22,20 +25,20 @@ namespace {
 mjModel_* model_at(std::uintptr_t address) { return reinterpret_cast<mjModel_*>(address); }
 mjData_* data_at(std::uintptr_t address) { return reinterpret_cast<mjData_*>(address); }
 
-// A stepper that Python threads may share: steps take turns, since each has the model to itself.
+// A stepper that Python threads may share, and other steppers of the same model with it.
 class SharedStepper {
  public:
-  SharedStepper(std::uintptr_t model, const Parameters& parameters)
-      : stepper_(model_at(model), parameters) {}
+  SharedStepper(std::uintptr_t model, std::shared_ptr<ModelLock> lock, const Parameters& parameters)
+      : lock_(std::move(lock)), stepper_(model_at(model), parameters) {}
 
   StepStats step(std::uintptr_t data, int nstep) {
     py::gil_scoped_release release;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const std::lock_guard<ModelLock> alone(*lock_);
     return stepper_.step(data_at(data), nstep);
   }
 
  private:
-  std::mutex mutex_;
+  std::shared_ptr<ModelLock> lock_;
   Stepper stepper_;
 };
 
@@ -134,9 +137,16 @@ void bind_engine(py::module_& module) {
                     s.max_compression, s.cuts);
       });
 
+  py::class_<ModelLock, std::shared_ptr<ModelLock>>(
+      module, "ModelLock", "Held, as a context manager, while a model is stepped or copied.")
+      .def(py::init<>())
+      .def("__enter__", &ModelLock::lock, py::call_guard<py::gil_scoped_release>())
+      .def("__exit__", [](ModelLock& lock, const py::object&, const py::object&,
+                          const py::object&) { lock.unlock(); });
+
   py::class_<SharedStepper>(module, "Stepper", "Steps one model; see dashpot.Engine.")
-      .def(py::init<std::uintptr_t, const Parameters&>(), py::arg("model_address"),
-           py::arg("parameters"))
+      .def(py::init<std::uintptr_t, std::shared_ptr<ModelLock>, const Parameters&>(),
+           py::arg("model_address"), py::arg("lock"), py::arg("parameters"))
       .def("step", &SharedStepper::step, py::arg("data_address"), py::arg("nstep"));
 
   module.def(

@@ -3,10 +3,12 @@
 #include <pybind11/stl.h>
 
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <stdexcept>
 
 #include "dashpot/rollout.hpp"
+#include "model_lock.hpp"
 
 namespace py = pybind11;
 
@@ -15,9 +17,9 @@ namespace {
 
 using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
-py::tuple rollout_arrays(std::uintptr_t model_address, const Parameters& parameters,
-                         const Array& initial_state, const std::optional<Array>& control, int nstep,
-                         int nthread) {
+py::tuple rollout_arrays(std::uintptr_t model_address, ModelLock& lock,
+                         const Parameters& parameters, const Array& initial_state,
+                         const std::optional<Array>& control, int nstep, int nthread) {
   const auto* model = reinterpret_cast<const mjModel_*>(model_address);
   const ModelSizes sizes = sizes_of(model);
   if (initial_state.ndim() != 2) throw std::invalid_argument("initial_state must be 2-D");
@@ -49,7 +51,10 @@ py::tuple rollout_arrays(std::uintptr_t model_address, const Parameters& paramet
   double* sensor_out = sensordata.mutable_data();
   {
     const py::gil_scoped_release release;
-    rollout(model, parameters, input, nthread, state_out, sensor_out);
+    std::unique_lock<ModelLock> alone(lock);
+    const ModelCopy copy(model);
+    alone.unlock();
+    rollout(copy.get(), parameters, input, nthread, state_out, sensor_out);
   }
   return py::make_tuple(state, sensordata);
 }
@@ -58,7 +63,7 @@ py::tuple rollout_arrays(std::uintptr_t model_address, const Parameters& paramet
 
 void bind_rollout(py::module_& module) {
   module.def(
-      "rollout", &rollout_arrays, py::arg("model_address"), py::arg("parameters"),
+      "rollout", &rollout_arrays, py::arg("model_address"), py::arg("lock"), py::arg("parameters"),
       py::arg("initial_state"), py::arg("control"), py::arg("nstep"), py::arg("nthread"),
       "Roll out on threads, GIL released; see dashpot.rollout. Returns (state, sensordata).");
 }

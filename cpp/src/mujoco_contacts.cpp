@@ -64,15 +64,24 @@ bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInpu
          m->body_weldid[m->geom_bodyid[first]] == m->body_weldid[m->geom_bodyid[second]];
 }
 
-// MuJoCo's constraint rows; without those of contacts if nothing will read them.
-void make_rows(mjModel* m, mjData* d, bool of_contacts) {
-  const int flags = m->opt.disableflags;
-  if (!of_contacts) {
-    m->opt.disableflags |= mjDSBL_CONTACT;
-    for (int i = 0; i < d->ncon; ++i) d->contact[i].efc_address = -1;
+// Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
+constexpr int kIncluded = 0, kInGap = 1;
+
+// MuJoCo's constraint rows; without those of contacts if nothing will read them. Contacts pass as
+// beyond the margin meanwhile: the model's own flag would be seen by whoever copies the model.
+void make_rows(const mjModel* m, mjData* d, bool of_contacts) {
+  if (of_contacts) {
+    mj_makeConstraint(m, d);
+    return;
+  }
+  for (int i = 0; i < d->ncon; ++i) {
+    mjContact& contact = d->contact[i];
+    contact.efc_address = -1;
+    if (contact.exclude == kIncluded) contact.exclude = kInGap;
   }
   mj_makeConstraint(m, d);
-  m->opt.disableflags = flags;
+  for (int i = 0; i < d->ncon; ++i)
+    if (d->contact[i].exclude == kInGap) d->contact[i].exclude = kIncluded;
 }
 
 void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
@@ -84,8 +93,8 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     mj_collision(m, d);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
-      // MuJoCo leaves contacts beyond the margin out of its rows; here they may start in this step.
-      if (contact.exclude == 1) contact.exclude = 0;
+      // Here contacts beyond the margin may start in this step.
+      if (contact.exclude == kInGap) contact.exclude = kIncluded;
       // Nor do contacts adhere there; force reports take adhesion off the contact's force.
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
@@ -143,7 +152,7 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     const mjContact& contact = d->contact[i];
     // Contacts of flexes are read from MuJoCo's rows.
     const bool geoms = contact.geom[0] >= 0 && contact.geom[1] >= 0;
-    if (contact.exclude != 0 || !(geoms || contact.efc_address >= 0)) continue;
+    if (contact.exclude != kIncluded || !(geoms || contact.efc_address >= 0)) continue;
     contacts.emplace_back();
     read_contact(m, d, i, contacts.back());
     if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();

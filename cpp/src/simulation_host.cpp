@@ -43,6 +43,10 @@ ModelSizes sizes_of(const mjModel_* model) {
   return sizes;
 }
 
+ModelCopy::ModelCopy(const mjModel_* model) : model_(mj_copyModel(nullptr, model), mj_deleteModel) {
+  if (!model_) throw std::runtime_error("mj_copyModel failed");
+}
+
 struct Simulation::Impl {
   std::unique_ptr<mjModel, ModelDeleter> model;
   std::unique_ptr<mjData, DataDeleter> data;

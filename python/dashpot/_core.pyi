@@ -21,6 +21,7 @@ __all__: list[str] = [
     "Impact",
     "Law",
     "Material",
+    "ModelLock",
     "ObservedTrajectory",
     "Options",
     "Parameters",
@@ -352,12 +353,23 @@ class StepStats:
     @property
     def touching(self) -> int: ...
 
+class ModelLock:
+    """
+    Held, as a context manager, while a model is stepped or copied.
+    """
+    def __enter__(self) -> None: ...
+    def __exit__(self, arg0: typing.Any, arg1: typing.Any, arg2: typing.Any) -> None: ...
+    def __init__(self) -> None: ...
+
 class Stepper:
     """
     Steps one model; see dashpot.Engine.
     """
     def __init__(
-        self, model_address: typing.SupportsInt | typing.SupportsIndex, parameters: Parameters
+        self,
+        model_address: typing.SupportsInt | typing.SupportsIndex,
+        lock: ModelLock,
+        parameters: Parameters,
     ) -> None: ...
     def step(
         self,
@@ -571,6 +583,7 @@ def return_to_limit(
 
 def rollout(
     model_address: typing.SupportsInt | typing.SupportsIndex,
+    lock: ModelLock,
     parameters: Parameters,
     initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import difflib
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
@@ -30,7 +30,8 @@ class Engine:
     :meth:`make_data` are ordinary ``mujoco.MjData`` and carry that memory, so that
     ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
     simulation state it is. The private model may be edited between steps (time step, masses,
-    gravity); sizes are fixed.
+    gravity); sizes are fixed. Threads may share an engine: steps, each on data of its own, take
+    turns, and rollouts and copies of the engine see its model as it is between steps.
 
     Parameters
     ----------
@@ -116,6 +117,7 @@ class Engine:
         _core.reserve_memory(self.model._address)
         self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
+        self._lock = _core.ModelLock()
         self._stepper: _core.Stepper | None = None
         self._scratch: mujoco.MjData | None = None
 
@@ -223,7 +225,7 @@ class Engine:
         if not is_count(nstep):
             raise ValueError(f"nstep is {nstep!r}; it must be an int >= 1")
         if self._stepper is None:
-            self._stepper = _core.Stepper(self.model._address, self._parameters())
+            self._stepper = _core.Stepper(self.model._address, self._lock, self._parameters())
         return self._stepper.step(data._address, nstep)
 
     def contacts(
@@ -287,13 +289,26 @@ class Engine:
     def __copy__(self) -> Engine:
         """Return an engine of its own: a copy of the model and the same options and materials."""
         other = Engine.__new__(Engine)
-        other._options = self._options
-        other.model = copy.deepcopy(self.model)
-        other._geom_material = dict(self._geom_material)
-        other._pair_material = dict(self._pair_material)
-        other._stepper = None
-        other._scratch = None
+        other.__setstate__(self.__getstate__())
         return other
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what copies and pickles hold, with a copy of the model."""
+        with self._lock:  # during a step of another thread the model is not as its user left it
+            model = copy.deepcopy(self.model)
+        return {
+            "model": model,
+            "_options": self._options,
+            "_geom_material": dict(self._geom_material),
+            "_pair_material": dict(self._pair_material),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take a copied or pickled state."""
+        self.__dict__.update(state)
+        self._lock = _core.ModelLock()
+        self._stepper = None
+        self._scratch = None
 
     def _parameters(self) -> _core.Parameters:
         """Options and materials for the C++ core."""

@@ -33,7 +33,7 @@ def rollout(
     Parameters
     ----------
     engine
-        Steps; it is only read.
+        Steps; it is only read, as it is before or after the steps that other threads take with it.
     initial_state
         (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
         mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
@@ -90,7 +90,9 @@ def rollout(
     if controls is not None:
         controls = np.ascontiguousarray(np.broadcast_to(controls, (nbatch, steps, model.nu)))
     threads = thread_count(nthread)
-    return _core.rollout(model._address, engine._parameters(), states, controls, steps, threads)
+    return _core.rollout(
+        model._address, engine._lock, engine._parameters(), states, controls, steps, threads
+    )
 
 
 def _state_size(model: mujoco.MjModel, kind: mujoco.mjtState) -> int:

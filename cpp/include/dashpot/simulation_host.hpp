@@ -22,6 +22,16 @@ struct ModelSizes {
 };
 ModelSizes sizes_of(const mjModel_* model);
 
+// A copy of a model, to be copied on while others change the original.
+class ModelCopy {
+ public:
+  explicit ModelCopy(const mjModel_* model);
+  const mjModel_* get() const { return model_.get(); }
+
+ private:
+  std::unique_ptr<mjModel_, void (*)(mjModel_*)> model_;
+};
+
 class Simulation {
  public:
   // Copies `model`. Steps with dashpot's Stepper, or with mj_step where `parameters` is null.
