@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/islands.hpp"
+
 namespace dashpot {
 
 namespace {

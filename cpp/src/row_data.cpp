@@ -1,5 +1,7 @@
 #include "dashpot/row_data.hpp"
 
+#include "dashpot/islands.hpp"
+
 namespace dashpot {
 
 double& share(EnergyShares& shares, const RowGroup& c, int i) {

@@ -7,6 +7,8 @@
 #include <optional>
 #include <stdexcept>
 
+#include "dashpot/engine.hpp"
+
 namespace dashpot {
 namespace {
 

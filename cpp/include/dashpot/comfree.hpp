@@ -46,7 +46,7 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/microstep.hpp"
+#include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {

@@ -2,9 +2,11 @@
 
 #pragma once
 
-#include "dashpot/engine.hpp"
 #include "dashpot/material.hpp"
+#include "dashpot/parameters.hpp"
 #include "dashpot/rows.hpp"
+
+struct mjModel_;
 
 namespace dashpot {
 

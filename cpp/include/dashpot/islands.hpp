@@ -4,7 +4,7 @@
 // h must resolve the coupled stiffness and damping (DESIGN section 2.4):
 //
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
-//     A = J inv(H) J' = Jw Jw',   theta = 1/2 .
+//     A = J inv(H) J',   theta = 1/2 .
 //
 // The bound on lambda_max is that of coupled_sum.hpp.
 
@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "dashpot/coupled_sum.hpp"
-#include "dashpot/engine.hpp"
 #include "dashpot/group_material.hpp"
+#include "dashpot/parameters.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {

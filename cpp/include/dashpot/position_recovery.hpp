@@ -20,10 +20,12 @@
 
 #include <vector>
 
-#include "dashpot/microstep.hpp"
+#include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
+
+struct Island;
 
 // The displacement of the trees of an island whose equalities have offsets, after its micro-steps
 // over `time` (s), is added to `displacement` (zero there before; motion coordinates). Returns the

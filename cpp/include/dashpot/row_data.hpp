@@ -4,10 +4,11 @@
 
 #include <vector>
 
-#include "dashpot/islands.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
+
+struct Island;
 
 // Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
 struct EnergyShares {
@@ -30,8 +31,8 @@ struct RowData {
   std::vector<double> offset;
   std::vector<char> sticking, touched;
 
-  // Per motion coordinate; `total_impulse` of the rows over the step is a wrench of a free body, a
-  // generalized impulse elsewhere.
+  // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
+  // body, a generalized impulse elsewhere.
   AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse;
 
   // Work done on the bodies, and energy put in by recovery, J.

@@ -5,7 +5,9 @@
 
 #include <memory>
 
-#include "dashpot/engine.hpp"
+#include "dashpot/parameters.hpp"
+
+struct mjModel_;
 
 namespace dashpot {
 
