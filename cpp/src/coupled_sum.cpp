@@ -14,8 +14,8 @@ namespace {
 constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
 
 // S += sum_i weight_i row_i' row_i over the rows of a pair for one body, whose linear rows are
-// (n, a x n) with the arm a and whose angular rows are (0, n). Of the mixed block the lower
-// triangle is kept.
+// (n, a x n) with the arm a and whose angular rows are (0, n). Of the two mixed blocks, each the
+// other's transpose, the one below the diagonal is added.
 DASHPOT_VECTOR_CLONES
 void add_pair(const PairGeometry& pair, int side, int dim, const double* weight, double* sum) {
   const auto column = [&](int j) { return sum + j * kBodyCoordinates; };
@@ -49,7 +49,8 @@ void add_pair(const PairGeometry& pair, int side, int dim, const double* weight,
   }
 }
 
-// trace(B^8)^(1/8) for the 6x6 matrix B of a free body.
+// trace(B^8)^(1/8) for the 6x6 matrix B of a free body. Writes the mixed block above the diagonal
+// into `sum`.
 double body_bound(double* sum, const double* inverse) {
   using Matrix = Eigen::Matrix<double, 6, 6>;
   for (int i = 0; i < 3; ++i)

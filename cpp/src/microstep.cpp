@@ -189,7 +189,7 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.impulse = impulse.data();
   m.moment = moment.data();
   m.total_displacement = data->total_displacement.data();
-  m.total_impulse = data->coordinate_impulse.data();
+  m.coordinate_impulse = data->coordinate_impulse.data();
   m.smooth_acceleration = data->smooth_acceleration.data();
   m.inverse = trees->inverse.data();
   sweep_rows(Sweep::kPrepare, m);

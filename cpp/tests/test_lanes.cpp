@@ -168,7 +168,7 @@ struct Swept {
                         &m.impulse,  &m.moment,       &m.total_displacement};
     for (int i = 0; i < 7; ++i) *array[i] = arrays[i].data();
     total.assign(arrays[0].size(), 0.0);
-    m.total_impulse = total.data();
+    m.coordinate_impulse = total.data();
     m.smooth_acceleration = arrays[7].data();
     m.inverse = arrays[8].data();
     return m;

@@ -33,6 +33,7 @@ struct Blocks {
     groups.clear();
   }
 };
+
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
 // impulses and moments of the impulses; `acceleration` is the one with all present forces.
 struct Motion {
@@ -40,18 +41,19 @@ struct Motion {
   double recovery_speed = 0.0;
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
-  double *total_displacement, *total_impulse;
+  double *total_displacement, *coordinate_impulse;
   const double *smooth_acceleration, *inverse;
 };
 
-// A micro-step is four sweeps, over rows and trees in turn.
+// A micro-step is four sweeps, over rows and trees in turn; one sweep over rows comes before the
+// first micro-step and one after the last.
 enum class Sweep {
-  kPrepare,        // rows, before the first: what depends on parameters and h alone
+  kPrepare,        // rows, before all micro-steps: what depends on parameters and h alone
   kPresentForces,  // rows: motion of the last micro-step, then the forces all rows have now
   kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
   kFlow,           // rows: closed-form flow of every row under its load
   kContactMotion,  // trees: the motion that the impulses cause
-  kRead            // rows, after the last micro-step: its motion, and the sum of impulses
+  kRead            // rows, after all micro-steps: motion of the last, and the sum of impulses
 };
 
 template <typename Jacobian, typename Law>
@@ -73,7 +75,7 @@ template <typename Jacobian, typename Law>
   gather<kDim>(block.jacobian, m.displacement, displacement);
   read_motion(law, rate, displacement, m.h, m.recovery_speed);
   if (sweep == Sweep::kRead)
-    return scatter<kDim>(block.jacobian, law.total_impulse, m.total_impulse);
+    return scatter<kDim>(block.jacobian, law.total_impulse, m.coordinate_impulse);
   find_present_force(law);
   scatter<kDim>(block.jacobian, law.force, m.force);
 }
