@@ -108,7 +108,6 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
 int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
 int tree_count(const mjModel_* m) { return static_cast<int>(m->ntree); }
 int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
-double timestep(const mjModel_* m) { return m->opt.timestep; }
 
 StepParts::StepParts(mjModel_* m, mjData_* d)
     : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}

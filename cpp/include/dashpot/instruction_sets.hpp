@@ -3,7 +3,17 @@
 
 #pragma once
 
-#if defined(__x86_64__) && !defined(__SANITIZE_ADDRESS__)
+// What chooses at loading runs before the runtime of a sanitizer is there: none then.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define DASHPOT_SANITIZED
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(memory_sanitizer) || \
+    __has_feature(thread_sanitizer)
+#define DASHPOT_SANITIZED
+#endif
+#endif
+
+#if defined(__x86_64__) && !defined(DASHPOT_SANITIZED)
 #define DASHPOT_VECTOR_CLONES [[gnu::target_clones("default", "avx2")]]
 #else
 #define DASHPOT_VECTOR_CLONES

@@ -45,7 +45,6 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size);
 int geom_count(const mjModel_* m);
 int tree_count(const mjModel_* m);
 int dof_count(const mjModel_* m);
-double timestep(const mjModel_* m);
 // Friction and priority of a side of a contact: a geom, or -1 - id for a flex.
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
 int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
