@@ -156,7 +156,7 @@ def test_results_read_well(noisy_ball):
         ({"max_evaluations": 0}, "max_evaluations"),
         ({"errors": "bootstrap"}, "errors must be one of"),
         ({"confidence": 1.0}, "confidence"),
-        ({"nthread": -1}, "nthread"),
+        ({"nthread": 0}, "nthread must be >= 1"),
     ],
 )
 def test_bad_options_are_named(noisy_ball, options, message):

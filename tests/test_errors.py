@@ -69,13 +69,35 @@ def test_data_of_the_wrong_type(engine, data):
         engine.step(data)
 
 
-@pytest.mark.parametrize("nstep", [-1, 1.5, "2", None])
-def test_bad_number_of_steps(engine, nstep):
+@pytest.mark.parametrize(
+    ("nstep", "error", "message"),
+    [
+        (-1, ValueError, "nstep must be >= 1, got -1"),
+        (np.int64(0), ValueError, "nstep must be >= 1, got 0"),
+        (1.5, TypeError, "nstep must be an integer, got 1.5"),
+        ("2", TypeError, "nstep must be an integer, got '2'"),
+        (None, TypeError, "nstep must be an integer, got None"),
+        (True, TypeError, "nstep must be an integer, got True"),
+    ],
+)
+def test_bad_number_of_steps(engine, nstep, error, message):
     data = engine.make_data()
     before = snapshot(data)
-    with pytest.raises((ValueError, TypeError), match=r"nstep|argument"):
+    with pytest.raises(error, match=message):
         engine.step(data, nstep=nstep)
     assert snapshot(data) == before
+
+
+def test_counts_may_be_integers_of_numpy():
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    engine = dashpot.Engine(model, microsteps=np.int32(5), max_microsteps=np.uint8(8))
+    steps, one_by_one = engine.make_data(), engine.make_data()
+    stats = engine.step(steps, np.int64(3))
+    for _ in range(3):
+        engine.step(one_by_one)
+    assert stats.microsteps == 5
+    assert steps.time == one_by_one.time == pytest.approx(3 * model.opt.timestep)
+    assert steps.qpos.tobytes() == one_by_one.qpos.tobytes()
 
 
 @pytest.mark.parametrize("timestep", [0.0, -0.001, np.nan, np.inf])
@@ -89,15 +111,20 @@ def test_bad_timestep(engine, timestep):
 
 
 def test_unknown_geom_names_near_matches(engine):
-    with pytest.raises(ValueError, match=r"bal1.*ball"):
+    unknown = "the model has no geom named"
+    with pytest.raises(ValueError, match=f"^geom: {unknown} 'bal1'; did you mean 'ball'"):
         engine.set_material("bal1", dashpot.Material(1e4))
-    with pytest.raises(ValueError, match=r"flor.*floor"):
+    with pytest.raises(ValueError, match=f"^geom2: {unknown} 'flor'; did you mean 'floor'"):
         engine.set_pair_material("ball", "flor", dashpot.Material(1e4))
+    with pytest.raises(ValueError, match=f"^geom1: {unknown} 'xyz'$"):
+        engine.pair_material("xyz", "floor")
     for geom in (-1, 2, 10**9):
-        with pytest.raises(ValueError, match=str(geom)):
+        with pytest.raises(ValueError, match=f"^geom = {geom} is not a geom id of the model, 0 to"):
             engine.set_material(geom, dashpot.Material(1e4))
-    with pytest.raises(TypeError):
-        engine.set_material(0.5, dashpot.Material(1e4))
+    for geom in (0.5, True, None):
+        with pytest.raises(TypeError, match=r"^geom must be a geom name or id"):
+            engine.geom_id(geom)
+    assert engine.geom_id(np.int64(1)) == engine.geom_id(engine.model.geom(1).name) == 1
     with pytest.raises(TypeError):
         engine.set_material("ball", 1e4)
 
@@ -149,6 +176,7 @@ def test_materials_do_not_change():
         ({"law": "hertz"}, "law"),
         ({"microsteps": 0}, "microsteps"),
         ({"microsteps": "many"}, "microsteps"),
+        ({"microsteps": np.int64(9), "max_microsteps": 8}, "microsteps is 9, more than"),
         ({"max_microsteps": 0}, "max_microsteps"),
         ({"recovery_speed": -0.1}, "recovery_speed"),
         ({"recovery_speed": np.nan}, "recovery_speed"),
@@ -158,6 +186,15 @@ def test_bad_engine_option(arguments, culprit):
     model = mujoco.MjModel.from_xml_string(mjcf(BALL))
     with pytest.raises(ValueError, match=culprit):
         dashpot.Engine(model, **arguments)
+
+
+@pytest.mark.parametrize("count", [2.0, None, True])
+def test_numbers_of_microsteps_are_integers(count):
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    with pytest.raises(TypeError, match=r'^microsteps other than "auto" must be an integer'):
+        dashpot.Engine(model, microsteps=count)
+    with pytest.raises(TypeError, match=r"^max_microsteps must be an integer"):
+        dashpot.Engine(model, max_microsteps=count)
 
 
 def test_bad_combination_rule():

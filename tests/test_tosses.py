@@ -179,3 +179,12 @@ def test_real_tosses_are_predicted():
 def test_the_number_of_fitted_tosses_is_checked():
     with pytest.raises(ValueError, match=r"fitted must be in \[1, 2\], got 3"):
         tosses.study([flight(np.zeros(3))] * 3, fitted=3)
+
+
+def test_the_number_of_threads_is_checked():
+    cube = tosses.Cube()
+    problem = tosses.dashpot_problem([tosses.trajectory(flight(np.zeros(3)), cube)], cube)
+    with pytest.raises(ValueError, match="nthread must be >= 1, got 0"):
+        tosses.evaluate(problem, problem.start, cube, nthread=0)
+    with pytest.raises(TypeError, match=r"nthread must be an integer, got 1\.5"):
+        tosses.evaluate(problem, problem.start, cube, nthread=1.5)

@@ -29,11 +29,6 @@ def finite_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def is_count(value: object) -> bool:
-    """Whether `value` is an int >= 1; a bool is none."""
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 1
-
-
 def positive_count(name: str, value: int) -> int:
     """Return an integer >= 1; raise TypeError for anything else, ValueError below 1."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):

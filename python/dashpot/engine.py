@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import copy
-import difflib
 from typing import Any, Literal
 
 import mujoco
 import numpy as np
 
 from dashpot import _core
-from dashpot.checks import is_count
+from dashpot.checks import positive_count
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine_options import EngineOptions
 from dashpot.features import Feature, Report
@@ -79,8 +78,8 @@ class Engine:
     Raises
     ------
     TypeError
-        If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, or an option of
-        law ``"comfree"`` no number.
+        If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, a number of
+        micro-steps no integer, or an option of law ``"comfree"`` no number.
     ValueError
         If an option is out of range or belongs to the other law, or the model uses a feature that
         the engine refuses; the message names it.
@@ -148,20 +147,7 @@ class Engine:
 
     def geom_id(self, geom: str | int) -> int:
         """Id of a geom given by name or id; raises ValueError naming an unknown one."""
-        if isinstance(geom, str):
-            index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, geom)
-            if index < 0:
-                names = [self.model.geom(i).name for i in range(self.model.ngeom)]
-                near = difflib.get_close_matches(geom, names, n=3)
-                hint = f"; did you mean {', '.join(map(repr, near))}?" if near else ""
-                raise ValueError(f"geom {geom!r} is not in the model{hint}")
-            return int(index)
-        if isinstance(geom, bool) or not hasattr(geom, "__index__"):
-            raise TypeError(f"geom is {type(geom).__name__}; it must be a name or an id")
-        index = geom.__index__()
-        if not 0 <= index < self.model.ngeom:
-            raise ValueError(f"geom id {index} is not in [0, {self.model.ngeom})")
-        return index
+        return object_id(self.model, geom, "geom", "geom")
 
     def set_material(self, geom: str | int, material: Material) -> None:
         """Give a geom a material; contacts combine those of both geoms."""
@@ -176,7 +162,7 @@ class Engine:
         if not isinstance(material, Material):
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
         self._check_takes_materials()
-        first, second = sorted((self.geom_id(geom1), self.geom_id(geom2)))
+        first, second = self._geom_pair(geom1, geom2)
         if first == second:
             raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
         self._pair_material[first, second] = material
@@ -188,8 +174,7 @@ class Engine:
 
     def pair_material(self, geom1: str | int, geom2: str | int) -> Material | None:
         """Material set for a pair of geoms, or None where the combination applies."""
-        first, second = sorted((self.geom_id(geom1), self.geom_id(geom2)))
-        return self._pair_material.get((first, second))
+        return self._pair_material.get(self._geom_pair(geom1, geom2))
 
     def make_data(self) -> mujoco.MjData:
         """Make data for :attr:`model`, with empty contact memory."""
@@ -214,19 +199,20 @@ class Engine:
 
         Raises
         ------
+        TypeError
+            If ``data`` is no ``mujoco.MjData`` or ``nstep`` no integer.
         ValueError
-            If state, controls or applied forces are not finite, or ``data`` was made from another
-            model. Data are untouched.
+            If ``nstep`` is below 1, state, controls or applied forces are not finite, or ``data``
+            was made from another model. Data are untouched.
         RuntimeError
             If contact forces diverge or contacts exceed the memory; data keep the state from
             before the failing step.
         """
         self._check_data(data)
-        if not is_count(nstep):
-            raise ValueError(f"nstep is {nstep!r}; it must be an int >= 1")
+        steps = positive_count("nstep", nstep)
         if self._stepper is None:
             self._stepper = _core.Stepper(self.model._address, self._lock, self._parameters())
-        return self._stepper.step(data._address, nstep)
+        return self._stepper.step(data._address, steps)
 
     def contacts(
         self,
@@ -322,6 +308,12 @@ class Engine:
         parameters.geom_material = geom_material
         parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
         return parameters
+
+    def _geom_pair(self, geom1: str | int, geom2: str | int) -> tuple[int, int]:
+        """Ids of two geoms, the lower first."""
+        first = object_id(self.model, geom1, "geom", "geom1")
+        second = object_id(self.model, geom2, "geom", "geom2")
+        return min(first, second), max(first, second)
 
     def _check_takes_materials(self) -> None:
         if self.law == "comfree":

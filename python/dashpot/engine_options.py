@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from dashpot import _core
-from dashpot.checks import is_count
+from dashpot.checks import positive_count
 from dashpot.materials import CombinationRules
 
 _KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
@@ -47,14 +47,13 @@ class EngineOptions:
             number = float(value)
             if not math.isfinite(number) or number < 0.0 or (number == 0.0 and lowest == "> 0"):
                 raise ValueError(f"{name} is {value!r}; it must be finite and {lowest}")
-        if not is_count(self.max_microsteps):
-            raise ValueError(f"max_microsteps is {self.max_microsteps!r}; it must be an int >= 1")
-        if self.microsteps != "auto" and not is_count(self.microsteps):
-            raise ValueError(f'microsteps is {self.microsteps!r}; it must be "auto" or an int >= 1')
-        if self.microsteps != "auto" and self.microsteps > self.max_microsteps:
-            raise ValueError(
-                f"microsteps is {self.microsteps}, more than max_microsteps, {self.max_microsteps}"
-            )
+        most = positive_count("max_microsteps", self.max_microsteps)
+        if not isinstance(self.microsteps, str):
+            fixed = positive_count('microsteps other than "auto"', self.microsteps)
+            if fixed > most:
+                raise ValueError(f"microsteps is {fixed}, more than max_microsteps, {most}")
+        elif self.microsteps != "auto":
+            raise ValueError(f'microsteps is {self.microsteps!r}; it must be "auto" or an integer')
         if not isinstance(self.recovery_speed, (int, float)) or not self.recovery_speed >= 0.0:
             raise ValueError(
                 f"recovery_speed is {self.recovery_speed!r}; it must be >= 0 m/s (inf allowed)"
@@ -83,8 +82,8 @@ class EngineOptions:
         """Options for the C++ core."""
         options = _core.Options()
         options.law = _core.Law[self.law]
-        options.microsteps = 0 if self.microsteps == "auto" else self.microsteps
-        options.max_microsteps = self.max_microsteps
+        options.microsteps = 0 if self.microsteps == "auto" else int(self.microsteps)
+        options.max_microsteps = int(self.max_microsteps)
         options.recovery_speed = float(self.recovery_speed)
         options.impact = _core.Impact[self.impact]
         options.rules = self.rules._to_core()

@@ -24,6 +24,7 @@ from dashpot.calibrate.search import (
     loss_weights,
     spread_starts,
 )
+from dashpot.checks import thread_count
 
 Array = NDArray[np.float64]
 Method = Literal["least_squares", "cma", "cma+least_squares"]
@@ -95,12 +96,14 @@ def fit(
     seed
         Of starts and CMA-ES.
     nthread
-        Threads; None: one per core. The result does not depend on it.
+        Number of threads, >= 1. None: one per core. The result does not depend on it.
     progress
         Show a progress bar.
 
     Raises
     ------
+    TypeError
+        If `nthread` is no integer.
     ValueError
         For options out of range, and where a simulation fails, naming the trajectory.
     """
@@ -109,9 +112,10 @@ def fit(
         raise ValueError(f"errors must be one of {', '.join(get_args(Errors))}, got {errors!r}")
     if not 0 < confidence < 1:
         raise ValueError(f"confidence must be in (0, 1), got {confidence!r}")
+    threads = thread_count(nthread)
     began = time.perf_counter()
     stages = [problem.with_window(w) for w in _earlier(windows, problem.window)] + [problem]
-    objectives = [Objective(stage, nthread=nthread or 0) for stage in stages]
+    objectives = [Objective(stage, nthread=threads) for stage in stages]
     with _Bar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         search = _search(objectives, budget, loss, loss_scale, method, starts, local_searches, seed)

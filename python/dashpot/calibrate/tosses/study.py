@@ -15,6 +15,7 @@ from dashpot.calibrate.result import Fit
 from dashpot.calibrate.tosses.cube import Cube
 from dashpot.calibrate.tosses.flight import Toss, trajectory
 from dashpot.calibrate.tosses.problems import body_problem, dashpot_problem, mujoco_problem
+from dashpot.checks import thread_count
 
 Array = NDArray[np.float64]
 
@@ -49,7 +50,7 @@ def evaluate(
     problem: Problem, values: Mapping[str, float], cube: Cube, *, nthread: int | None = None
 ) -> Errors:
     """Return the prediction errors of `values` on the tosses of a problem, fitted or unseen."""
-    objective = Objective(problem, nthread=0 if nthread is None else nthread)
+    objective = Objective(problem, nthread=thread_count(nthread))
     point = np.array(
         [c.to_search(values[n]) for c, n in zip(objective.coordinates, problem.names, strict=True)]
     )
