@@ -207,6 +207,14 @@ class Engine:
         RuntimeError
             If contact forces diverge or contacts exceed the memory; data keep the state from
             before the failing step.
+
+        Notes
+        -----
+        MuJoCo's own rows of contacts (``efc_*``, ``contact.efc_address``), from which
+        ``mj_contactForce`` reads the mean forces over a step, are made in the last step of a call.
+        In the steps before it, and in :func:`dashpot.rollout`, they are made only if the model has
+        sensors, plugins or flexes, which read them. Rows of limits, equalities and dry friction are
+        made in every step. Control and passive callbacks see no contacts and no rows.
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)
