@@ -16,7 +16,7 @@ import numpy as np
 import dashpot
 from random_scenes import random_articulated_scene
 
-CASES = ((7594, 120, 160), (7780, 180, 80))  # seed, steps before, steps
+CASES = ((7780, 180, 80),)  # seed, steps before, steps
 
 LINK = 'type="capsule" size=".02" mass="1"'
 WORLD = """<mujoco><option integrator="implicitfast"><flag contact="disable"/></option><worldbody>
@@ -121,7 +121,7 @@ def drift_of_mechanism(name: str, timestep: float, duration: float = 12.0) -> No
     gains = [(energy(model, data) - start) / (start - at_rest) for data in (ours, theirs)]
     print(
         f"{name}, {duration:g} s at {1e3 * timestep:g} ms: "
-        f"dashpot {gains[0]:+.1%}, mj_step {gains[1]:+.1%}"
+        f"dashpot {gains[0]:+.2%}, mj_step {gains[1]:+.2%}"
     )
 
 

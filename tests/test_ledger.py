@@ -178,6 +178,12 @@ def test_the_ledger_of_joints_is_off_by_no_more_than_the_step(scene):
     assert ledger_error(JOINTS[scene], 0.001, 0.5) <= 20 * 0.001
 
 
+@pytest.mark.parametrize("scene", ["connect", "joint equality", "tendon equality"])
+def test_equalities_keep_the_ledger_at_a_millisecond(scene):
+    """Second order: the trapezoidal rule of trees that equalities hold."""
+    assert ledger_error(JOINTS[scene], 0.001, 0.5) <= TENTH_PERCENT
+
+
 @pytest.mark.parametrize("integrator", ["EULER", "IMPLICITFAST"])
 def test_work_of_actuators_and_applied_forces_is_booked(integrator):
     """A servo swings a chain with dampers, and a force pushes a box along the floor."""

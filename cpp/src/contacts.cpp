@@ -32,6 +32,12 @@ MemoryLayout memory_layout(const mjModel_* m) {
   MemoryLayout layout;
   layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m);
   layout.constraints = host::constraint_memory_count(m);
+  if (host::has_equalities(m)) {
+    const Trees trees = host::make_trees(m);
+    layout.held_trees = static_cast<int>(trees.tree.size());
+    layout.held_dofs = host::dof_count(m);
+    layout.held_coordinates = trees.coordinates;
+  }
   return layout;
 }
 

@@ -17,6 +17,7 @@
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/trapezoid.hpp"
 #include "dashpot/tree_motion.hpp"
 
 namespace dashpot {
@@ -64,6 +65,7 @@ struct Stepper::Impl {
   MemoryLayout memory_layout;
   long long data_size;
   TreeMotion motion;
+  Trapezoid trapezoid;
 
   // Rebuilt in every step.
   double length = 0.0;  // H, s, of the step or the part of it
@@ -191,10 +193,11 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   find_sag_times(model, rows, contacts, sag_time);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
   Memory view = memory(d);
+  ledger = view.ledger();
+  trapezoid.finish_last_step(model, d, length, view, constraints, motion, rows, data, ledger);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
-  ledger = view.ledger();
 }
 
 void Stepper::Impl::run_islands() {
@@ -330,6 +333,9 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
 void Stepper::Impl::remember(mjData_* d) {
   Memory view = memory(d);
   view.remember(contacts, constraints, rows, data);
+  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
+  trapezoid.keep(model, d, length, leaves_half, mean_displacement, constraints, motion, rows, data,
+                 view, ledger);
   view.set_ledger(ledger);
 }
 

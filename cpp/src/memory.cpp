@@ -12,10 +12,11 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, constraints (deformation, stiffness and slack of each),
-// contacts.
+// Storage: count of contacts, ledger, motion that equalities hold, constraints (deformation,
+// stiffness, slack, and the two numbers of equality() of each), contacts.
 constexpr int kHeader = 8;
-constexpr int kConstraint = 3;
+constexpr int kConstraint = 5;
+constexpr int kEquality = 3;
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
 
@@ -106,12 +107,32 @@ class SlotsByPair {
 
 }  // namespace
 
-int MemoryLayout::size() const { return kHeader + kConstraint * constraints + kSlot * contacts; }
+int MemoryLayout::held_size() const { return 2 * (held_trees + held_dofs + held_coordinates); }
 
-double* Memory::constraint_storage() const { return storage_ + kHeader; }
+int MemoryLayout::size() const {
+  return kHeader + held_size() + kConstraint * constraints + kSlot * contacts;
+}
+
+double* Memory::constraint_storage() const { return storage_ + kHeader + layout_.held_size(); }
 
 double* Memory::contact_storage(int index) const {
-  return storage_ + kHeader + kConstraint * layout_.constraints + kSlot * index;
+  return constraint_storage() + kConstraint * layout_.constraints + kSlot * index;
+}
+
+HeldMotion Memory::held_motion() const {
+  if (layout_.held_trees == 0) return {};
+  HeldMotion motion;
+  motion.length = storage_ + kHeader;
+  motion.energy = motion.length + layout_.held_trees;
+  motion.velocity = motion.energy + layout_.held_trees;
+  motion.displacement = motion.velocity + layout_.held_dofs;
+  motion.acceleration = motion.displacement + layout_.held_dofs;
+  motion.other_force = motion.acceleration + layout_.held_coordinates;
+  return motion;
+}
+
+double* Memory::equality(int constraint) const {
+  return constraint_storage() + kConstraint * constraint + kEquality;
 }
 
 int Memory::contact_count() const { return static_cast<int>(storage_[0]); }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
+#include <type_traits>
 
 #include "dashpot/sweeps.hpp"
 
@@ -192,15 +193,22 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.coordinate_impulse = data->coordinate_impulse.data();
   m.smooth_acceleration = data->smooth_acceleration.data();
   m.inverse = trees->inverse.data();
+  acceleration[kTurningCoordinate] = 1.0;
+  double& turning = data->velocity[kTurningCoordinate];
+  const double turning_at_start = turning;
   sweep_rows(Sweep::kPrepare, m);
   for (int i = 0; i < island->microsteps; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
-    displacement[kSurfaceCoordinate] = h;  // of every micro-step; none before the first
+    // The ground's motion in every micro-step; none before the first.
+    displacement[kSurfaceCoordinate] = h;
+    displacement[kTurningCoordinate] = h * (turning + 0.5 * h);
+    turning += h;
     sweep_trees(Sweep::kSmoothMotion, m);
     sweep_rows(Sweep::kFlow, m);
     sweep_trees(Sweep::kContactMotion, m);
   }
   sweep_rows(Sweep::kRead, m);
+  turning = turning_at_start;
 }
 
 void MicrostepLoop::Impl::unpack() {
@@ -213,6 +221,8 @@ void MicrostepLoop::Impl::unpack() {
       data->rate[row] = law.rate[i][lane];
       data->total_impulse[row] = law.total_impulse[i][lane];
     }
+    if constexpr (std::is_same_v<std::decay_t<decltype(law)>, SpringLanes>)
+      data->force_moment[index] = law.force_moment[lane];
     data->offset[index] = law.offset[lane];
     data->sticking[index] = law.sticking[lane] != 0;
     data->touched[index] = law.touched[lane] != 0;

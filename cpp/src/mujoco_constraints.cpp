@@ -210,6 +210,11 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                      const Trees& trees, Rows& rows) {
   append_rows(m, d, input.source, trees, rows);
+  // Equalities of flexes have their memory behind that of the others.
+  if (input.kind != RowKind::kBilateral || input.memory >= kEqualityRows * m->neq) return;
+  const double turning =
+      turning_of_equality(m, d, input.memory / kEqualityRows, input.memory % kEqualityRows, trees);
+  if (turning != 0.0) append_ground_motion(rows, kTurningCoordinate, &turning);
 }
 
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical) {

@@ -115,7 +115,7 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
   if (driven) surface_rate = surface_motion(m, d, input);
   if (input.is_of_flex()) {
     append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
-    if (driven) append_surface_motion(rows, surface_rate.data());
+    if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());
     return;
   }
   PairGeometry pair;
@@ -140,7 +140,7 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
   rows.value.resize(c.value + c.dim * c.width(), 0.0);
   for (int side = 0; side < 2; ++side)
     if (input.tree[side] >= 0) add_side(m, d, input, side, pair, trees, c, rows);
-  if (driven) append_surface_motion(rows, surface_rate.data());
+  if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());
 }
 
 void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,

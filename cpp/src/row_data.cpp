@@ -13,12 +13,14 @@ void RowData::reset_motion(int coordinates) {
   for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse})
     array->assign(coordinates, 0.0);
   velocity[kSurfaceCoordinate] = 1.0;
+  smooth_acceleration[kTurningCoordinate] = 1.0;
 }
 
 void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
   offset.assign(rows.group.size(), 0.0);
+  force_moment.assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
   touched.assign(rows.group.size(), 0);
   work = recovery_input = EnergyShares{};

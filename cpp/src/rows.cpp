@@ -145,11 +145,11 @@ void scatter(const Rows& rows, const RowGroup& c, const double* impulse, double*
   }
 }
 
-void append_surface_motion(Rows& rows, const double* rate) {
+void append_ground_motion(Rows& rows, int coordinate, const double* rate) {
   RowGroup& c = rows.group.back();
   const int width = c.width();
-  c.driven = true;
-  rows.column.push_back(kSurfaceCoordinate);
+  c.ground = coordinate;
+  rows.column.push_back(coordinate);
   rows.value.resize(c.value + c.dim * (width + 1));
   double* value = rows.value.data() + c.value;
   for (int i = c.dim - 1; i >= 0; --i) {
@@ -158,9 +158,17 @@ void append_surface_motion(Rows& rows, const double* rate) {
   }
 }
 
+double ground_rate(const Rows& rows, const RowGroup& c) {
+  return c.ground < 0 ? 0.0 : rows.value[c.value + c.width() - 1];
+}
+
+void stop_turning(Rows& rows, const RowGroup& c) {
+  if (c.ground == kTurningCoordinate) rows.value[c.value + c.width() - 1] = 0.0;
+}
+
 double surface_work(const Rows& rows, const RowGroup& c, const double* impulse) {
   double work = 0.0;
-  if (c.driven)
+  if (c.ground == kSurfaceCoordinate)
     for (int i = 0; i < c.dim; ++i)
       work -= impulse[i] * rows.value[c.value + (i + 1) * c.width() - 1];
   return work;

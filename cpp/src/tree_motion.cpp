@@ -67,6 +67,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
   host::find_effective_inertia(model_, d, trees_, inertia_factor_);
+  data.velocity[kTurningCoordinate] = -0.5 * length;
   for (int index = 0; index < tree_count(); ++index) {
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;

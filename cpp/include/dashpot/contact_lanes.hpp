@@ -52,7 +52,8 @@ struct ContactLanes : RowLanes<Dim> {
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
 struct SpringLanes : RowLanes<1> {
   SpringCoefficients spring;
-  Lanes limit;  // N or N m
+  Lanes limit;         // N or N m
+  Lanes force_moment;  // about the start of the step, N s^2 or N m s^2
 };
 
 // propagate() of row i over h, four at a time where all have a series.

@@ -33,11 +33,25 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
 };
 
-// Room that memory takes: contacts that can be compressed at once, and scalar constraints.
+// What trees that equalities hold remember of the last step, see trapezoid.hpp. Views of storage;
+// null in models without equalities.
+struct HeldMotion {
+  double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
+  double* energy = nullptr;        // by tree, J
+  double* velocity = nullptr;      // at its end, by degree of freedom
+  double* displacement = nullptr;  // over the step, by degree of freedom
+  double* acceleration = nullptr;  // a, by motion coordinate
+  double* other_force = nullptr;   // g, by motion coordinate
+};
+
+// Room that memory takes: contacts that can be compressed at once, scalar constraints, and motion
+// that equalities may hold.
 struct MemoryLayout {
   int contacts = 0;
   int constraints = 0;
+  int held_trees = 0, held_dofs = 0, held_coordinates = 0;
   int size() const;  // doubles
+  int held_size() const;
 };
 
 class Memory {
@@ -49,6 +63,10 @@ class Memory {
   RememberedContact contact(int index) const;
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
+  HeldMotion held_motion() const;
+  // Mean force of an equality over the last step (N, N m), and the work that it did because its row
+  // turned (J); by ConstraintInput::memory.
+  double* equality(int constraint) const;
 
   // Fills the deformation and offset of every row. With infinite `recovery_speed` the spring takes
   // the whole overlap.

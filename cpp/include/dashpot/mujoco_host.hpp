@@ -94,6 +94,7 @@ inline constexpr int kMostCoupledDofs = 600;
 // Number of geoms, and vertices of flexes, that may have contacts.
 int contact_site_count(const mjModel_* m);
 bool has_flexes(const mjModel_* m);
+bool has_equalities(const mjModel_* m);
 
 // Contact memory lives behind the model's own user data: `size` doubles.
 void reserve_memory(mjModel_* m, int size);
@@ -188,6 +189,11 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput&
 void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                      const Trees& trees, Rows& rows);
 
+// dJ/dt xi of a row of an equality of bodies, joints or tendons, in m/s^2 or rad/s^2: how fast its
+// rate changes while the motion coordinates keep theirs. Leaves out that spatial tendons turn.
+double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
+                           const Trees& trees);
+
 // MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);
 void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,
@@ -201,6 +207,15 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 const double* velocity(const mjData_* d);
+
+// Smooth force on a degree of freedom at the start of the last step, N or N m: all of it, and what
+// follows from positions and velocities alone: bias, springs and gravity compensation.
+double smooth_force(const mjData_* d, int dof);
+double positional_force(const mjData_* d, int dof);
+// The part of these that has a potential, from gravity, springs and gravity compensation.
+double potential_force(const mjModel_* m, const mjData_* d, int dof);
+// M x in generalized coordinates (nv), with the inertia last computed.
+void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
 
 // Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
 // row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.

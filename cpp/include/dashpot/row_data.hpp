@@ -30,6 +30,8 @@ struct RowData {
   // whether any impulse acted in this step.
   std::vector<double> offset;
   std::vector<char> sticking, touched;
+  // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
+  std::vector<double> force_moment;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
   // body, a generalized impulse elsewhere.

@@ -78,16 +78,16 @@ struct RowGroup {
   int dim = 1;
   std::array<int, 2> tree{-1, -1};  // a second one only where it differs from the first
   int pair = -1;                    // index in Rows::pair, or -1 for sparse rows
-  // Sparse rows share their columns: those of tree[0], those of tree[1], and kSurfaceCoordinate if
-  // a surface moves by itself.
+  // Sparse rows share their columns: those of tree[0], those of tree[1], and a coordinate of the
+  // ground if a surface moves by itself or the row turns.
   int column = 0;                // first in Rows::column
   std::array<int, 2> columns{};  // number in each tree
-  bool driven = false;           // has the column of kSurfaceCoordinate
+  int ground = -1;               // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
   int value = 0;                 // first in Rows::value; rows are `width()` apart
 
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
-  int width() const { return columns[0] + columns[1] + driven; }
+  int width() const { return columns[0] + columns[1] + (ground >= 0); }
 };
 
 struct Rows {
@@ -124,9 +124,13 @@ void gather(const Rows& rows, const RowGroup& group, const double* motion, doubl
 // force += J' impulse.
 void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force);
 
-// Adds the column of kSurfaceCoordinate to the sparse rows of the group appended last: `rate` (dim)
-// is what the surfaces' own motion adds to each row's rate.
-void append_surface_motion(Rows& rows, const double* rate);
+// Adds the column of a moving coordinate of the ground to the sparse rows of the group appended
+// last: `rate` (dim) is what it adds to each row's rate where it moves at 1.
+void append_ground_motion(Rows& rows, int coordinate, const double* rate);
+// Rate that the moving coordinate of the ground adds to a group of one row; 0 without one.
+double ground_rate(const Rows& rows, const RowGroup& group);
+// Takes that from the group.
+void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
 double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);
 

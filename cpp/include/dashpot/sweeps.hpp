@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <type_traits>
 #include <vector>
 
 #include "dashpot/contact_lanes.hpp"
@@ -66,6 +67,8 @@ template <typename Jacobian, typename Law>
     Lanes acceleration[kDim];
     gather<kDim>(block.jacobian, m.acceleration, acceleration);
     flow(law, acceleration, m.h);
+    if constexpr (std::is_same_v<Law, SpringLanes>)
+      law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - law.moment[0];
     scatter<kDim>(block.jacobian, law.impulse, m.impulse);
     scatter<kDim>(block.jacobian, law.moment, m.moment);
     return;

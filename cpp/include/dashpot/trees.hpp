@@ -9,8 +9,10 @@
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
 // through the normal and the arm alone. The first eight coordinates belong to the ground: they are
 // zero, and what is applied to them has no effect. A free body's coordinates begin at a multiple of
-// eight. One of them, which no body has, moves at 1: its
-// column in a row is the rate that surfaces of their own motion (conveyor belts) add.
+// eight. Two of them, which no body has, move: kSurfaceCoordinate at 1, so that its column in a row
+// is the rate that surfaces of their own motion (conveyor belts) add, and kTurningCoordinate with
+// acceleration 1, so that its column is what a row's rate gains because its Jacobian turns, dJ/dt
+// xi.
 
 #pragma once
 
@@ -22,6 +24,7 @@ namespace dashpot {
 
 inline constexpr int kBodyCoordinates = 8;    // of the ground and of a free body
 inline constexpr int kSurfaceCoordinate = 3;  // of the ground, moves at 1
+inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is time, s
 
 struct Tree {
   int dof_begin = 0;  // range of generalized velocities

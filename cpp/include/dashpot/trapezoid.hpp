@@ -1,0 +1,82 @@
+// The second half of the trapezoidal rule for trees that equalities hold.
+//
+// Rows see the geometry and the smooth forces of the start of a step. Under rows that act for good,
+// as equalities do, a motion integrated so gains energy, in parts about omega^2 H / 2 a second.
+// Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the accelerations
+// at both ends of the step instead. That at the end is known when the next step has its rows:
+//
+//     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
+//                                 a' = inv(H1) (f1 + g + J1' lambda),
+//
+// f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
+// forces; lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective
+// inertia. Of a free body the smooth motion is exact and left out.
+//
+// s is 1 to first order in H, and such that energy is conserved:
+//
+//     v1'M1 v1 / 2 = v'M0 v / 2 + ((p0 + p1) / 2 - f0) dq + integral of lambda (dJ/dt xi) t dt ,
+//
+// v: what the step left, v1: with the second half; p: the part of f that has a potential; dq:
+// displacement over the step. The first term is the energy that the frozen geometry of the step
+// has; the second replaces the work of f0 by the change of potential energy; the last is the work
+// that rows did because they turned. Where an impact or a configuration near a singular one leaves
+// no s near 1, or rows would turn too far in a step, frozen geometry stays: the second half is left
+// out, rows do not turn in that step, and the work of those that did is booked as dissipation.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/energy_ledger.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/row_data.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/tree_motion.hpp"
+
+namespace dashpot {
+
+// The rule for all trees of a model; keeps its arrays from step to step.
+class Trapezoid {
+ public:
+  // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
+  // last step left over, where a tree is still held by equalities and goes on with the velocity
+  // that step gave it. Trees that equalities couple share s. Takes the turning from `rows` where
+  // they may not turn in this step.
+  void finish_last_step(const mjModel_* model, const mjData_* d, double length,
+                        const Memory& memory, const std::vector<ConstraintInput>& constraints,
+                        const TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
+
+  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember.
+  // `displacement` (nv) is what the change of kinetic energy went with. `leaves_half` false: the
+  // step had the geometry of its middle, or another law, and leaves nothing over.
+  void keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
+            const std::vector<double>& displacement,
+            const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
+            const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+
+ private:
+  // Of the trees that equalities couple, J: v'M v / 2, v'M k and k'M k / 2 with k the whole second
+  // half, the kinetic energy that there ought to be, and the work that rows did because they
+  // turned.
+  struct Coupled {
+    double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
+    double scale = 0.0;      // s
+    bool left_half = false;  // in the last step, at least one tree
+    bool turns = true;       // its rows, in this step
+    double find_scale() const;
+  };
+
+  void find_coupled_trees(const Rows& rows, int trees);
+  void find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
+                        const TreeMotion& motion);
+  void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
+  void stop_fast_turns(double length, Rows& rows);
+
+  std::vector<int> first_;        // by tree: the first one that equalities couple it to, -1 if none
+  std::vector<char> left_half_;   // by tree
+  std::vector<Coupled> coupled_;  // by first tree
+  std::vector<double> wrench_, second_half_;                       // by motion coordinate
+  std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
+};
+
+}  // namespace dashpot

@@ -1,0 +1,133 @@
+// How fast the Jacobians of equalities turn. Part of the mujoco_host room.
+//
+// A row's rate is u = J xi, so du/dt = J dxi/dt + dJ/dt xi. For a connect the second term is the
+// acceleration that its two anchors have relative to each other while xi is constant: centripetal,
+// and of Coriolis along a chain.
+
+#include <mujoco/mujoco.h>
+
+#include <cmath>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+struct Acceleration {
+  mjtNum angular[3], linear[3];
+};
+
+// Of a point (world) fixed to a body, while the generalized velocities are constant.
+Acceleration generalized_acceleration(const mjModel* m, const mjData* d, int body,
+                                      const mjtNum* point) {
+  int ancestor = body;
+  while (ancestor > 0 && m->body_dofnum[ancestor] == 0) ancestor = m->body_parentid[ancestor];
+  mjtNum spatial[6] = {};
+  if (ancestor > 0)
+    for (int dof = m->body_dofadr[ancestor] + m->body_dofnum[ancestor] - 1; dof >= 0;
+         dof = m->dof_parentid[dof])
+      for (int i = 0; i < 6; ++i) spatial[i] += d->cdof_dot[6 * dof + i] * d->qvel[dof];
+  // From the spatial acceleration about the tree's centre of mass to that of the point itself.
+  const mjtNum* rate = d->cvel + 6 * body;
+  mjtNum arm[3], velocity[3], turn[3];
+  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(velocity, rate, arm);
+  mju_addTo3(velocity, rate + 3);
+  Acceleration a;
+  mju_copy3(a.angular, spatial);
+  mju_cross(a.linear, spatial, arm);
+  mju_addTo3(a.linear, spatial + 3);
+  mju_cross(turn, rate, velocity);
+  mju_addTo3(a.linear, turn);
+  return a;
+}
+
+// The same while the motion coordinates are constant: those of a free body are its centre's.
+Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point,
+                          const Trees& trees) {
+  Acceleration a = generalized_acceleration(m, d, body, point);
+  const int tree = m->body_treeid[body];
+  if (tree < 0 || !trees.tree[tree].free_body) return a;
+  const Acceleration centre = generalized_acceleration(m, d, body, d->xipos + 3 * body);
+  mju_subFrom3(a.linear, centre.linear);
+  return a;
+}
+
+// One side of a connect or weld: the body, its anchor and its orientation in the world.
+struct Side {
+  int body;
+  mjtNum anchor[3], orientation[4];
+};
+
+Side side_of(const mjModel* m, const mjData* d, int equality, int index) {
+  const int id = index == 0 ? m->eq_obj1id[equality] : m->eq_obj2id[equality];
+  const mjtNum* data = m->eq_data + mjNEQDATA * equality;
+  const bool weld = m->eq_type[equality] == mjEQ_WELD;
+  Side side;
+  if (m->eq_objtype[equality] == mjOBJ_SITE) {
+    side.body = m->site_bodyid[id];
+    mju_copy3(side.anchor, d->site_xpos + 3 * id);
+    mju_mulQuat(side.orientation, d->xquat + 4 * side.body, m->site_quat + 4 * id);
+    return side;
+  }
+  side.body = id;
+  // A weld keeps the anchor of its second body first.
+  mju_mulMatVec3(side.anchor, d->xmat + 9 * id, data + 3 * (weld ? 1 - index : index));
+  mju_addTo3(side.anchor, d->xpos + 3 * id);
+  mju_copy4(side.orientation, d->xquat + 4 * id);
+  if (weld && index == 0) {
+    const mjtNum* relative = data + 6;
+    mju_mulQuat(side.orientation, d->xquat + 4 * id, relative);
+  }
+  return side;
+}
+
+double turning_of_bodies(const mjModel* m, const mjData* d, int equality, int row,
+                         const Trees& trees) {
+  const Side side[2] = {side_of(m, d, equality, 0), side_of(m, d, equality, 1)};
+  Acceleration relative = acceleration(m, d, side[0].body, side[0].anchor, trees);
+  const Acceleration second = acceleration(m, d, side[1].body, side[1].anchor, trees);
+  mju_subFrom3(relative.linear, second.linear);
+  mju_subFrom3(relative.angular, second.angular);
+  if (row < 3) return relative.linear[row];
+  // MuJoCo's rate of the rotation error of a weld, (conj(q1) w q0) / 2 times the scale of torques;
+  // both sides turn alike, so the rates of q0 and q1 add nothing.
+  mjtNum inverse[4], turned[4], rate[4];
+  mju_negQuat(inverse, side[1].orientation);
+  mju_mulQuatAxis(turned, inverse, relative.angular);
+  mju_mulQuat(rate, turned, side[0].orientation);
+  return 0.5 * m->eq_data[mjNEQDATA * equality + 10] * rate[row - 2];
+}
+
+// Of x0 - p(x1) with the polynomial p of joint and tendon equalities: -p''(x1) v1^2.
+double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
+  return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
+}
+
+}  // namespace
+
+double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
+                           const Trees& trees) {
+  const int second = m->eq_obj2id[equality];
+  const mjtNum* data = m->eq_data + mjNEQDATA * equality;
+  switch (m->eq_type[equality]) {
+    case mjEQ_CONNECT:
+    case mjEQ_WELD:
+      return turning_of_bodies(m, d, equality, row, trees);
+    case mjEQ_JOINT: {
+      if (second < 0) return 0.0;
+      const int position = m->jnt_qposadr[second];
+      return turning_of_polynomial(data, d->qpos[position] - m->qpos0[position],
+                                   d->qvel[m->jnt_dofadr[second]]);
+    }
+    case mjEQ_TENDON:
+      if (second < 0) return 0.0;
+      return turning_of_polynomial(data, d->ten_length[second] - m->tendon_length0[second],
+                                   d->ten_velocity[second]);
+    default:
+      return 0.0;
+  }
+}
+
+}  // namespace dashpot::host

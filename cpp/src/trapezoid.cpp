@@ -1,0 +1,193 @@
+#include "dashpot/trapezoid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr double kScaleRange = 0.5;  // of s about 1
+constexpr double kTurn = 0.1;        // rad, most that rows may turn in a step
+
+}  // namespace
+
+// The root nearest to 1 of kinetic + linear s + square s^2 = wanted; 0 if there is none near.
+double Trapezoid::Coupled::find_scale() const {
+  const double root = std::sqrt(linear * linear - 4.0 * square * (kinetic - wanted));
+  const double sum = linear + std::copysign(root, linear);  // without cancellation
+  double nearest = 0.0;
+  for (double s : {-0.5 * sum / square, -2.0 * (kinetic - wanted) / sum})
+    if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
+  return std::abs(nearest - 1.0) <= kScaleRange ? nearest : 0.0;
+}
+
+void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
+  first_.assign(trees, -1);
+  coupled_.assign(trees, {});
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const RowGroup& c : rows.group) {
+      if (c.kind != RowKind::kBilateral) continue;
+      int first = c.tree[0];
+      for (int tree : c.tree)
+        if (tree >= 0 && first_[tree] >= 0) first = std::min(first, first_[tree]);
+      for (int tree : c.tree) {
+        if (tree < 0 || first_[tree] == first) continue;
+        first_[tree] = first;
+        changed = true;
+      }
+    }
+  }
+}
+
+void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
+                                 const Memory& memory,
+                                 const std::vector<ConstraintInput>& constraints,
+                                 const TreeMotion& motion, Rows& rows, RowData& data,
+                                 EnergyLedger& ledger) {
+  const HeldMotion before = memory.held_motion();
+  if (!before.length) return;
+  const Trees& trees = motion.trees();
+  find_coupled_trees(rows, motion.tree_count());
+  if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
+  wrench_.assign(trees.coordinates, 0.0);
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kBilateral) continue;
+    const double* equality = memory.equality(constraints[c.input].memory);
+    scatter(rows, c, equality, wrench_.data());
+    coupled_[first_[c.tree[0]]].turning_work += equality[1];
+  }
+  find_second_half(model, d, before, motion);
+  find_energies(model, d, motion);
+  for (Coupled& coupled : coupled_) {
+    if (!coupled.left_half) continue;
+    coupled.scale = coupled.find_scale();
+    coupled.turns = coupled.scale != 0.0;
+    if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
+  }
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (first_[index] < 0) continue;
+    const double scale = coupled_[first_[index]].scale;
+    const Tree& t = trees.tree[index];
+    for (int i = t.begin; i < t.begin + t.count; ++i) data.velocity[i] += scale * second_half_[i];
+  }
+  stop_fast_turns(length, rows);
+}
+
+void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
+                                 const TreeMotion& motion) {
+  const Trees& trees = motion.trees();
+  const std::vector<double>& velocity = motion.start_velocity();
+  second_half_.assign(trees.coordinates, 0.0);
+  generalized_.assign(velocity.size(), 0.0);
+  left_half_.assign(trees.tree.size(), 0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = trees.tree[index];
+    const auto begin = velocity.begin() + t.dof_begin;
+    left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
+                        std::equal(begin, begin + t.dof_count, before.velocity + t.dof_begin);
+    if (!left_half_[index]) continue;
+    Coupled& coupled = coupled_[first_[index]];
+    coupled.left_half = true;
+    coupled.wanted += before.energy[index];
+    double* force = wrench_.data() + t.begin;
+    for (int i = 0; i < t.count; ++i) force[i] += before.other_force[t.begin + i];
+    for (int i = 0; i < t.dof_count && !host::is_free_body(model, index); ++i) {
+      const int dof = t.dof_begin + i;
+      force[i] += host::positional_force(d, dof);
+      coupled.wanted += 0.5 * host::potential_force(model, d, dof) * before.displacement[dof];
+    }
+    double* half = second_half_.data() + t.begin;
+    add_response(trees, index, force, half);
+    for (int i = 0; i < t.count; ++i)
+      half[i] = 0.5 * before.length[index] * (half[i] - before.acceleration[t.begin + i]);
+    motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
+  }
+}
+
+void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion) {
+  const std::vector<double>& velocity = motion.start_velocity();
+  momentum_.resize(velocity.size());
+  momentum_of_half_.resize(velocity.size());
+  host::times_inertia(model, d, velocity.data(), momentum_.data());
+  host::times_inertia(model, d, generalized_.data(), momentum_of_half_.data());
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (first_[index] < 0) continue;
+    const Tree& t = motion.trees().tree[index];
+    Coupled& coupled = coupled_[first_[index]];
+    double kinetic = 0.0;
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
+      kinetic += 0.5 * velocity[i] * momentum_[i];
+      coupled.linear += velocity[i] * momentum_of_half_[i];
+      coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
+    }
+    coupled.kinetic += kinetic;
+    if (!left_half_[index] || host::is_free_body(model, index)) coupled.wanted += kinetic;
+  }
+  for (Coupled& coupled : coupled_) coupled.wanted += coupled.turning_work;
+}
+
+// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them.
+void Trapezoid::stop_fast_turns(double length, Rows& rows) {
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kBilateral) continue;
+    Coupled& coupled = coupled_[first_[c.tree[0]]];
+    const double turned = length * ground_rate(rows, c);
+    const double speed_square = 2.0 * rows.inverse_mass[c.row] * coupled.kinetic;
+    if (turned * turned > kTurn * kTurn * speed_square) coupled.turns = false;
+  }
+  for (const RowGroup& c : rows.group)
+    if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);
+}
+
+void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
+                     const std::vector<double>& displacement,
+                     const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
+                     const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
+  const HeldMotion now = memory.held_motion();
+  if (!now.length) return;
+  const Trees& trees = motion.trees();
+  const double* velocity = host::velocity(d);
+  wrench_.assign(trees.coordinates, 0.0);
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kBilateral) continue;
+    double* equality = memory.equality(constraints[c.input].memory);
+    equality[0] = data.total_impulse[c.row] / length;
+    equality[1] = ground_rate(rows, c) * data.force_moment[i];
+    scatter(rows, c, equality, wrench_.data());
+    ledger.dissipated_constraint += equality[1];
+  }
+  momentum_.resize(displacement.size());
+  host::times_inertia(model, d, velocity, momentum_.data());
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = trees.tree[index];
+    const bool leaves = leaves_half && first_[index] >= 0 && coupled_[first_[index]].turns;
+    now.length[index] = leaves ? length : 0.0;
+    if (!leaves) continue;
+    std::copy_n(velocity + t.dof_begin, t.dof_count, now.velocity + t.dof_begin);
+    std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+    double* force = now.other_force + t.begin;
+    double& energy = now.energy[index];
+    for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / length;
+    energy = 0.0;
+    const bool free = host::is_free_body(model, index);
+    for (int i = 0; i < t.dof_count && !free; ++i) {
+      const int dof = t.dof_begin + i;
+      force[i] += host::smooth_force(d, dof);
+      energy += 0.5 * velocity[dof] * momentum_[dof] +
+                (0.5 * host::potential_force(model, d, dof) - host::positional_force(d, dof)) *
+                    displacement[dof];
+    }
+    std::fill_n(now.acceleration + t.begin, t.count, 0.0);
+    add_response(trees, index, force, now.acceleration + t.begin);
+    for (int i = 0; i < t.count; ++i) force[i] -= wrench_[t.begin + i];
+    for (int i = 0; i < t.dof_count && !free; ++i)
+      force[i] -= host::positional_force(d, t.dof_begin + i);
+  }
+}
+
+}  // namespace dashpot
