@@ -1,11 +1,14 @@
 """Flexes: contacts that reach many vertices, equalities of edges, vertices and strain."""
 
+import copy
+
 import mujoco
 import numpy as np
 import pytest
 
 import dashpot
 
+INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
 WEIGHT = 9.81  # N, of a flex of 1 kg
 
 SCENE = """<mujoco><option timestep="1e-3" gravity="{gravity}"/><worldbody>
@@ -93,6 +96,29 @@ def test_a_ball_on_a_cloth_on_the_floor_is_carried_by_the_cloth():
     assert total_force(engine.contacts(data, geom="floor"))[2] == pytest.approx(
         1.2 * 9.81, rel=1e-3
     )
+
+
+@pytest.mark.parametrize("side", [2, 4, 6])
+def test_a_cloth_of_many_trees_rolls_out_copies_and_saves_as_it_steps(side, tmp_path):
+    """Its vertices are a kinematic tree each in MuJoCo, and one in the engine."""
+    edges = '<edge equality="true"/>'
+    grid = f'count="{side} {side} 1" spacing=".05 .05 .05" pos="0 0 .005" dim="2"'
+    engine, data = engine_of(grid, edges)
+    assert engine.model.ntree == side**2
+    state = np.zeros(mujoco.mj_stateSize(engine.model, INTEGRATION))
+    mujoco.mj_getState(engine.model, data, state, INTEGRATION)
+    rolled, _ = dashpot.rollout(engine, state, nstep=200, nthread=1)
+    other = copy.copy(engine)
+    copied = other.make_data()
+    other.step(copied, 200)
+    engine.step(data, 200)
+    assert len(engine.contacts(data)) > 0
+    mujoco.mj_getState(engine.model, data, state, INTEGRATION)
+    assert np.array_equal(rolled[0, -1], state)
+    assert np.array_equal(copied.qpos, data.qpos)
+    mujoco.mj_saveModel(engine.model, str(tmp_path / "cloth.mjb"))
+    loaded = mujoco.MjModel.from_binary_path(str(tmp_path / "cloth.mjb"))
+    assert loaded.nv == engine.model.nv
 
 
 def test_impacts_of_flexes_are_not_cut():

@@ -106,7 +106,6 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
 }
 
 int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
-int tree_count(const mjModel_* m) { return static_cast<int>(m->ntree); }
 int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
 
 StepParts::StepParts(mjModel_* m, mjData_* d)
@@ -197,7 +196,8 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
 
 Trees make_trees(const mjModel_* m) {
   Trees trees;
-  for (int i = 0; i < m->ntree; ++i)
+  const int count = tree_count(m);
+  for (int i = 0; i < count; ++i)
     trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i));
   return trees;
 }
@@ -209,7 +209,7 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
                             std::vector<double>& factor) {
   factor.resize(trees.inverse.size());
-  for (int index = 0; index < m->ntree; ++index) {
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, index);
     if (t.free_body)

@@ -78,6 +78,12 @@ std::vector<Range> joined_ranges(const mjModel* m) {
 
 }  // namespace
 
+int tree_count(const mjModel_* m) {
+  int count = static_cast<int>(m->ntree);
+  while (count > 0 && m->tree_dofnum[count - 1] == 0) --count;
+  return count;
+}
+
 int coupled_dof_count(const mjModel_* m) {
   int largest = 0;
   for (const Range& range : joined_ranges(m)) {
@@ -107,7 +113,12 @@ void join_coupled_trees(mjModel_* m) {
     m->tree_sleep_policy[tree] = m->tree_sleep_policy[i];
   }
   if (count == m->ntree) return;
-  m->ntree = count;
+  // Their number fixes the size of the model's buffer, so that trees joined to others stay, empty.
+  for (int i = count; i < m->ntree; ++i) {
+    m->tree_bodyadr[i] = m->tree_bodyadr[count - 1];
+    m->tree_dofadr[i] = m->tree_dofadr[count - 1];
+    m->tree_bodynum[i] = m->tree_dofnum[i] = 0;
+  }
   for (int i = 0; i < m->nbody; ++i)
     if (m->body_treeid[i] >= 0) m->body_treeid[i] = joined[m->body_treeid[i]];
   for (int i = 0; i < m->nv; ++i) m->dof_treeid[i] = joined[m->dof_treeid[i]];

@@ -43,7 +43,7 @@ void check_options(const mjModel_* m, Law law);
 void check_data(const mjModel_* m, const mjData_* d, long long data_size);
 
 int geom_count(const mjModel_* m);
-int tree_count(const mjModel_* m);
+int tree_count(const mjModel_* m);  // without those joined to others
 int dof_count(const mjModel_* m);
 // Friction and priority of a side of a contact: a geom, or -1 - id for a flex.
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
@@ -83,8 +83,8 @@ void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
                      std::vector<double>& velocity);
 
 // Trees that a single row may couple by more than two (a tendon over three bodies, a flex) are
-// joined to one in the model, so that a row has at most two. Changes nothing else that MuJoCo
-// computes.
+// joined to one in the model, so that a row has at most two. Their number stays; the surplus ones
+// are empty and last. Changes nothing else that MuJoCo computes.
 void join_coupled_trees(mjModel_* m);
 // Most degrees of freedom that joining puts into one tree; 0 where nothing is to be joined.
 int coupled_dof_count(const mjModel_* m);
