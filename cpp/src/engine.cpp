@@ -111,7 +111,9 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
   host::StepParts parts(model, d);
-  detection.contact_rows = leave_rows || host::anything_reads_rows(model);
+  detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
+                           : leave_rows                     ? host::ContactRows::kIfTheyFit
+                                                            : host::ContactRows::kNone;
   cuts = 0;
   proven_apart.clear();
   StepStats total;

@@ -67,21 +67,31 @@ bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInpu
 // Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
 constexpr int kIncluded = 0, kInGap = 1;
 
-// MuJoCo's constraint rows; without those of contacts if nothing will read them. Contacts pass as
-// beyond the margin meanwhile: the model's own flag would be seen by whoever copies the model.
-void make_rows(const mjModel* m, mjData* d, bool of_contacts) {
-  if (of_contacts) {
-    mj_makeConstraint(m, d);
-    return;
-  }
+// MuJoCo's constraint rows; false where they do not fit into the memory of the model.
+bool make_all_rows(const mjModel* m, mjData* d) {
+  const int lost = d->warning[mjWARN_CNSTRFULL].number;
+  mj_makeConstraint(m, d);
+  return d->warning[mjWARN_CNSTRFULL].number == lost;
+}
+
+// The same without those of contacts, which pass as beyond the margin meanwhile: the model's own
+// flag would be seen by whoever copies the model.
+bool make_rows_without_contacts(const mjModel* m, mjData* d) {
   for (int i = 0; i < d->ncon; ++i) {
     mjContact& contact = d->contact[i];
     contact.efc_address = -1;
     if (contact.exclude == kIncluded) contact.exclude = kInGap;
   }
-  mj_makeConstraint(m, d);
+  const bool fit = make_all_rows(m, d);
   for (int i = 0; i < d->ncon; ++i)
     if (d->contact[i].exclude == kInGap) d->contact[i].exclude = kIncluded;
+  return fit;
+}
+
+bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
+  if (of_contacts == ContactRows::kNone) return make_rows_without_contacts(m, d);
+  if (make_all_rows(m, d)) return true;
+  return of_contacts == ContactRows::kIfTheyFit && make_rows_without_contacts(m, d);
 }
 
 void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
@@ -89,7 +99,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  std::vector<ConstraintInput>& constraints) {
   {
     WidenedReach reach(m, d, acceleration, detection.buffers);
-    const int lost = d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number;
+    const int lost = d->warning[mjWARN_CONTACTFULL].number;
     mj_collision(m, d);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
@@ -98,8 +108,8 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       // Nor do contacts adhere there; force reports take adhesion off the contact's force.
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
-    make_rows(m, d, detection.contact_rows);
-    if (d->warning[mjWARN_CONTACTFULL].number + d->warning[mjWARN_CNSTRFULL].number > lost)
+    const bool rows_fit = make_rows(m, d, detection.contact_rows);
+    if (!rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
       throw std::runtime_error(
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
@@ -112,8 +122,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
 }  // namespace
 
 bool anything_reads_rows(const mjModel_* m) {
-  return m->nsensor > 0 || m->nplugin > 0 || m->nflex > 0 || mjcb_passive || mjcb_control ||
-         mjcb_contactfilter || mjcb_sensor || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias;
+  return m->nsensor > 0 || m->nplugin > 0 || m->nflex > 0;
 }
 
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
@@ -162,6 +171,10 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
 int detected_count(const mjData_* d) { return d->ncon; }
 
 std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index) {
+  if (d->contact[index].efc_address < 0)
+    throw std::runtime_error(
+        "data hold no forces of their contacts: MuJoCo's rows did not fit into the memory of the "
+        "model in the last step (enlarge <size memory=\"...\"/>), or it did not end");
   std::array<double, 6> wrench{};
   mj_contactForce(m, d, index, wrench.data());
   return wrench;

@@ -205,8 +205,10 @@ class Engine:
             If ``nstep`` is below 1, state, controls or applied forces are not finite, or ``data``
             was made from another model. Data are untouched.
         RuntimeError
-            If contact forces diverge or contacts exceed the memory; data keep the state from
-            before the failing step.
+            If contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
+            or flexes read; data keep the state from before the failing step. Rows that nothing
+            reads but :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the
+            model is too small for them; MuJoCo counts that in ``data.warning``.
 
         Notes
         -----
@@ -248,6 +250,9 @@ class Engine:
         ValueError
             If a geom or body is unknown, a pair has not two different geoms, or ``data`` was made
             from another model.
+        RuntimeError
+            If the last step did not end or left out MuJoCo's rows, which forces are read from,
+            because the memory of the model (``<size memory="..."/>``) was too small for them.
         """
         self._check_data(data)
         found = Contacts(**_core.contacts(self.model._address, data._address))

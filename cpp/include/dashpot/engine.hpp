@@ -1,9 +1,9 @@
 // The stepping engine: statistics and the stepper.
 //
 // Parameters are fixed during a step, mjData changes, StepStats is the result. A Stepper is used
-// by one thread at a time and has the model to itself while it steps (it widens contact detection
-// in the model during the step and restores it). Parallel work gives every worker its own copy of
-// the model and its own Stepper.
+// by one thread at a time and has the model to itself while it steps: during the step it widens
+// contact detection in the model and, where it cuts the step into parts, changes opt.timestep; both
+// are restored. Parallel work gives every worker its own copy of the model and its own Stepper.
 
 #pragma once
 
@@ -41,8 +41,9 @@ class Stepper {
   // Advances `data` by nstep * timestep. Throws std::invalid_argument, before anything is changed,
   // on a state that is not finite or data of another model.
   // MuJoCo's constraint rows of contacts (efc_*), which its force queries and sensors read, are
-  // left in `data` for the last step, and where `leave_rows` is false only if sensors, plugins,
-  // callbacks or flexes need them.
+  // left in `data` for the last step if they fit into the memory of the model, or, where
+  // `leave_rows` is false, not at all. Sensors, plugins and flexes need them in every step:
+  // std::runtime_error where they do not fit.
   StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true);
 
  private:

@@ -106,26 +106,32 @@ long long data_size(const mjModel_* m);
 // `new_control` false: controls are held, the control callback is not asked.
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control);
 
+// MuJoCo's rows of contacts, which its force queries read: none, left out where the memory of the
+// model is too small for them, or required.
+enum class ContactRows { kNone, kIfTheyFit, kRequired };
+
 // How to detect, and what detection keeps from step to step.
 struct Detection {
-  bool contact_rows = true;  // MuJoCo's rows of contacts as well, which its force queries read
+  ContactRows contact_rows = ContactRows::kRequired;
   ReachBuffers buffers;
 };
 
-// Whether anything may read MuJoCo's rows of contacts within a step or before the next one:
-// sensors, plugins, callbacks, and the contacts of flexes.
+// Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
+// contacts of flexes. Callbacks cannot: but for those of sensors they are asked before detection.
 bool anything_reads_rows(const mjModel_* m);
 
 // Collision and limits with a reach that covers the motion of every body and joint in this step,
-// and MuJoCo's own constraint rows for what was found, so that its sensors and force queries see
-// them. The model's gaps and margins are widened during the call and restored.
+// and MuJoCo's own constraint rows for what was found, those of contacts as `detection` asks. The
+// model's gaps and margins are widened during the call and restored. Throws std::runtime_error
+// where contacts or required rows exceed the memory of the model.
 // `acceleration` is the smooth generalized acceleration over the step (nv).
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
-// While it lives, `d` holds kinematics, inertia, contacts and constraint rows of the configuration
-// to which smooth motion with `acceleration` (nv) brings it in half of the model's time step. At
-// its end kinematics and inertia are those of the present state again.
+// While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
+// `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
+// in half of the model's time step. At its end, also where detection throws, positions, kinematics
+// and inertia are those of the present state again.
 class MiddleGeometry {
  public:
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
@@ -154,7 +160,8 @@ int constraint_memory_count(const mjModel_* m);
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
 int detected_count(const mjData_* d);
-// Force and torque of a detected contact in its frame (N, N m); velocity of geom 2 relative to
+// Force and torque of a detected contact in its frame (N, N m), std::runtime_error where the last
+// step has left no rows of contacts; velocity of geom 2 relative to
 // geom 1 at the contact, in its frame (m/s), at the positions and velocities last computed.
 std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index);
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
