@@ -139,7 +139,7 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
 MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                                Detection& detection, std::vector<ContactInput>& contacts,
                                std::vector<ConstraintInput>& constraints)
-    : model_(m), data_(d), start_(d->qpos, d->qpos + m->nq) {
+    : start_(m, d) {
   const double half = 0.5 * m->opt.timestep;
   std::vector<double> velocity(d->qvel, d->qvel + m->nv);
   for (int i = 0; i < m->nv; ++i) velocity[i] += 0.5 * half * acceleration[i];
@@ -149,8 +149,11 @@ MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double
   detect_rows(m, d, acceleration, detection, contacts, constraints);
 }
 
-MiddleGeometry::~MiddleGeometry() {
-  std::copy(start_.begin(), start_.end(), data_->qpos);
+MiddleGeometry::Start::Start(const mjModel_* m, mjData_* d)
+    : model_(m), data_(d), position_(d->qpos, d->qpos + m->nq) {}
+
+MiddleGeometry::Start::~Start() {
+  std::copy(position_.begin(), position_.end(), data_->qpos);
   mj_fwdKinematics(model_, data_);
   mj_makeM(model_, data_);
 }

@@ -87,9 +87,9 @@ std::string scene() {
          "<actuator><motor joint='shoulder' gear='2'/></actuator></mujoco>";
 }
 
-mjModel* compile() {
+mjModel* compile(const std::string& xml) {
   char error[500] = "";
-  mjSpec* spec = mj_parseXMLString(scene().c_str(), nullptr, error, sizeof error);
+  mjSpec* spec = mj_parseXMLString(xml.c_str(), nullptr, error, sizeof error);
   mjModel* m = spec ? mj_compile(spec, nullptr) : nullptr;
   if (!m) {
     std::printf("scene: %s\n", spec ? mjs_getError(spec) : error);
@@ -255,16 +255,50 @@ void check_height_field() {
   }
 }
 
+// 30 boxes that will lie on a floor in the middle of the step, where MuJoCo's rows of their
+// contacts take more than the memory of the model.
+void check_restored_middle() {
+  std::string boxes;
+  for (int i = 0; i < 30; ++i)
+    boxes += "<body pos='" + std::to_string(0.25 * i) +
+             " 0 .101'><freejoint/><geom type='box' size='.1 .1 .1'/></body>";
+  mjModel* m = compile(
+      "<mujoco><size memory='110000'/><option timestep='.004' cone='elliptic'/><worldbody>"
+      "<geom type='plane' size='9 9 .1'/>" +
+      boxes + "</worldbody></mujoco>");
+  mjData* d = mj_makeData(m);
+  mj_fwdKinematics(m, d);
+  const std::vector<double> qpos(d->qpos, d->qpos + m->nq), xpos(d->xpos, d->xpos + 3 * m->nbody);
+  std::vector<double> fall(m->nv, 0.0);
+  const double half = 0.5 * m->opt.timestep;
+  for (int i = 2; i < m->nv; i += 6) fall[i] = -0.001 / (0.5 * half * half);
+  dashpot::host::Detection detection;
+  std::vector<dashpot::ContactInput> contacts;
+  std::vector<dashpot::ConstraintInput> constraints;
+  bool thrown = false;
+  try {
+    const dashpot::host::MiddleGeometry middle(m, d, fall, detection, contacts, constraints);
+  } catch (const std::runtime_error&) {
+    thrown = true;
+  }
+  check(thrown, "rows that do not fit in the middle of a step are an error");
+  check(std::equal(qpos.begin(), qpos.end(), d->qpos), "an error in the middle keeps positions");
+  check(std::equal(xpos.begin(), xpos.end(), d->xpos), "an error in the middle keeps kinematics");
+  mj_deleteData(d);
+  mj_deleteModel(m);
+}
+
 }  // namespace
 
 int main() {
-  mjModel* m = compile();
+  mjModel* m = compile(scene());
   const dashpot::Parameters p = parameters(m);
   check_steps(m, p);
   check_allocations(m, p);
   check_rollouts(m, p);
   check_queries(m);
   check_height_field();
+  check_restored_middle();
   mj_deleteModel(m);
   if (failures) std::printf("%d checks failed\n", failures);
   return failures ? EXIT_FAILURE : EXIT_SUCCESS;

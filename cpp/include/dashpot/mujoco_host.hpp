@@ -137,14 +137,22 @@ class MiddleGeometry {
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints);
-  ~MiddleGeometry();
-  MiddleGeometry(const MiddleGeometry&) = delete;
-  MiddleGeometry& operator=(const MiddleGeometry&) = delete;
 
  private:
-  const mjModel_* model_;
-  mjData_* data_;
-  std::vector<double> start_;
+  // The configuration when it was made, put back into `d` at its end.
+  class Start {
+   public:
+    Start(const mjModel_* m, mjData_* d);
+    ~Start();
+    Start(const Start&) = delete;
+    Start& operator=(const Start&) = delete;
+
+   private:
+    const mjModel_* model_;
+    mjData_* data_;
+    std::vector<double> position_;
+  };
+  Start start_;
 };
 
 // Scalar constraints of the last detection, with the margins that the model sets.
