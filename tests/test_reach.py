@@ -18,20 +18,43 @@ def test_no_contact_that_starts_inside_a_step_is_missed(first):
     assert [misses for _, misses in results if misses] == []
 
 
-def test_boxes_that_will_meet_corner_to_corner():
-    """Seen from either, the other is beyond an edge: face clipping finds no point."""
+def corner_to_corner() -> dashpot.Engine:
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
         <body><freejoint/><geom type="box" size=".1 .1 .1"/></body>
         <body pos=".3 .3 .3"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
         </worldbody></mujoco>"""
     )
-    engine = dashpot.Engine(model)
+    return dashpot.Engine(model)
+
+
+def test_boxes_that_will_meet_corner_to_corner():
+    """Seen from either, the other is beyond an edge: face clipping finds no point."""
+    engine = corner_to_corner()
     data = engine.make_data()
     data.qvel[6:9] = -15.0
     engine.step(data)
     assert data.ncon > 0
     assert data.contact.dist[0] == pytest.approx(0.1 * 3**0.5, rel=1e-6)
+
+
+def test_a_callback_that_steps_another_model_takes_nothing_from_the_reach():
+    """Boxes that will meet corner to corner, found after the filter has stepped other ones."""
+    engine, other = corner_to_corner(), corner_to_corner()
+    data, theirs = engine.make_data(), other.make_data()
+    data.qvel[6:9] = theirs.qvel[6:9] = -15.0
+
+    def step_other(*_) -> int:
+        mujoco.set_mjcb_contactfilter(None)
+        other.step(theirs)
+        return 0
+
+    mujoco.set_mjcb_contactfilter(step_other)
+    try:
+        engine.step(data)
+    finally:
+        mujoco.set_mjcb_contactfilter(None)
+    assert theirs.ncon == data.ncon == 1
 
 
 def test_reach_leaves_the_model_as_it_was():

@@ -103,15 +103,13 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
                            ReachBuffers& buffers)
-    : m_(m), own_(buffers) {
+    : m_(m), own_(buffers), outer_is_widened_(reach_is_widened) {
   own_.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
   own_.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
   own_.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);
   own_.flex_gap.assign(m->flex_gap, m->flex_gap + m->nflex);
   own_.joint_margin.assign(m->jnt_margin, m->jnt_margin + m->njnt);
   own_.tendon_margin.assign(m->tendon_margin, m->tendon_margin + m->ntendon);
-  install_collision_of_boxes();
-  reach_is_widened = true;
   const double h = m->opt.timestep;
   std::vector<double>&now = buffers.now, &later = buffers.later;
   std::vector<double>&end_velocity = buffers.end_velocity, &reach = buffers.reach;
@@ -120,6 +118,9 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   body_velocities(m, d, d->qvel, now);
   body_velocities(m, d, end_velocity.data(), later);
   reach.assign(m->ngeom, 0.0);
+  install_collision_of_boxes();
+  // All that may throw is done: where a constructor does, no destructor puts the model right.
+  reach_is_widened = true;
   for (int geom = 0; geom < m->ngeom; ++geom) {
     if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
     reach[geom] =
@@ -153,7 +154,7 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
 }
 
 WidenedReach::~WidenedReach() {
-  reach_is_widened = false;
+  reach_is_widened = outer_is_widened_;
   std::copy(own_.geom_gap.begin(), own_.geom_gap.end(), m_->geom_gap);
   std::copy(own_.body_margin.begin(), own_.body_margin.end(), m_->body_margin);
   std::copy(own_.pair_gap.begin(), own_.pair_gap.end(), m_->pair_gap);

@@ -34,6 +34,7 @@ class WidenedReach {
  private:
   mjModel_* m_;
   ReachBuffers& own_;
+  bool outer_is_widened_;  // a callback of collision may step another model
 };
 
 }  // namespace dashpot::host
