@@ -63,6 +63,24 @@ def test_data_of_another_model(engine):
         assert snapshot(data) == before
 
 
+@pytest.mark.parametrize("count", [-1.0, 0.5, 1e8, 1e300, np.nan, np.inf])
+def test_user_data_that_hold_no_contact_memory(engine, count):
+    """The number of contacts remembered comes first in the user data of a model without its own."""
+    data = engine.make_data()
+    engine.step(data)
+    data.userdata[0] = count
+    before = snapshot(data)
+    for ask in (engine.step, engine.contacts, engine.energy):
+        with pytest.raises(ValueError, match=r"data\.userdata.*number of contacts"):
+            ask(data)
+    assert snapshot(data) == before
+    state = np.zeros(mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(engine.model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    if np.isfinite(count):
+        with pytest.raises(ValueError, match=r"rollout 0, step 0: data\.userdata"):
+            dashpot.rollout(engine, state)
+
+
 @pytest.mark.parametrize("data", [None, 3, "data", np.zeros(7)])
 def test_data_of_the_wrong_type(engine, data):
     with pytest.raises(TypeError):

@@ -14,7 +14,9 @@ constexpr int kContactsPerSite = 32;
 
 Memory memory_of(const mjModel_* m, mjData_* d) {
   const MemoryLayout layout = memory_layout(m);
-  return Memory(host::memory(m, d, layout.size()), layout);
+  const Memory memory(host::memory(m, d, layout.size()), layout);
+  memory.check();
+  return memory;
 }
 
 // Components of a vector of geom 1's frame along the rows of the contact frame.
@@ -50,8 +52,8 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
   const Memory memory = memory_of(m, d);
   std::vector<int> slot_of(host::detected_count(d), -1);
   for (int i = 0; i < memory.contact_count(); ++i) {
-    const auto source = static_cast<size_t>(memory.contact(i).source);
-    if (source < slot_of.size()) slot_of[source] = i;
+    const double source = memory.contact(i).source;
+    if (source >= 0.0 && source < slot_of.size()) slot_of[static_cast<size_t>(source)] = i;
   }
   for (const ContactInput& input : inputs) {
     const std::array<double, 6> wrench = host::contact_force(m, d, input.source);

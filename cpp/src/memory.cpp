@@ -7,6 +7,8 @@
 #include <cstring>
 #include <limits>
 #include <map>
+#include <stdexcept>
+#include <string>
 
 namespace dashpot {
 
@@ -133,6 +135,15 @@ HeldMotion Memory::held_motion() const {
 
 double* Memory::equality(int constraint) const {
   return constraint_storage() + kConstraint * constraint + kEquality;
+}
+
+void Memory::check() const {
+  if (storage_[0] >= 0.0 && storage_[0] <= layout_.contacts &&
+      storage_[0] == std::floor(storage_[0]))
+    return;
+  throw std::invalid_argument("data.userdata holds no contact memory: its number of contacts is " +
+                              std::to_string(storage_[0]) + "; it must be an integer in [0, " +
+                              std::to_string(layout_.contacts) + "]");
 }
 
 int Memory::contact_count() const { return static_cast<int>(storage_[0]); }

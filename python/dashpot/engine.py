@@ -203,7 +203,8 @@ class Engine:
             If ``data`` is no ``mujoco.MjData`` or ``nstep`` no integer.
         ValueError
             If ``nstep`` is below 1, state, controls or applied forces are not finite, or ``data``
-            was made from another model. Data are untouched.
+            was made from another model or holds no contact memory in its user data. Data are
+            untouched.
         RuntimeError
             If contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
             or flexes read; data keep the state from before the failing step. Rows that nothing

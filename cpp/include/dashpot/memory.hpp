@@ -59,6 +59,10 @@ class Memory {
   // A view of `storage`, layout.size() doubles; zeroed storage is an empty memory.
   Memory(double* storage, const MemoryLayout& layout) : storage_(storage), layout_(layout) {}
 
+  // Throws std::invalid_argument where the storage, which users may write to, holds no count of
+  // contacts that it has room for.
+  void check() const;
+
   int contact_count() const;
   RememberedContact contact(int index) const;
   EnergyLedger ledger() const;
