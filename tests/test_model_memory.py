@@ -73,6 +73,31 @@ def test_rows_that_a_sensor_reads_are_missed_in_every_step(nstep):
         dashpot.rollout(engine, start, nstep=nstep)
 
 
+def test_steps_that_lack_memory_for_their_computation_are_errors_that_keep_the_state():
+    """MuJoCo would end the process. With more and more memory, one step succeeds as three do."""
+    succeeded = []
+    for memory in range(80_000, 400_000, 5_000):
+        engine = boxes_in_a_row(memory)
+        apart, together = engine.make_data(), engine.make_data()
+        errors = []
+        for data, nstep in ((together, STEPS), *[(apart, 1)] * STEPS):
+            before = state_of(engine, data)
+            try:
+                engine.step(data, nstep=nstep)
+            except RuntimeError as error:
+                errors.append(str(error))
+                if data is apart:
+                    assert np.array_equal(state_of(engine, data), before)
+                    break
+            assert data.pstack == 0
+        assert np.array_equal(state_of(engine, together), state_of(engine, apart))
+        assert len(errors) in (0, 2)
+        assert all("<size memory" in error for error in errors)
+        succeeded.append(not errors)
+    assert succeeded[-1]
+    assert not all(succeeded)
+
+
 def test_callbacks_of_the_smooth_stage_see_no_contacts():
     """So they need no rows of contacts, which would not fit here."""
     engine = boxes_in_a_row(110_000)

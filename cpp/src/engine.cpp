@@ -13,6 +13,7 @@
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
 #include "dashpot/middle.hpp"
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
@@ -111,6 +112,7 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
   memory(d).check();
+  const host::StackGuard guard(d);
   host::StepParts parts(model, d);
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_reach.hpp"
 
@@ -90,8 +91,16 @@ bool make_rows_without_contacts(const mjModel* m, mjData* d) {
 
 bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   if (of_contacts == ContactRows::kNone) return make_rows_without_contacts(m, d);
-  if (make_all_rows(m, d)) return true;
-  return of_contacts == ContactRows::kIfTheyFit && make_rows_without_contacts(m, d);
+  if (of_contacts == ContactRows::kRequired) return make_all_rows(m, d);
+  const size_t arena = d->parena;
+  try {
+    const StackGuard guard(d);
+    if (make_all_rows(m, d)) return true;
+  } catch (const StackOverflow&) {
+    d->ne = d->nf = d->nl = d->nefc = 0;
+    d->parena = arena;
+  }
+  return make_rows_without_contacts(m, d);
 }
 
 void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
