@@ -154,6 +154,39 @@ def test_a_connected_rod_swings_to_second_order():
         assert coarse / fine == pytest.approx(4.0, rel=0.15)
 
 
+def top_error(timestep: float, time: float = 1.0) -> float:
+    """Return by how much (1) the axis of a top in steady precession is off after `time` (s)."""
+    arm, tilt, spin = 0.05, 0.5, 40.0
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+        <body name="top" pos="0 0 1"><freejoint/>
+          <geom type="cylinder" size="0.1 0.01" pos="0 0 {arm}" mass="1"/></body></worldbody>
+        <equality><connect body1="top" anchor="0 0 0"/></equality></mujoco>"""
+    )
+    inertia = np.sort(model.body_inertia[1])
+    across, axial = inertia[0] + arm**2, inertia[2]
+    # m g l = Omega (I3 w3 - I1 Omega cos(tilt)), Goldstein, Classical Mechanics, 5.7.
+    precession = np.roots([across * np.cos(tilt), -axial * spin, GRAVITY * arm]).min()
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qpos[3:] = (np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0)
+    # The vertical in the frame of the top is (-sin, 0, cos) of the tilt.
+    data.qvel[3:] = (-precession * np.sin(tilt), 0.0, spin)
+    engine.step(data, nstep=round(time / timestep))
+    axis = np.empty(9)
+    mujoco.mju_quat2Mat(axis, data.qpos[3:])
+    turned = precession * time
+    exact = (np.sin(tilt) * np.cos(turned), np.sin(tilt) * np.sin(turned), np.cos(tilt))
+    return float(np.linalg.norm(axis[2::3] - exact))
+
+
+def test_a_connected_top_precesses_to_second_order():
+    errors = [top_error(timestep) for timestep in (0.002, 0.001, 0.0005)]
+    assert errors[-1] < 3e-5
+    for coarse, fine in itertools.pairwise(errors):
+        assert coarse / fine == pytest.approx(4.0, rel=0.2)
+
+
 LINK_GEOM = 'type="capsule" size="0.02" mass="1"'
 BALL_LINK = f"""<body name="p" pos="0 0 1"><joint type="ball"/>
   <geom {LINK_GEOM} fromto="0 0 0 0.2 0 -0.1"/><site name="p" pos="0.2 0 -0.1"/></body>"""
@@ -179,6 +212,12 @@ MECHANISMS = {
         (1.0, 2.0, 1.0),
     ),
     "connected sites": (BALL_LINK + FREE_BOX, '<connect site1="p" site2="box"/>', (1.0, 2.0, 1.0)),
+    "spinning box": (
+        """<body name="box" pos="0 0 1"><freejoint/>
+        <geom type="box" size="0.03 0.06 0.15" mass="1"/></body>""",
+        '<connect body1="box" anchor="0.03 0.05 0.15"/>',
+        (-0.45, 0.1, 0.05, 1.0, 3.0, 8.0),
+    ),
     "rods in a row": (
         FREE_ROD.format(1, 1.0) + FREE_ROD.format(2, 0.7),
         """<connect body1="rod1" anchor="0 0 0.15"/>

@@ -10,18 +10,23 @@ namespace dashpot {
 namespace {
 
 constexpr double kScaleRange = 0.5;  // of s about 1
-constexpr double kTurn = 0.1;        // rad, most that rows may turn in a step
+constexpr double kResidual =
+    1e-6;                      // of the kinetic energy, that s at an end of its range may leave
+constexpr double kTurn = 0.1;  // rad, most that rows may turn in a step
 
 }  // namespace
 
-// The root nearest to 1 of kinetic + linear s + square s^2 = wanted; 0 if there is none near.
+// The root nearest to 1 of kinetic + linear s + square s^2 = wanted, at turning points of the
+// motion the end of the range that comes as near; 0 if there is none.
 double Trapezoid::Coupled::find_scale() const {
   const double root = std::sqrt(linear * linear - 4.0 * square * (kinetic - wanted));
   const double sum = linear + std::copysign(root, linear);  // without cancellation
   double nearest = 0.0;
   for (double s : {-0.5 * sum / square, -2.0 * (kinetic - wanted) / sum})
     if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
-  return std::abs(nearest - 1.0) <= kScaleRange ? nearest : 0.0;
+  const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
+  const double residual = std::abs(kinetic + s * (linear + s * square) - wanted);
+  return residual <= kResidual * kinetic ? s : 0.0;
 }
 
 void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
@@ -170,23 +175,26 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     if (!leaves) continue;
     std::copy_n(velocity + t.dof_begin, t.dof_count, now.velocity + t.dof_begin);
     std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+    double* acceleration = now.acceleration + t.begin;
     double* force = now.other_force + t.begin;
     double& energy = now.energy[index];
-    for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / length;
+    std::fill_n(acceleration, t.count, 0.0);
     energy = 0.0;
-    const bool free = host::is_free_body(model, index);
-    for (int i = 0; i < t.dof_count && !free; ++i) {
+    if (host::is_free_body(model, index)) {
+      for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
+      continue;
+    }
+    for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / length;
+    for (int i = 0; i < t.dof_count; ++i) {
       const int dof = t.dof_begin + i;
       force[i] += host::smooth_force(d, dof);
       energy += 0.5 * velocity[dof] * momentum_[dof] +
                 (0.5 * host::potential_force(model, d, dof) - host::positional_force(d, dof)) *
                     displacement[dof];
     }
-    std::fill_n(now.acceleration + t.begin, t.count, 0.0);
-    add_response(trees, index, force, now.acceleration + t.begin);
-    for (int i = 0; i < t.count; ++i) force[i] -= wrench_[t.begin + i];
-    for (int i = 0; i < t.dof_count && !free; ++i)
-      force[i] -= host::positional_force(d, t.dof_begin + i);
+    add_response(trees, index, force, acceleration);
+    for (int i = 0; i < t.dof_count; ++i)
+      force[i] -= wrench_[t.begin + i] + host::positional_force(d, t.dof_begin + i);
   }
 }
 
