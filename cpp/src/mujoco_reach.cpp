@@ -49,8 +49,6 @@ void install_collision_of_boxes() {
   static_cast<void>(installed);
 }
 
-double norm3(const mjtNum* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
-
 // Largest speed of any point of a body within `radius` of `point`.
 double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
                    const double* body_velocity) {
@@ -60,7 +58,7 @@ double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* po
   mju_sub3(arm, point, com);
   mju_cross(at_point, v, arm);
   mju_addTo3(at_point, v + 3);
-  return norm3(at_point) + norm3(v) * radius;
+  return mju_norm3(at_point) + mju_norm3(v) * radius;
 }
 
 double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
@@ -81,7 +79,7 @@ double flex_speed(const mjModel* m, const mjData* d, int flex, const double* bod
   double speed = 0.0;
   for (int i = begin; i < begin + count; ++i) {
     const int body = nodes ? m->flex_nodebodyid[i] : m->flex_vertbodyid[i];
-    const double radius = norm3(nodes ? m->flex_node + 3 * i : m->flex_vert + 3 * i);
+    const double radius = mju_norm3(nodes ? m->flex_node + 3 * i : m->flex_vert + 3 * i);
     speed = std::max(speed, speed_about(m, d, body, d->xpos + 3 * body, radius, body_velocity));
   }
   return speed;
@@ -103,13 +101,13 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
                            ReachBuffers& buffers)
-    : m_(m), own_(buffers), outer_is_widened_(reach_is_widened) {
-  own_.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
-  own_.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
-  own_.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);
-  own_.flex_gap.assign(m->flex_gap, m->flex_gap + m->nflex);
-  own_.joint_margin.assign(m->jnt_margin, m->jnt_margin + m->njnt);
-  own_.tendon_margin.assign(m->tendon_margin, m->tendon_margin + m->ntendon);
+    : m_(m), buffers_(buffers), outer_is_widened_(reach_is_widened) {
+  buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
+  buffers.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
+  buffers.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);
+  buffers.flex_gap.assign(m->flex_gap, m->flex_gap + m->nflex);
+  buffers.joint_margin.assign(m->jnt_margin, m->jnt_margin + m->njnt);
+  buffers.tendon_margin.assign(m->tendon_margin, m->tendon_margin + m->ntendon);
   const double h = m->opt.timestep;
   std::vector<double>&now = buffers.now, &later = buffers.later;
   std::vector<double>&end_velocity = buffers.end_velocity, &reach = buffers.reach;
@@ -125,18 +123,18 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
     if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
     reach[geom] =
         h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
-    m->geom_gap[geom] = std::max(own_.geom_gap[geom], reach[geom]);
+    m->geom_gap[geom] = std::max(buffers.geom_gap[geom], reach[geom]);
     // The broadphase goes by the largest of a body's geoms.
     mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
     margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
   }
   for (int pair = 0; pair < m->npair; ++pair)
     m->pair_gap[pair] =
-        std::max(own_.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
+        std::max(buffers.pair_gap[pair], reach[m->pair_geom1[pair]] + reach[m->pair_geom2[pair]]);
 
   for (int flex = 0; flex < m->nflex; ++flex)
     m->flex_gap[flex] = std::max(
-        own_.flex_gap[flex],
+        buffers.flex_gap[flex],
         h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
 
   const auto dof_reach = [&](int dof) {
@@ -155,24 +153,24 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
 
 WidenedReach::~WidenedReach() {
   reach_is_widened = outer_is_widened_;
-  std::copy(own_.geom_gap.begin(), own_.geom_gap.end(), m_->geom_gap);
-  std::copy(own_.body_margin.begin(), own_.body_margin.end(), m_->body_margin);
-  std::copy(own_.pair_gap.begin(), own_.pair_gap.end(), m_->pair_gap);
-  std::copy(own_.flex_gap.begin(), own_.flex_gap.end(), m_->flex_gap);
-  std::copy(own_.joint_margin.begin(), own_.joint_margin.end(), m_->jnt_margin);
-  std::copy(own_.tendon_margin.begin(), own_.tendon_margin.end(), m_->tendon_margin);
+  std::copy(buffers_.geom_gap.begin(), buffers_.geom_gap.end(), m_->geom_gap);
+  std::copy(buffers_.body_margin.begin(), buffers_.body_margin.end(), m_->body_margin);
+  std::copy(buffers_.pair_gap.begin(), buffers_.pair_gap.end(), m_->pair_gap);
+  std::copy(buffers_.flex_gap.begin(), buffers_.flex_gap.end(), m_->flex_gap);
+  std::copy(buffers_.joint_margin.begin(), buffers_.joint_margin.end(), m_->jnt_margin);
+  std::copy(buffers_.tendon_margin.begin(), buffers_.tendon_margin.end(), m_->tendon_margin);
 }
 
 bool WidenedReach::within_own(const mjContact_& contact) const {
   const int first = contact.geom[0], second = contact.geom[1];
   const auto own_gap = [&](int side) {
-    return contact.geom[side] < 0 ? own_.flex_gap[contact.flex[side]]
-                                  : own_.geom_gap[contact.geom[side]];
+    return contact.geom[side] < 0 ? buffers_.flex_gap[contact.flex[side]]
+                                  : buffers_.geom_gap[contact.geom[side]];
   };
   double gap = own_gap(0) + own_gap(1);
   for (int pair = 0; pair < m_->npair; ++pair)
     if (std::minmax(m_->pair_geom1[pair], m_->pair_geom2[pair]) == std::minmax(first, second))
-      gap = own_.pair_gap[pair];
+      gap = buffers_.pair_gap[pair];
   return contact.dist < contact.includemargin + gap;
 }
 

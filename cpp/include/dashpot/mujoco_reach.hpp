@@ -33,7 +33,7 @@ class WidenedReach {
 
  private:
   mjModel_* m_;
-  ReachBuffers& own_;
+  ReachBuffers& buffers_;
   bool outer_is_widened_;  // a callback of collision may step another model
 };
 

@@ -10,8 +10,8 @@
 //
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
 // forces; lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective
-// inertia. The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is
-// inv(H1) (J1 - J0)' lambda.
+// inertia. The smooth motion of a free body is exact, and rows change its momentum: there, a' - a
+// is inv(H1) (J1 - J0)' lambda.
 //
 // s is 1 to first order in H, and such that energy is conserved:
 //
