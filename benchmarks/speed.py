@@ -1,7 +1,8 @@
 """Time per step in settled bins, dashpot beside every MuJoCo solver, in one run.
 
 Every way of stepping starts from the same state (settled by dashpot), runs until it has settled
-in its own equilibrium, and is then timed over the same 100 steps, three times; the least counts.
+in its own equilibrium, and is then timed over the same 100 steps, all ways in turn for several
+rounds, so that a busy machine slows all alike; the least time counts.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ import mujoco
 import numpy as np
 
 from piles import settled_bin
-from simulate import DASHPOT, Advance, Setting, overlaps, prepare
+from scene import Scene
+from simulate import DASHPOT, Setting, overlaps, prepare
 
 TIMESTEP = 0.002
+ROUNDS = 5
 SOLVERS = {
     "Newton": mujoco.mjtSolver.mjSOL_NEWTON,
     "CG": mujoco.mjtSolver.mjSOL_CG,
@@ -68,27 +71,57 @@ def solver_settings(*, smoke: bool) -> list[Setting]:
     ]
 
 
-def time_per_step(
-    model: mujoco.MjModel, data: mujoco.MjData, advance: Advance, *, budget: float
-) -> float:
-    """Return the time per step (s) over up to 100 steps, the least of three repeats.
+class Way:
+    """One way of stepping a scene from a state, and its least time per step so far (s)."""
 
-    Every repeat does the same work: it starts from the same state, warm start included. Slow
-    settings take as many steps as fit in a third of `budget` (s).
-    """
-    start = mujoco.MjData(model)
-    mujoco.mj_copyData(start, model, data)
-    before = time.perf_counter()
-    advance(2)
-    estimate = (time.perf_counter() - before) / 2
-    steps = int(np.clip(budget / 3 / estimate, 2, 100))
-    best = np.inf
-    for _ in range(3):
-        mujoco.mj_copyData(data, model, start)
+    def __init__(self, scene: Scene, setting: Setting, state: mujoco.MjData, budget: float) -> None:
+        self.setting = setting
+        self.model, self.data, self.advance = prepare(scene, setting, TIMESTEP)
+        self.data.qpos[:], self.data.qvel[:] = state.qpos, state.qvel
+        # Let it settle in its own equilibrium and warm its caches, in at most twice the budget.
+        before, steps = time.perf_counter(), 0
+        while steps < 250 and time.perf_counter() - before < 2 * budget:
+            self.advance(5)
+            steps += 5
+        self.start = mujoco.MjData(self.model)
+        mujoco.mj_copyData(self.start, self.model, self.data)
+        self.step = np.inf
+
+    def measure(self, budget: float) -> None:
+        """Time up to 100 steps as often as fits in `budget` (s), at least once.
+
+        Every repeat does the same work: it starts from the same state, warm start included. Slow
+        ways take as many steps as fit.
+        """
+        self.restart()
         before = time.perf_counter()
-        advance(steps)
-        best = min(best, (time.perf_counter() - before) / steps)
-    return best
+        self.advance(2)
+        estimate = (time.perf_counter() - before) / 2
+        steps = int(np.clip(budget / estimate, 2, 100))
+        for _ in range(int(np.clip(budget / (steps * estimate), 1, 10))):
+            self.restart()
+            before = time.perf_counter()
+            self.advance(steps)
+            self.step = min(self.step, (time.perf_counter() - before) / steps)
+
+    def restart(self) -> None:
+        """Go back to the state from which steps are timed."""
+        mujoco.mj_copyData(self.data, self.model, self.start)
+
+    def timing(self, scene: str) -> Timing:
+        """Return the timing so far."""
+        rest = without_contact(self.model, self.data)
+        _, total, deepest, touching = overlaps(self.model, self.data, mujoco.MjData(self.model))
+        return Timing(
+            scene,
+            self.setting.name,
+            touching,
+            1e3 * self.step,
+            1e3 * (self.step - rest),
+            total / max(1, touching),
+            deepest,
+            float(np.abs(self.data.qvel).mean()),
+        )
 
 
 def without_contact(model: mujoco.MjModel, data: mujoco.MjData, *, repeats: int = 10) -> float:
@@ -111,35 +144,18 @@ def without_contact(model: mujoco.MjModel, data: mujoco.MjData, *, repeats: int 
 
 def time_bin(name: str, *, smoke: bool = False, budget: float = 4.0) -> list[Timing]:
     """Time dashpot and MuJoCo's solvers in one bin; `budget` (s) for each."""
-    scene = settled_bin(name)
-    model, data, advance = prepare(scene, DASHPOT, TIMESTEP)
+    return time_scene(settled_bin(name), solver_settings(smoke=smoke), budget=budget)
+
+
+def time_scene(scene: Scene, settings: list[Setting], *, budget: float) -> list[Timing]:
+    """Settle a scene, then time dashpot and `settings` from there; `budget` (s) for each."""
+    _, state, advance = prepare(scene, DASHPOT, TIMESTEP)
     advance(round(scene.duration / TIMESTEP))
-    qpos, qvel = data.qpos.copy(), data.qvel.copy()
-    timings = []
-    for setting in (DASHPOT, *solver_settings(smoke=smoke)):
-        model, data, advance = prepare(scene, setting, TIMESTEP)
-        data.qpos[:], data.qvel[:] = qpos, qvel
-        # Let it settle in its own equilibrium and warm its caches, in at most twice the budget.
-        before, steps = time.perf_counter(), 0
-        while steps < 250 and time.perf_counter() - before < 2 * budget:
-            advance(5)
-            steps += 5
-        step = time_per_step(model, data, advance, budget=budget)
-        rest = without_contact(model, data)
-        _, total, deepest, touching = overlaps(model, data, mujoco.MjData(model))
-        timings.append(
-            Timing(
-                name,
-                setting.name,
-                touching,
-                1e3 * step,
-                1e3 * (step - rest),
-                total / max(1, touching),
-                deepest,
-                float(np.abs(data.qvel).mean()),
-            )
-        )
-    return timings
+    ways = [Way(scene, setting, state, budget) for setting in (DASHPOT, *settings)]
+    for _ in range(ROUNDS):
+        for way in ways:
+            way.measure(budget / ROUNDS)
+    return [way.timing(scene.name) for way in ways]
 
 
 def summary(timings: list[Timing]) -> dict[str, float]:

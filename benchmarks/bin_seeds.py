@@ -1,0 +1,43 @@
+"""How far the speed in settled bins depends on how the bodies happened to settle.
+
+    python benchmarks/bin_seeds.py
+
+The bins of `run.py` filled by other seeds, dashpot beside the MuJoCo settings that are fastest
+there: conjugate gradients with the sparse Jacobian and both cones, and Newton with the pyramidal
+one, which takes too long in the largest bin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from piles import BINS, bin_of
+from speed import solver_settings, summary, time_scene
+
+SEEDS = range(1, 6)
+FASTEST = ("CG pyramidal sparse", "CG elliptic sparse", "Newton pyramidal sparse")
+
+
+def main() -> None:
+    """Print the ratios for each seed, and their medians."""
+    for name, count in BINS.items():
+        fastest = FASTEST if count < max(BINS.values()) else FASTEST[:2]
+        settings = [s for s in solver_settings(smoke=False) if s.name.endswith(fastest)]
+        ratios = []
+        for seed in SEEDS:
+            timings = time_scene(bin_of(count, seed=seed), settings, budget=2.0)
+            ratio = summary(timings)
+            ratios.append((ratio["step ratio"], ratio["solve ratio"]))
+            ours, *theirs = timings
+            print(
+                f"{name} seed {seed}: {ours.contacts} contacts, step {ours.step:.3f} ms, MuJoCo "
+                f"{min(t.step for t in theirs):.3f} ms: {ratios[-1][0]:.2f}x, "
+                f"solve {ratios[-1][1]:.2f}x; mean speed {ours.mean_speed:.0e} m/s",
+                flush=True,
+            )
+        step, solve = np.median(ratios, axis=0)
+        print(f"{name} median: step {step:.2f}x, solve {solve:.2f}x", flush=True)
+
+
+if __name__ == "__main__":
+    main()
