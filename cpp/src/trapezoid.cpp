@@ -10,9 +10,8 @@ namespace dashpot {
 namespace {
 
 constexpr double kScaleRange = 0.5;  // of s about 1
-constexpr double kResidual =
-    1e-6;                      // of the kinetic energy, that s at an end of its range may leave
-constexpr double kTurn = 0.1;  // rad, most that rows may turn in a step
+constexpr double kResidual = 1e-6;   // part of the kinetic energy that s at an end may leave
+constexpr double kTurn = 0.1;        // rad, most that rows may turn in a step
 
 }  // namespace
 
