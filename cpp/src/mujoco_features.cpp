@@ -33,10 +33,12 @@ struct Report {
 void report_solref(Report& report, const std::string& name, const mjtNum* solref,
                    const mjtNum* solimp) {
   if (!is_default_impedance(solref, solimp))
-    report.add(name + " solref/solimp", Treatment::kMapped,
-               report.comfree()
-                   ? "solimp sets the effective mass; stiffness and damping are the law's"
-                   : "mass-normalised spring-damper, where no material is set");
+    report.add(
+        name + " solref/solimp", Treatment::kMapped,
+        report.comfree()
+            ? "solimp sets the effective mass; stiffness and damping are the law's"
+            : "mass-normalised spring-damper, where no material is set; a load at rest deforms "
+              "it impedance^2 / (1 - impedance) times as far as in MuJoCo");
 }
 
 // Dry friction loss of a joint or tendon.
