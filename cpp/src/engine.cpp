@@ -47,6 +47,7 @@ struct Stepper::Impl {
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
   void build_rows(mjData_* d);
+  void finish_last_step(mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
   void update_complementarity_free(mjData_* d);
@@ -152,6 +153,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
+    finish_last_step(d);
     plan_and_recall(d);
     run_islands();
   }
@@ -192,14 +194,18 @@ void Stepper::Impl::build_rows(mjData_* d) {
   assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials);
 }
 
+void Stepper::Impl::finish_last_step(mjData_* d) {
+  const Memory view = memory(d);
+  ledger = view.ledger();
+  trapezoid.finish_last_step(model, d, length, view, constraints, motion, rows, data, ledger);
+}
+
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   find_sag_times(model, rows, contacts, sag_time);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
   Memory view = memory(d);
-  ledger = view.ledger();
-  trapezoid.finish_last_step(model, d, length, view, constraints, motion, rows, data, ledger);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
