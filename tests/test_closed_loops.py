@@ -211,6 +211,7 @@ MECHANISMS = {
         '<weld body1="box" body2="p" anchor="0.1 0 0.1" torquescale="2"/>',
         (1.0, 2.0, 1.0),
     ),
+    "welded sites": (BALL_LINK + FREE_BOX, '<weld site1="p" site2="box"/>', (1.0, 2.0, 1.0)),
     "connected sites": (BALL_LINK + FREE_BOX, '<connect site1="p" site2="box"/>', (1.0, 2.0, 1.0)),
     "spinning box": (
         """<body name="box" pos="0 0 1"><freejoint/>

@@ -38,7 +38,7 @@ void report_solref(Report& report, const std::string& name, const mjtNum* solref
         report.comfree()
             ? "solimp sets the effective mass; stiffness and damping are the law's"
             : "mass-normalised spring-damper, where no material is set; a load at rest deforms "
-              "it impedance^2 / (1 - impedance) times as far as in MuJoCo");
+              "it about impedance^2 / (1 - impedance) times as far as in MuJoCo");
 }
 
 // Dry friction loss of a joint or tendon.

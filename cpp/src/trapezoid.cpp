@@ -9,9 +9,14 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kScaleRange = 0.5;  // of s about 1
-constexpr double kResidual = 1e-6;   // part of the kinetic energy that s at an end may leave
-constexpr double kTurn = 0.1;        // rad, most that rows may turn in a step
+// s differs from 1 by some H times the rate of the motion where the step resolves it.
+constexpr double kScaleRange = 0.5;
+// Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
+// not determine s, and an impact leaves far more.
+constexpr double kResidual = 1e-6;
+// rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
+// have an energy that is off by half the square of it.
+constexpr double kTurn = 0.1;
 
 }  // namespace
 

@@ -168,10 +168,11 @@ int constraint_memory_count(const mjModel_* m);
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
 int detected_count(const mjData_* d);
-// Force and torque of a detected contact in its frame (N, N m), std::runtime_error where the last
-// step has left no rows of contacts; velocity of geom 2 relative to
-// geom 1 at the contact, in its frame (m/s), at the positions and velocities last computed.
+// Force and torque of a detected contact in its frame, N and N m. Throws std::runtime_error where
+// the last step has left no rows of contacts.
 std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index);
+// Velocity of geom 2 relative to geom 1 at the contact, in its frame (m/s), at the positions and
+// velocities last computed.
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input);
 

@@ -107,6 +107,8 @@ struct Rows {
   // coefficient (1 or m) of a contact's friction row, the force (N, N m) of a slider.
   std::vector<double> stiffness, damping, friction;
 
+  int appended = 0;  // rows of the groups so far
+
   // w, but no less than a hundredth of the typical one. Near a singular configuration w falls by
   // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.
   double bounded_inverse_mass(int row) const;
@@ -115,8 +117,6 @@ struct Rows {
   void reset(int count);
   // Appends a group; its pair geometry or sparse rows are to be appended next.
   RowGroup& append(RowKind kind, int input, int dim, std::array<int, 2> tree);
-
-  int appended = 0;  // rows of the groups so far
 };
 
 // out = J xi: the rates of a group's rows.
@@ -129,7 +129,7 @@ void scatter(const Rows& rows, const RowGroup& group, const double* impulse, dou
 void append_ground_motion(Rows& rows, int coordinate, const double* rate);
 // Rate that the moving coordinate of the ground adds to a group of one row; 0 without one.
 double ground_rate(const Rows& rows, const RowGroup& group);
-// Takes that from the group.
+// Lets a row turn no more; groups without kTurningCoordinate stay.
 void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
 double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);

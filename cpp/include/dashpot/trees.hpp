@@ -7,12 +7,13 @@
 //
 // H is the effective inertia in these coordinates: inertia plus what the integrator treats
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
-// through the normal and the arm alone. The first eight coordinates belong to the ground: they are
-// zero, and what is applied to them has no effect. A free body's coordinates begin at a multiple of
-// eight. Two of them, which no body has, move: kSurfaceCoordinate at 1, so that its column in a row
-// is the rate that surfaces of their own motion (conveyor belts) add, and kTurningCoordinate with
-// acceleration 1, so that its column is what a row's rate gains because its Jacobian turns, dJ/dt
-// xi.
+// through the normal and the arm alone. A free body's coordinates begin at a multiple of eight.
+//
+// The first eight coordinates belong to the ground, which what is applied to it does not move. Two
+// of them, that no body has, move by themselves: kSurfaceCoordinate at 1, so that its column in a
+// row is the rate that surfaces of their own motion (conveyor belts) add, and kTurningCoordinate
+// with acceleration 1, so that its column is what a row's rate gains because its Jacobian turns,
+// dJ/dt xi. The others stay zero.
 
 #pragma once
 
