@@ -7,31 +7,9 @@ namespace dashpot {
 
 namespace {
 
-// MuJoCo's mjMINIMP, mjMAXIMP and mjMINVAL.
-constexpr double kMinimumImpedance = 1e-4;
-constexpr double kMaximumImpedance = 0.9999;
-constexpr double kMinimumValue = 1e-15;
-
-double clip_impedance(double value) {
-  return std::clamp(value, kMinimumImpedance, kMaximumImpedance);
-}
+constexpr double kMinimumValue = 1e-15;  // MuJoCo's mjMINVAL
 
 }  // namespace
-
-double impedance(const std::array<double, 5>& solimp, double gap) {
-  const double start = clip_impedance(solimp[0]);
-  const double end = clip_impedance(solimp[1]);
-  const double width = solimp[2];
-  const double midpoint = clip_impedance(solimp[3]);
-  const double power = std::max(1.0, solimp[4]);
-  if (width <= kMinimumValue) return 0.5 * (start + end);
-  const double x = std::abs(gap) / width;
-  if (x >= 1.0) return end;
-  const double y = x <= midpoint
-                       ? std::pow(x, power) / std::pow(midpoint, power - 1.0)
-                       : 1.0 - std::pow(1.0 - x, power) / std::pow(1.0 - midpoint, power - 1.0);
-  return start + y * (end - start);
-}
 
 double effective_mass(double impedance, double inverse_mass) {
   return 1.0 / std::max(kMinimumValue, inverse_mass * (1.0 - impedance) / impedance);

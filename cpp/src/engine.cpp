@@ -18,6 +18,7 @@
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/solref.hpp"
 #include "dashpot/trapezoid.hpp"
 #include "dashpot/tree_motion.hpp"
 

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/solref.hpp"
 
 namespace dashpot {
 
@@ -11,12 +13,11 @@ namespace {
 
 // A contact or constraint that no material covers: rigid, or what the model's own solref means.
 template <typename Input>
-GroupMaterial from_solref(const Input& input) {
+GroupMaterial from_solref(const Input& input, double load) {
   GroupMaterial given;
   if (!input.has_solref) return given;
-  const auto [stiffness, damping] =
-      solref_to_spring(input.solref[0], input.solref[1], input.solimp[1]);
-  given.mass_normalised = true;
+  const auto [stiffness, damping] = solref_to_spring_at_rest(input.solref, input.solimp, load);
+  given.from_solref = true;
   given.normalised_stiffness = stiffness;
   given.normalised_damping = damping;
   return given;
@@ -25,7 +26,7 @@ GroupMaterial from_solref(const Input& input) {
 }  // namespace
 
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
-                          const ContactInput& input) {
+                          const ContactInput& input, double load) {
   if (!parameters.pair_material.empty()) {
     const auto [low, high] = std::minmax(input.geom[0], input.geom[1]);
     const auto pair = parameters.pair_material.find({low, high});
@@ -34,7 +35,7 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   const auto from_model = [&](int geom) {
     return geom < 0 || parameters.geom_material[geom].from_model;
   };
-  if (from_model(input.geom[0]) && from_model(input.geom[1])) return from_solref(input);
+  if (from_model(input.geom[0]) && from_model(input.geom[1])) return from_solref(input, load);
   Material side[2];
   for (int i = 0; i < 2; ++i) {
     if (input.geom[i] < 0)
@@ -69,6 +70,8 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   return {combined};
 }
 
-GroupMaterial material_of(const ConstraintInput& input) { return from_solref(input); }
+GroupMaterial material_of(const ConstraintInput& input) {
+  return from_solref(input, std::numeric_limits<double>::infinity());
+}
 
 }  // namespace dashpot

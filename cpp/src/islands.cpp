@@ -13,7 +13,7 @@ namespace {
 constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
-// Inverse mass that mass-normalised rows divide by. A contact row without any cannot be loaded; an
+// Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
 // equality may pass a singular configuration.
 double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
   const bool immobile = c.kind == RowKind::kContact && rows.inverse_mass[row] == 0.0;
@@ -29,24 +29,15 @@ double isotropic_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass
   return std::max(inverse_mass(first), inverse_mass(first + 1));
 }
 
-// Stiffness and damping of a group's rows, before clipping. Rotational rows get the stiffness that
-// gives them the natural frequency of the sliding rows.
-void fill_given_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given) {
-  const Material& material = given.material;
+// Stiffness and damping of a group's rows of a material in SI units, before clipping. Rotational
+// rows get the stiffness that gives them the natural frequency of the sliding rows.
+void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
-  if (given.mass_normalised) {
-    const double w = loaded_inverse_mass(rows, c, n);
-    rows.stiffness[n] = w > 0.0 ? given.normalised_stiffness / w : 1.0;
-    rows.damping[n] = w > 0.0 ? given.normalised_damping / w : 0.0;
-  } else {
-    rows.stiffness[n] = material.stiffness;
-    const double damping =
-        w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal) : 0.0;
-    rows.damping[n] = std::isfinite(damping)
-                          ? damping
-                          : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
-  }
+  rows.stiffness[n] = material.stiffness;
+  const double damping = w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal) : 0.0;
+  rows.damping[n] =
+      std::isfinite(damping) ? damping : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
   const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
@@ -68,17 +59,33 @@ double stiffest_rigid(double bound) {
   return std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0);
 }
 
+// What a group's own solref asks of its first row: kappa (1/s^2) and delta (1/s).
+struct SolrefRate {
+  double stiffness = 0.0, damping = 0.0;
+};
+
+SolrefRate solref_rate(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
+  const double w = loaded_inverse_mass(rows, c, c.row);
+  const double typical = rows.typical_inverse_mass[c.row];
+  const double ratio = typical > 0.0 ? w / typical : 1.0;
+  return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
+}
+
 // Rigid rows: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1
 // in these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
 //     kappa (c - 1) h^2 <= theta^2,   delta (c - 1) h <= theta,   kappa h^2 <= 1 .
 // A damping ratio is that of the stiffest coupled mode, delta = 2 zeta sqrt(kappa / c), as far as
 // the second bound allows; a restitution is that of the contact alone, delta = 2 zeta sqrt(kappa),
-// for which kappa gives way.
-void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, double bound,
+// for which kappa gives way. A model's own solref is a kappa and a delta of the contact alone, as
+// far as the bounds allow. Returns whether they do.
+bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, double bound,
                      double h) {
+  const Material& material = given.material;
+  const SolrefRate own = solref_rate(rows, c, given);
   const double coupling = std::max(0.0, bound - 1.0);
-  const double stiffest = stiffest_rigid(bound) / (h * h);
+  const double resolved = stiffest_rigid(bound) / (h * h);
+  const double stiffest = given.from_solref ? std::min(resolved, own.stiffness) : resolved;
   const double most_damped =
       coupling > 0.0 ? kRigidResolution / (h * coupling) : std::numeric_limits<double>::infinity();
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
@@ -94,7 +101,9 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
   const auto fill_coupled = [&](int row, double zeta, double kappa) {
     fill(row, kappa, std::min(2.0 * zeta * std::sqrt(kappa * inverse_bound), most_damped));
   };
-  if (material.form == DampingForm::kRestitution) {
+  if (given.from_solref) {
+    fill(c.row, stiffest, std::min(own.damping, most_damped));
+  } else if (material.form == DampingForm::kRestitution) {
     const double zeta = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
     const double kappa =
         zeta > 0.0 ? std::min(stiffest, std::pow(most_damped / (2.0 * zeta), 2)) : stiffest;
@@ -109,6 +118,16 @@ void fill_rigid_rows(Rows& rows, const RowGroup& c, const Material& material, do
         w > 0.0 ? stiffest * w / isotropic_inverse_mass(c, i, inverse_mass) : stiffest;
     fill_coupled(c.row + i, material.tangential_damping_ratio, kappa);
   }
+  return !given.from_solref || (own.stiffness <= resolved && own.damping <= most_damped);
+}
+
+// Longest micro-step that resolves them under a bound.
+double longest_solref_microstep(const SolrefRate& own, double bound) {
+  const double coupling = std::max(0.0, bound - 1.0);
+  double h = std::numeric_limits<double>::infinity();
+  if (own.stiffness > 0.0) h = std::sqrt(stiffest_rigid(bound) / own.stiffness);
+  if (own.damping * coupling > 0.0) h = std::min(h, kRigidResolution / (own.damping * coupling));
+  return h;
 }
 
 double limit(double allowed, double bound) { return bound > allowed ? allowed / bound : 1.0; }
@@ -165,7 +184,8 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_}) sum->reset(trees);
   for (Island& island : islands_) {
     for (int index : island.group)
-      if (!materials[index].rigid()) fill_given_rows(rows, rows.group[index], materials[index]);
+      if (!materials[index].rigid())
+        fill_given_rows(rows, rows.group[index], materials[index].material);
     measure(island, rows, trees, materials);
     double count = options.microsteps;
     if (options.microsteps == 0) {
@@ -232,19 +252,25 @@ double Islands::longest_si_microstep(const Island& island) const {
 // contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
 // heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2) and sags by a / kappa:
 //     h^2 <= kappa h^2 sag / a .
+// Rows of a model's own solref need not be stiffer than it says.
 double Islands::longest_rigid_microstep(const Island& island, const Rows& rows,
                                         const std::vector<GroupMaterial>& materials,
                                         const std::vector<double>& sag_time) const {
   double h = std::numeric_limits<double>::infinity();
   for (int index : island.group) {
     if (!materials[index].rigid()) continue;
-    h = std::min(h, kRigidMicrostep);
     const RowGroup& c = rows.group[index];
+    double longest = kRigidMicrostep;
     const auto [light, heavy] = std::minmax(rows.tree_inverse_mass[c.row][0],
                                             rows.tree_inverse_mass[c.row][1], std::greater<>());
+    const double bound = rigid_coupling(c);
     if (c.kind == RowKind::kContact && heavy > 0.0)
-      h = std::min(h,
-                   sag_time[index] * std::sqrt(stiffest_rigid(rigid_coupling(c)) * heavy / light));
+      longest =
+          std::min(longest, sag_time[index] * std::sqrt(stiffest_rigid(bound) * heavy / light));
+    if (materials[index].from_solref)
+      longest = std::max(longest,
+                         longest_solref_microstep(solref_rate(rows, c, materials[index]), bound));
+    h = std::min(h, longest);
   }
   return h;
 }
@@ -256,7 +282,8 @@ double Islands::rigid_coupling(const RowGroup& c) const {
   return coupling;
 }
 
-// Fixes every row for micro-steps of h; returns how many SI rows had to be lowered.
+// Fixes every row for micro-steps of h; returns how many rows of an SI material or a solref had to
+// be lowered.
 int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials,
                   double h) {
   int clipped = 0;
@@ -272,7 +299,7 @@ int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMater
       damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
     }
     if (materials[index].rigid()) {
-      fill_rigid_rows(rows, c, materials[index].material, rigid_coupling(c), h);
+      if (!fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), h)) clipped += c.dim;
       continue;
     }
     if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;

@@ -21,10 +21,6 @@
 // e = exp(-2) at zeta = 1 and e -> 1/(4 zeta^2) for large zeta. It is the closed form of Schwager
 // and Poeschel, "Coefficient of restitution and linear-dashpot model revisited", Granular Matter 9,
 // 2007, without its case distinctions.
-//
-// MuJoCo's solref (documentation, "Solver parameters"): stiffness = 1/(d_width timeconst
-// dampratio)^2 and damping = 2/(d_width timeconst) for positive numbers; stiffness = s/d_width^2
-// and damping = c/d_width for (-s, -c).
 
 #include "dashpot/material.hpp"
 
@@ -249,26 +245,6 @@ double restitution_to_damping_ratio(double restitution) {
 double damping_of(const Material& material, double stiffness, double inverse_mass) {
   if (material.form == DampingForm::kDamping) return material.damping + material.added_damping;
   return 2.0 * ratio_of(material) * std::sqrt(stiffness / inverse_mass) + material.added_damping;
-}
-
-std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedance_width) {
-  if (!(impedance_width > 0.0 && impedance_width <= 1.0)) {
-    throw std::invalid_argument("impedance_width (solimp d_width) must be in (0, 1], got " +
-                                text(impedance_width));
-  }
-  if (std::isfinite(ref0) && std::isfinite(ref1)) {
-    if (ref0 > 0.0 && ref1 > 0.0) {
-      const double rate = 1.0 / (impedance_width * ref0);
-      return {rate / ref1 * (rate / ref1), 2.0 * rate};
-    }
-    if (ref0 <= 0.0 && ref1 <= 0.0) {
-      return {-ref0 / (impedance_width * impedance_width), -ref1 / impedance_width};
-    }
-  }
-  throw std::invalid_argument(
-      "solref must be two positive numbers (timeconst, dampratio) or two that are not positive "
-      "(-stiffness, -damping), got (" +
-      text(ref0) + ", " + text(ref1) + ")");
 }
 
 }  // namespace dashpot

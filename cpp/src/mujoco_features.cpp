@@ -37,8 +37,8 @@ void report_solref(Report& report, const std::string& name, const mjtNum* solref
         name + " solref/solimp", Treatment::kMapped,
         report.comfree()
             ? "solimp sets the effective mass; stiffness and damping are the law's"
-            : "mass-normalised spring-damper, where no material is set; a load at rest deforms "
-              "it about impedance^2 / (1 - impedance) times as far as in MuJoCo");
+            : "spring-damper, where no material is set: a load at rest deforms it as far as in "
+              "MuJoCo, at most as rigid as the micro-steps resolve; same damping ratio");
 }
 
 // Dry friction loss of a joint or tendon.

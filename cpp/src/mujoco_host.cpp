@@ -146,6 +146,16 @@ double contact_radius(const mjModel_* m, const ContactInput& input) {
   return radius;
 }
 
+double contact_mass(const mjModel_* m, const ContactInput& input) {
+  double mass = std::numeric_limits<double>::infinity();
+  if (input.is_of_flex()) return mass;
+  for (int geom : input.geom) {
+    const int tree = m->body_treeid[m->geom_bodyid[geom]];
+    if (tree >= 0) mass = std::min(mass, m->body_subtreemass[m->tree_bodyadr[tree]]);
+  }
+  return mass;
+}
+
 double gravity(const mjModel_* m) {
   return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
 }

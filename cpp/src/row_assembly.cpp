@@ -11,6 +11,8 @@ namespace dashpot {
 
 namespace {
 
+constexpr double kStandardGravity = 9.80665;  // m/s^2
+
 // The friction coefficients of a contact: the model's, unless its material has its own.
 std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {
   std::array<double, 5> friction = input.friction;
@@ -21,6 +23,14 @@ std::array<double, 5> friction_of(const ContactInput& input, const Material& mat
     if (!std::isnan(overriding)) friction[i] = overriding;
   }
   return friction;
+}
+
+// The load A F (m/s^2) at which a contact's own solref is read: F the weight of the lighter tree,
+// which is g for a free body on the ground. Without gravity that of the earth.
+double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
+  const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : kStandardGravity;
+  const double mass = host::contact_mass(model, input);
+  return std::isinf(mass) ? gravity : gravity * mass * inverse_mass;
 }
 
 }  // namespace
@@ -47,7 +57,8 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     const ContactInput& input = contacts[i];
     const RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
     host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
-    materials.push_back(material_of(model, parameters, input));
+    const double load = weight_at_contact(model, input, rows.typical_inverse_mass[c.row]);
+    materials.push_back(material_of(model, parameters, input, load));
     const std::array<double, 5> friction = friction_of(input, materials.back().material);
     std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
     host::append_jacobian(model, data, input, motion.trees(), rows);

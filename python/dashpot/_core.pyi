@@ -51,6 +51,7 @@ __all__: list[str] = [
     "return_to_limit",
     "rollout",
     "solref_to_spring",
+    "solref_to_spring_at_rest",
 ]
 
 class DampingForm:
@@ -601,6 +602,19 @@ def solref_to_spring(
 ) -> typing.Annotated[list[float], "FixedSize(2)"]:
     """
     See dashpot.law.solref_to_spring.
+    """
+
+def solref_to_spring_at_rest(
+    solref: typing.Annotated[
+        collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(2)"
+    ],
+    solimp: typing.Annotated[
+        collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(5)"
+    ],
+    load: typing.SupportsFloat | typing.SupportsIndex,
+) -> typing.Annotated[list[float], "FixedSize(2)"]:
+    """
+    See dashpot.law.solref_to_spring_at_rest.
     """
 
 __mujoco_version__: str = "3.17.0"

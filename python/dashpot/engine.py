@@ -36,7 +36,8 @@ class Engine:
     ----------
     model
         Compiled model. Every geom starts as a rigid material with its MJCF friction, or, where the
-        model sets ``solref`` or ``solimp`` itself, as the mass-normalised spring-damper they mean.
+        model sets ``solref`` or ``solimp`` itself, as the spring and damper of
+        :func:`dashpot.law.solref_to_spring_at_rest`.
     law
         Contact law: ``"kelvin_voigt"``, closed-form Kelvin-Voigt contact with true stiction, or
         ``"comfree"``, the published complementarity-free update of ComFree-Sim (arXiv 2603.12185),

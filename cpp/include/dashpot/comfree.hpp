@@ -56,10 +56,6 @@ struct ComFree {
   double damping = 0.001;  // d_user, >= 0
 };
 
-// MuJoCo's impedance at a gap (m or rad). As in MuJoCo, impedances and midpoint are clipped to
-// [1e-4, 0.9999], powers to >= 1, and the impedance is the mean of its ends where width is 0.
-double impedance(const std::array<double, 5>& solimp, double gap);
-
 // m of a facet. Regularised as in MuJoCo, so that it is finite where `inverse_mass` is 0.
 double effective_mass(double impedance, double inverse_mass);
 

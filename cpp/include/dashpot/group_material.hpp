@@ -10,22 +10,25 @@ struct mjModel_;
 
 namespace dashpot {
 
-// What gives a group its stiffness and damping: a material, or a mass-normalised spring-damper
-// k = s / w, d = c / w (MuJoCo's solref).
+// What gives a group its stiffness and damping: a material in SI units; nothing, which means as
+// rigid as the micro-steps resolve; or the model's own solref, a rigid row that is no stiffer than
+// k = kappa / A and has the damping d = delta / sqrt(A w) then, A being the typical inverse mass of
+// its first row (solref.hpp).
 struct GroupMaterial {
   Material material;
-  bool mass_normalised = false;
-  double normalised_stiffness = 0.0;  // s, 1/s^2
-  double normalised_damping = 0.0;    // c, 1/s
+  bool from_solref = false;
+  double normalised_stiffness = 0.0;  // kappa, 1/s^2
+  double normalised_damping = 0.0;    // delta, 1/s
 
-  bool rigid() const { return !mass_normalised && material.rigid; }
+  bool rigid() const { return from_solref || material.rigid; }
 };
 
 // That of a contact: of its pair, else combined from its geoms, else what the model's own solref
-// means, else rigid.
+// means under a load A F (m/s^2), else rigid.
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
-                          const ContactInput& contact);
-// That of a limit, an equality or dry friction: what the model's own solref means, else rigid.
+                          const ContactInput& contact, double load);
+// That of a limit, an equality or dry friction: what the model's own solref means where its
+// impedance has grown to the full, else rigid.
 GroupMaterial material_of(const ConstraintInput& constraint);
 
 }  // namespace dashpot

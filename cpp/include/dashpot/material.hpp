@@ -55,8 +55,4 @@ double restitution_to_damping_ratio(double restitution);
 // d (N s/m) of a material at stiffness k (N/m) and apparent inverse mass w (1/kg).
 double damping_of(const Material& material, double stiffness, double inverse_mass);
 
-// MuJoCo's direct solref (-s, -c): mass-normalised stiffness (1/s^2) and damping (1/s) from a
-// solref pair (timeconst, dampratio) or (-stiffness, -damping) and solimp's d_width.
-std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedance_width);
-
 }  // namespace dashpot

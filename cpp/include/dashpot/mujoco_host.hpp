@@ -52,6 +52,8 @@ int geom_priority(const mjModel_* m, int geom);
 // Radius (m) about the smaller geom of a contact; infinite if neither has one.
 double contact_radius(const mjModel_* m, const ContactInput& input);
 double gravity(const mjModel_* m);  // m/s^2; 0 if it is disabled
+// Mass (kg) of the lighter of the kinematic trees whose geoms touch; infinite for flexes.
+double contact_mass(const mjModel_* m, const ContactInput& input);
 // MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
 double geom_inverse_mass(const mjModel_* m, int geom);
 

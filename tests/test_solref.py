@@ -1,0 +1,185 @@
+"""What a model's own solref and solimp mean: the sag of MuJoCo's rows, and their restitution."""
+
+import itertools
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from dashpot import Engine, law
+
+GRAVITY = 9.81
+# Constant, growing, falling and power-law impedances; both forms of solref.
+OWN = [
+    ((0.02, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0)),
+    ((0.05, 1.0), (0.998, 0.998, 0.001, 0.5, 2.0)),
+    ((0.02, 0.9), (0.9, 0.95, 0.001, 0.5, 2.0)),
+    ((0.02, 1.0), (0.015, 1.0, 0.036, 0.5, 2.0)),
+    ((0.02, 1.0), (0.9, 0.8, 0.003, 0.5, 2.0)),
+    ((-1000.0, -30.0), (0.8, 0.9, 0.01, 0.3, 3.0)),
+    ((-1000.0, -30.0), (0.2, 0.9, 0.0, 0.5, 1.0)),
+]
+
+
+def attributes(solref, solimp, suffix=""):
+    """Return solref and solimp as MJCF attributes."""
+    values = [" ".join(str(x) for x in numbers) for numbers in (solref, solimp)]
+    return f'solref{suffix}="{values[0]}" solimp{suffix}="{values[1]}"'
+
+
+def at_rest(xml, *, seconds=4.0, applied=0.0):
+    """Return the positions of dashpot and MuJoCo at rest under applied generalized forces."""
+    engine = Engine(mujoco.MjModel.from_xml_string(xml))
+    data, plain = engine.make_data(), mujoco.MjData(engine.model)
+    data.qfrc_applied[:] = plain.qfrc_applied[:] = applied
+    count = round(seconds / engine.model.opt.timestep)
+    engine.step(data, nstep=count)
+    mujoco.mj_step(engine.model, plain, count)
+    assert abs(plain.qvel).max() < 1e-9
+    return data.qpos, plain.qpos
+
+
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_rest_of_a_ball_is_as_deep_as_in_mujoco(solref, solimp):
+    own = attributes(solref, solimp)
+    position, plain = at_rest(f"""
+        <mujoco><option timestep="0.001"/><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="2" {own} condim="1"/></body>
+        </worldbody></mujoco>""")
+    # What is left of the motion after 4 s, and MuJoCo's solver, leave less than 1e-6.
+    assert 0.1 - position[2] == pytest.approx(0.1 - plain[2], rel=1e-6)
+    stiffness, _ = law.solref_to_spring_at_rest(solref, solimp=solimp, load=GRAVITY)
+    assert 0.1 - position[2] == pytest.approx(GRAVITY / stiffness, rel=1e-6)
+
+
+def test_rest_of_a_box_and_of_a_tower_is_as_deep_as_in_mujoco():
+    # At constant impedance the load of a contact does not matter.
+    own = attributes((0.02, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0))
+    boxes = "".join(
+        f"""<body pos="0 0 {0.1 + 0.2 * i}"><freejoint/>
+        <geom type="box" size="0.1 0.15 0.1" mass="{2 + i}" {own} condim="1"/></body>"""
+        for i in range(3)
+    )
+    position, plain = at_rest(f"""<mujoco><option timestep="0.001"/><worldbody>
+        <geom type="plane" size="1 1 1" {own}/>{boxes}</worldbody></mujoco>""")
+    for i in range(3):
+        height = 0.1 + 0.2 * i
+        assert height - position[7 * i + 2] == pytest.approx(height - plain[7 * i + 2], rel=1e-4)
+
+
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_rest_of_a_limit_and_an_equality_is_as_deep_as_in_mujoco(solref, solimp):
+    # Under a load that takes the impedance of a hinge's limit and of a slide's equality to its full
+    # value.
+    stiffness, _ = law.solref_to_spring_at_rest(solref, solimp=solimp)
+    load = max(500.0, 1.5 * stiffness * solimp[2])
+    position, plain = at_rest(
+        f"""<mujoco><option timestep="0.001" gravity="0 0 0"/>
+        <compiler autolimits="true" angle="radian"/>
+        <default><geom contype="0" conaffinity="0"/></default>
+        <worldbody>
+          <body><joint type="hinge" range="-1 0" {attributes(solref, solimp, "limit")}/>
+            <geom size="0.1" mass="1"/></body>
+          <body pos="1 0 0"><joint name="slide" type="slide"/><geom size="0.1" mass="2"/></body>
+        </worldbody>
+        <equality><joint joint1="slide" {attributes(solref, solimp)}/></equality></mujoco>""",
+        applied=[load * 0.4 * 0.1**2, load * 2.0],
+    )
+    assert position == pytest.approx(plain, rel=1e-6)
+    assert position == pytest.approx(load / stiffness, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("form", "ratio"),
+    [("direct", 0.0), *itertools.product(["direct", "time constant"], [0.1, 0.5, 1.0])],
+)
+def test_bounce_has_the_restitution_of_the_damping_ratio(form, ratio):
+    omega = 200.0
+    solref = (
+        (-(omega**2), -2.0 * ratio * omega) if form == "direct" else (1.0 / (omega * ratio), ratio)
+    )
+    own = attributes(solref, (0.9, 0.95, 0.001, 0.5, 2.0))
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.001" gravity="0 0 0"/><worldbody>
+          <geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.11"><freejoint/><geom size="0.1" mass="2" {own} condim="1"/></body>
+        </worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    data.qvel[2] = -1.0
+    engine.step(data, nstep=100)
+    assert data.qpos[2] > 0.1
+    # A single contact flows in closed form.
+    assert data.qvel[2] == pytest.approx(law.damping_ratio_to_restitution(ratio), rel=1e-9)
+
+
+def test_solref_stiffer_than_the_steps_resolve_is_rigid_and_counted():
+    # A tower couples its contacts, so that not every stiffness is resolved by 16 micro-steps.
+    def step(stiffness):
+        own = attributes((-stiffness, -0.2 * math.sqrt(stiffness)), (0.99, 0.99, 0.001, 0.5, 2.0))
+        boxes = "".join(
+            f"""<body pos="0 0 {0.1 + 0.2 * i}"><freejoint/>
+            <geom type="box" size="0.1 0.1 0.1" {own}/></body>"""
+            for i in range(3)
+        )
+        engine = Engine(
+            mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="0.002"/><worldbody>
+            <geom type="plane" size="1 1 1" {own}/>{boxes}</worldbody></mujoco>""")
+        )
+        data = engine.make_data()
+        return engine.step(data, nstep=500), data
+
+    soft, _ = step(1e3)
+    stiff, data = step(1e9)
+    assert soft.clipped == 0
+    assert stiff.clipped > 0
+    assert stiff.microsteps == soft.microsteps
+    # Rigid contacts give way by micrometres.
+    assert 0.1 - data.qpos[2] == pytest.approx(0.0, abs=1e-5)
+    assert abs(data.qvel).max() < 1e-9
+
+
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+@pytest.mark.parametrize("load", [0.1, GRAVITY, 1e4])
+def test_spring_at_rest_balances_the_load_as_the_row_does(solref, solimp, load):
+    stiffness, damping = law.solref_to_spring_at_rest(solref, solimp=solimp, load=load)
+    x = load / stiffness
+    d = impedance(solimp, x)
+    k, b = law.solref_to_spring(solref, impedance_width=min(solimp[1], 0.9999))
+    # d is found to 1e-10 of the width, over which it changes by less than ten times itself, and
+    # 1 - d may be as small as 1e-4.
+    assert d * d * k * x == pytest.approx((1.0 - d) * load, rel=1e-5)
+    assert damping / (2.0 * math.sqrt(stiffness)) == pytest.approx(b / (2.0 * math.sqrt(k)))
+
+
+def impedance(solimp, x):
+    """Return MuJoCo's impedance at a deformation, from its documentation."""
+    start, end = np.clip(solimp[:2], 1e-4, 0.9999)
+    _, _, width, midpoint, power = solimp
+    if width == 0.0:
+        return 0.5 * (start + end)
+    r = min(x / width, 1.0)
+    if r <= midpoint:
+        y = r**power / midpoint ** (power - 1.0)
+    else:
+        y = 1.0 - (1.0 - r) ** power / (1.0 - midpoint) ** (power - 1.0)
+    return start + y * (end - start)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ({"solref": (0.02, -1.0)}, "solref"),
+        ({"solref": (0.02,)}, "solref"),
+        ({"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001)}, "solimp"),
+        ({"solref": (0.02, 1.0), "solimp": (0.9, 0.95, -0.001, 0.5, 2.0)}, "solimp"),
+        ({"solref": (0.02, 1.0), "solimp": (0.9, math.nan, 0.001, 0.5, 2.0)}, "solimp"),
+        ({"solref": (0.02, 1.0), "load": 0.0}, "load"),
+        ({"solref": (0.02, 1.0), "load": math.inf}, "load"),
+    ],
+)
+def test_bad_numbers_are_refused_by_name(arguments, named):
+    with pytest.raises(ValueError, match=named):
+        law.solref_to_spring_at_rest(arguments.pop("solref"), **arguments)
