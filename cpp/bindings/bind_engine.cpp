@@ -13,6 +13,7 @@
 #include "dashpot/contacts.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/memory.hpp"
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "model_lock.hpp"
 
@@ -32,12 +33,21 @@ class SharedStepper {
       : lock_(std::move(lock)), stepper_(model_at(model), parameters) {}
 
   StepStats step(std::uintptr_t data, int nstep) {
-    py::gil_scoped_release release;
-    const std::lock_guard<ModelLock> alone(*lock_);
-    return stepper_.step(data_at(data), nstep);
+    try {
+      return step_without_gil(data_at(data), nstep);
+    } catch (const host::CallbackError&) {
+      if (PyErr_Occurred()) throw py::error_already_set();
+      throw;
+    }
   }
 
  private:
+  StepStats step_without_gil(mjData_* data, int nstep) {
+    const py::gil_scoped_release release;
+    const std::lock_guard<ModelLock> alone(*lock_);
+    return stepper_.step(data, nstep);
+  }
+
   std::shared_ptr<ModelLock> lock_;
   Stepper stepper_;
 };

@@ -114,7 +114,7 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::check_data(model, d, data_size);
   memory(d).check();
-  const host::StackGuard guard(d);
+  const host::ErrorGuard guard(d);
   host::StepParts parts(model, d);
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit

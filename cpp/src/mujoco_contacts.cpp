@@ -94,7 +94,7 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   if (of_contacts == ContactRows::kRequired) return make_all_rows(m, d);
   const size_t arena = d->parena;
   try {
-    const StackGuard guard(d);
+    const ErrorGuard guard(d);
     if (make_all_rows(m, d)) return true;
   } catch (const StackOverflow&) {
     d->ne = d->nf = d->nl = d->nefc = 0;
@@ -109,7 +109,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   {
     WidenedReach reach(m, d, acceleration, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
-    mj_collision(m, d);
+    call_with_callbacks(mj_collision, m, d);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
       // Here contacts beyond the margin may start in this step.
@@ -137,8 +137,8 @@ bool anything_reads_rows(const mjModel_* m) {
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   detect_rows(m, d, acceleration, detection, contacts, constraints);
-  mj_sensorPos(m, d);
-  mj_sensorVel(m, d);
+  call_with_callbacks(mj_sensorPos, m, d);
+  call_with_callbacks(mj_sensorVel, m, d);
   if (m->opt.enableflags & mjENBL_ENERGY) {
     mj_energyPos(m, d);
     mj_energyVel(m, d);

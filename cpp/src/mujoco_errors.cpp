@@ -2,6 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <csetjmp>
 #include <cstring>
 #include <string>
 
@@ -15,29 +16,56 @@ namespace dashpot::host {
 
 namespace {
 
-constexpr char kOverflow[] = "mj_stackAlloc: out of memory";
+// Where the errors of a call go that may be called back from.
+thread_local std::jmp_buf* landing = nullptr;
+thread_local char error_of_call[sizeof mjLogMessage::subject];
 
-void throw_overflow(const mjLogMessage* message) {
-  if (message->level == mjLOG_ERROR &&
-      std::strncmp(message->subject, kOverflow, sizeof kOverflow - 1) == 0)
+bool starts_with(const char* text, const char* beginning) {
+  return std::strncmp(text, beginning, std::strlen(beginning)) == 0;
+}
+
+[[noreturn]] void throw_error(const char* error) {
+  if (starts_with(error, "mj_stackAlloc: out of memory"))
     throw StackOverflow(std::string("the step needs more than the memory of the model; enlarge "
                                     "<size memory=\"...\"/> (") +
-                        message->subject + ")");
-  _mjPRIVATE_getGlobalLogHandler()(message);
+                        error + ")");
+  if (starts_with(error, "Python exception raised"))
+    throw CallbackError("a Python callback of MuJoCo raised an exception");
+  throw MujocoError(error);
+}
+
+void leave_at_errors(const mjLogMessage* message) {
+  if (message->level != mjLOG_ERROR) return _mjPRIVATE_getGlobalLogHandler()(message);
+  if (!landing) throw_error(message->subject);
+  std::memcpy(error_of_call, message->subject, sizeof error_of_call);
+  std::longjmp(*landing, 1);
 }
 
 }  // namespace
 
-StackGuard::StackGuard(mjData_* d)
+ErrorGuard::ErrorGuard(mjData_* d)
     : data_(d),
       stack_(d->pstack),
       frame_(d->pbase),
-      outer_(_mjPRIVATE_setTlsLogHandler(throw_overflow)) {}
+      outer_(_mjPRIVATE_setTlsLogHandler(leave_at_errors)) {}
 
-StackGuard::~StackGuard() {
+ErrorGuard::~ErrorGuard() {
   _mjPRIVATE_setTlsLogHandler(outer_);
   data_->pstack = stack_;
   data_->pbase = frame_;
+}
+
+void call_with_callbacks(void (*function)(const mjModel_*, mjData_*), const mjModel_* m,
+                         mjData_* d) {
+  std::jmp_buf here;
+  std::jmp_buf* const outer = landing;
+  if (setjmp(here) != 0) {
+    landing = outer;
+    throw_error(error_of_call);
+  }
+  landing = &here;
+  function(m, d);
+  landing = outer;
 }
 
 }  // namespace dashpot::host

@@ -7,6 +7,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "dashpot/mujoco_errors.hpp"
+
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
 // the smooth forces with respect to velocity, which mj_implicit itself starts from.
 extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
@@ -193,14 +195,15 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
   mj_factorM(m, d);
   // Adhesion, of actuators or of geoms, pulls along the normals of the contacts of the present
   // positions. They need no rows: MuJoCo takes contacts inside the gap (exclude 1) without.
-  if (adhesive) mj_collision(m, d);
+  if (adhesive) call_with_callbacks(mj_collision, m, d);
   for (int i = 0; i < d->ncon; ++i)
     if (d->contact[i].exclude == 0) d->contact[i].exclude = 1;
   mj_transmission(m, d);
-  mj_fwdVelocity(m, d);
+  call_with_callbacks(mj_fwdVelocity, m, d);
   d->ncon = 0;
-  if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION)) mjcb_control(m, d);
-  mj_fwdActuation(m, d);
+  if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION))
+    call_with_callbacks(mjcb_control, m, d);
+  call_with_callbacks(mj_fwdActuation, m, d);
   mj_fwdAcceleration(m, d);
 }
 
@@ -301,7 +304,7 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
                             : constraints[c.input].source;
     if (address >= 0) std::copy_n(row_force.begin() + c.row, c.dim, d->efc_force + address);
   }
-  mj_sensorAcc(m, d);
+  call_with_callbacks(mj_sensorAcc, m, d);
 }
 
 void integrate(const mjModel_* m, mjData_* d) {

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "dashpot/engine.hpp"
+#include "dashpot/mujoco_errors.hpp"
 
 namespace dashpot {
 namespace {
@@ -92,10 +93,17 @@ const double* Simulation::sensordata() const { return impl_->data->sensordata; }
 void Simulation::step() {
   mjModel* model = impl_->model.get();
   mjData* data = impl_->data.get();
-  if (impl_->stepper) {
-    impl_->stepper->step(data, 1, false);
-  } else {
-    mj_step(model, data);
+  try {
+    if (impl_->stepper) {
+      impl_->stepper->step(data, 1, false);
+    } else {
+      const host::ErrorGuard guard(data);
+      host::call_with_callbacks(mj_step, model, data);
+    }
+  } catch (const host::CallbackError&) {
+    throw std::runtime_error(
+        "callbacks of MuJoCo's Python package raise here, where data are not made in Python; clear "
+        "them (mujoco.set_mjcb_control(None) and the like), or step data of Engine.make_data()");
   }
   if (!all_usable(data->qpos, static_cast<int>(model->nq)) ||
       !all_usable(data->qvel, static_cast<int>(model->nv))) {

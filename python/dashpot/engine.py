@@ -210,7 +210,11 @@ class Engine:
             If contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
             or flexes read; data keep the state from before the failing step. Rows that nothing
             reads but :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the
-            model is too small for them; MuJoCo counts that in ``data.warning``.
+            model is too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of
+            MuJoCo come as RuntimeError too.
+
+        What Python callbacks of MuJoCo raise passes through; data keep the state from before that
+        step.
 
         Notes
         -----

@@ -1,33 +1,41 @@
-// MuJoCo's stack overflow as an exception. Part of the mujoco_host room.
+// MuJoCo's fatal errors as exceptions. Part of the mujoco_host room.
 //
-// MuJoCo ends the process where a computation finds no room on the stack in mjData. Here that is
-// thrown through the frames between: those of MuJoCo's engine, written in C, which hold nothing but
-// that stack, in a library with unwind tables. Its other fatal errors end the process as they do by
-// default: exceptions cannot pass through the callbacks of its Python package, which carry a C++
-// runtime of their own.
+// MuJoCo ends the process where a computation finds no room on the stack in mjData, or where a
+// callback of its Python package raises. Here both become exceptions. Through MuJoCo's engine they
+// are thrown: it is written in C, holds nothing but that stack, and has unwind tables. They cannot
+// be thrown through the callbacks of the Python package, which carry a C++ runtime of their own;
+// calls from which there are callbacks are left by a jump, as that package itself leaves them.
 
 #pragma once
 
 #include <cstddef>
 #include <stdexcept>
 
+struct mjModel_;
 struct mjData_;
 struct mjLogMessage_;
 
 namespace dashpot::host {
 
-struct StackOverflow : std::runtime_error {
+struct MujocoError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+struct StackOverflow : MujocoError {
+  using MujocoError::MujocoError;
+};
+// A Python callback raised; in the thread that called, the error indicator of Python is set.
+struct CallbackError : MujocoError {
+  using MujocoError::MujocoError;
+};
 
-// While it lives, a stack overflow in this thread throws StackOverflow. At its end the stack of `d`
-// is as it was.
-class StackGuard {
+// While it lives, errors of MuJoCo in this thread are thrown. At its end the stack of `d` is as it
+// was.
+class ErrorGuard {
  public:
-  explicit StackGuard(mjData_* d);
-  ~StackGuard();
-  StackGuard(const StackGuard&) = delete;
-  StackGuard& operator=(const StackGuard&) = delete;
+  explicit ErrorGuard(mjData_* d);
+  ~ErrorGuard();
+  ErrorGuard(const ErrorGuard&) = delete;
+  ErrorGuard& operator=(const ErrorGuard&) = delete;
 
  private:
   using Handler = void (*)(const mjLogMessage_*);
@@ -35,5 +43,9 @@ class StackGuard {
   std::size_t stack_, frame_;
   Handler outer_;
 };
+
+// Calls a function of MuJoCo from which there may be callbacks, under an ErrorGuard.
+void call_with_callbacks(void (*function)(const mjModel_*, mjData_*), const mjModel_* m,
+                         mjData_* d);
 
 }  // namespace dashpot::host

@@ -1,0 +1,111 @@
+"""Callbacks of MuJoCo's Python package, and what they raise."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from dashpot import Engine
+
+MODEL = """<mujoco><worldbody>
+  <geom type="plane" size="1 1 1"/>
+  <body pos="0 0 0.09"><freejoint/><geom size="0.1"/></body>
+  <body pos="1 0 0"><joint name="hinge" type="hinge"/><geom size="0.1"/></body>
+</worldbody>
+<actuator>
+  <general joint="hinge" dyntype="user" gaintype="user" biastype="user" actdim="1"/>
+</actuator>
+<sensor>
+  <user dim="1" needstage="pos"/><user dim="1" needstage="vel"/><user dim="1" needstage="acc"/>
+</sensor></mujoco>"""
+CALLBACKS = ("control", "passive", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
+
+
+class CallbackError(Exception):
+    """Raised by callbacks here."""
+
+
+@pytest.fixture
+def install():
+    """Install a callback by name; after the test there is none."""
+
+    def set_callback(name, function):
+        getattr(mujoco, f"set_mjcb_{name}")(function)
+
+    yield set_callback
+    for name in CALLBACKS:
+        set_callback(name, None)
+
+
+def state_of(engine, data):
+    """Return everything that the next step depends on."""
+    state = np.empty(mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_INTEGRATION))
+    mujoco.mj_getState(engine.model, data, state, mujoco.mjtState.mjSTATE_INTEGRATION)
+    return state
+
+
+@pytest.mark.parametrize("name", CALLBACKS)
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_an_exception_of_a_callback_leaves_the_step_and_the_state_alone(install, name, impact):
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL), impact=impact)
+    data, undisturbed = engine.make_data(), engine.make_data()
+    calls = 0
+
+    def fail_later(*_):
+        nonlocal calls
+        calls += 1
+        if calls > 5:
+            raise CallbackError
+        return 0
+
+    install(name, fail_later)
+    with pytest.raises(CallbackError):
+        engine.step(data, nstep=100)
+    install(name, None)
+    steps = round(data.time / engine.model.opt.timestep)
+    assert calls == 6
+    assert data.pstack == 0
+    # What came before is as it would have been, and what comes after goes on from there.
+    if steps > 0:
+        engine.step(undisturbed, nstep=steps)
+    assert np.array_equal(state_of(engine, data), state_of(engine, undisturbed))
+    engine.step(data, nstep=20)
+    engine.step(undisturbed, nstep=20)
+    assert np.array_equal(state_of(engine, data), state_of(engine, undisturbed))
+
+
+def test_a_control_callback_drives_the_model(install):
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
+    data, by_hand = engine.make_data(), engine.make_data()
+    by_hand.qfrc_applied[0] = 1.0
+
+    def push(_, d):
+        d.qfrc_applied[0] = 1.0
+
+    install("control", push)
+    engine.step(data, nstep=50)
+    install("control", None)
+    engine.step(by_hand, nstep=50)
+    assert np.array_equal(data.qpos, by_hand.qpos)
+
+
+def test_interrupts_pass_through_steps(install):
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
+    data = engine.make_data()
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    install("passive", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        engine.step(data)
+
+
+def test_rollouts_say_that_they_take_no_python_callbacks(install):
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
+    state = np.zeros(mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    state[4] = 1.0
+    install("control", lambda *_: None)
+    for nthread in (1, 2):
+        with pytest.raises(ValueError, match=r"rollout 0, step 0: callbacks .*Engine\.make_data"):
+            dashpot.rollout(engine, np.tile(state, (3, 1)), nstep=2, nthread=nthread)
