@@ -38,10 +38,10 @@ struct MicrostepLoop::Impl {
   void run_microsteps();
   void unpack();
 
-  void sweep_rows(Sweep sweep, const Motion& motion) {
+  void sweep_rows(Sweep sweep, const IslandMotion& motion) {
     std::apply([&](auto&... list) { (sweep_fastest(sweep, list.block, motion), ...); }, blocks);
   }
-  void sweep_trees(Sweep sweep, const Motion& motion) {
+  void sweep_trees(Sweep sweep, const IslandMotion& motion) {
     sweep_fastest(sweep, island_trees, motion);
   }
 
@@ -180,7 +180,7 @@ void MicrostepLoop::Impl::pack() {
 }
 
 void MicrostepLoop::Impl::run_microsteps() {
-  Motion m;
+  IslandMotion m;
   m.h = h;
   m.recovery_speed = recovery_speed;
   m.velocity = data->velocity.data();

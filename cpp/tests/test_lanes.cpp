@@ -160,8 +160,8 @@ struct Swept {
     }
   }
 
-  Motion motion(double h) {
-    Motion m;
+  IslandMotion motion(double h) {
+    IslandMotion m;
     m.h = h;
     m.recovery_speed = 0.1;
     double** array[] = {&m.velocity, &m.displacement, &m.acceleration,      &m.force,
@@ -177,11 +177,11 @@ struct Swept {
 };
 
 using SweepRows = void (*)(Sweep, Block<PairLanes, Contact>*, Block<PairLanes, Contact>*,
-                           const Motion&);
-using SweepTrees = void (*)(Sweep, Tree*, Tree*, const Motion&);
+                           const IslandMotion&);
+using SweepTrees = void (*)(Sweep, Tree*, Tree*, const IslandMotion&);
 
 Swept run(Swept swept, double h, SweepRows rows, SweepTrees trees) {
-  const Motion m = swept.motion(h);
+  const IslandMotion m = swept.motion(h);
   const auto sweep = [&](Sweep kind) {
     rows(kind, swept.blocks.data(), swept.blocks.data() + swept.blocks.size(), m);
   };

@@ -37,7 +37,7 @@ struct Blocks {
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
 // impulses and moments of the impulses; `acceleration` is the one with all present forces.
-struct Motion {
+struct IslandMotion {
   double h = 0.0;
   double recovery_speed = 0.0;
   double *velocity, *displacement, *acceleration;
@@ -59,7 +59,7 @@ enum class Sweep {
 
 template <typename Jacobian, typename Law>
 [[gnu::always_inline]] inline void sweep_one(Sweep sweep, Block<Jacobian, Law>& block,
-                                             const Motion& m) {
+                                             const IslandMotion& m) {
   constexpr int kDim = Block<Jacobian, Law>::kDim;
   Law& law = block.law;
   if (sweep == Sweep::kPrepare) return prepare(law, m.h);
@@ -107,7 +107,7 @@ template <typename Jacobian, typename Law>
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
 
-[[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const Motion& m) {
+[[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const IslandMotion& m) {
   if (sweep == Sweep::kSmoothMotion) {
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
@@ -128,27 +128,25 @@ template <typename Jacobian, typename Law>
 
 template <typename Item>
 [[gnu::always_inline]] inline void sweep_all(Sweep sweep, Item* first, Item* last,
-                                             const Motion& m) {
+                                             const IslandMotion& m) {
   for (Item* item = first; item != last; ++item) sweep_one(sweep, *item, m);
 }
 
 // The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
 // same bits.
 template <typename Item>
-[[gnu::flatten]] void sweep_portable(Sweep sweep, Item* first, Item* last, const Motion& m) {
+[[gnu::flatten]] void sweep_portable(Sweep sweep, Item* first, Item* last, const IslandMotion& m) {
   sweep_all(sweep, first, last, m);
 }
 #if defined(__x86_64__)
 template <typename Item>
 [[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Sweep sweep, Item* first, Item* last,
-                                                      const Motion& m) {
+                                                      const IslandMotion& m) {
   sweep_all(sweep, first, last, m);
 }
 template <typename Item>
-[[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(Sweep sweep,
-                                                                             Item* first,
-                                                                             Item* last,
-                                                                             const Motion& m) {
+[[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(
+    Sweep sweep, Item* first, Item* last, const IslandMotion& m) {
   sweep_all(sweep, first, last, m);
 }
 enum class InstructionSet { kPortable, kAvx2, kAvx512 };
@@ -161,7 +159,7 @@ inline InstructionSet find_instruction_set() {
 #endif
 
 template <typename Item>
-void sweep_fastest(Sweep sweep, std::vector<Item>& items, const Motion& m) {
+void sweep_fastest(Sweep sweep, std::vector<Item>& items, const IslandMotion& m) {
   if (items.empty()) return;
   Item* const first = items.data();
   Item* const last = first + items.size();
