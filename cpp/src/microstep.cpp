@@ -63,7 +63,7 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, PairLanes& 
   for (int i = 0; i < 9; ++i) j.frame[i][lane] = pair.frame[i];
   for (int side = 0; side < 2; ++side) {
     for (int i = 0; i < 3; ++i) j.arm[side][i][lane] = pair.arm[side][i];
-    j.body[side][lane] = pair.begin[side];
+    j.body[side][lane] = pair.begin[side] > 0 ? pair.begin[side] : kBodyCoordinates * lane;
   }
 }
 
@@ -142,7 +142,7 @@ void MicrostepLoop::Impl::pack() {
   // After every micro-step forces and impulses are zero again, but for those on the ground.
   for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration}) {
     array->resize(trees->coordinates, 0.0);
-    std::fill_n(array->begin(), kBodyCoordinates, 0.0);
+    std::fill_n(array->begin(), kGroundCoordinates, 0.0);
   }
   island_trees.clear();
   for (int index : island->tree) {

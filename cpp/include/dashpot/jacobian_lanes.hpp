@@ -8,14 +8,18 @@
 #include <algorithm>
 
 #include "dashpot/lanes.hpp"
+#include "dashpot/trees.hpp"
 
 namespace dashpot {
 
 // The Jacobian of four contacts between free bodies.
 struct PairLanes {
   Lanes frame[9], arm[2][3];
-  int body[2][kLanes];  // coordinates; lanes to spare act on the ground
+  // Coordinates; lanes to spare act on the ground, each on its own.
+  int body[2][kLanes] = {{0, kBodyCoordinates, 2 * kBodyCoordinates, 3 * kBodyCoordinates},
+                         {0, kBodyCoordinates, 2 * kBodyCoordinates, 3 * kBodyCoordinates}};
 };
+static_assert(kGroundCoordinates == kLanes * kBodyCoordinates);
 
 // The Jacobian of four rows of one coordinate each, as limits and dry friction of hinges and slides
 // have; lanes to spare act on the ground.

@@ -9,8 +9,9 @@
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
 // through the normal and the arm alone. A free body's coordinates begin at a multiple of eight.
 //
-// The first eight coordinates belong to the ground, which what is applied to it does not move. Two
-// of them, that no body has, move by themselves: kSurfaceCoordinate at 1, so that its column in a
+// The first coordinates belong to the ground, which what is applied to it does not move: eight for
+// each of four lanes (jacobian_lanes.hpp), so that no lane waits for what another applies. Two of
+// them, that no body has, move by themselves: kSurfaceCoordinate at 1, so that its column in a
 // row is the rate that surfaces of their own motion (conveyor belts) add, and kTurningCoordinate
 // with acceleration 1, so that its column is what a row's rate gains because its Jacobian turns,
 // dJ/dt xi. The others stay zero.
@@ -23,7 +24,8 @@
 
 namespace dashpot {
 
-inline constexpr int kBodyCoordinates = 8;    // of the ground and of a free body
+inline constexpr int kBodyCoordinates = 8;  // of a free body
+inline constexpr int kGroundCoordinates = 4 * kBodyCoordinates;
 inline constexpr int kSurfaceCoordinate = 3;  // of the ground, moves at 1
 inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is time, s
 
@@ -38,7 +40,7 @@ struct Tree {
 
 struct Trees {
   std::vector<Tree> tree;
-  int coordinates = kBodyCoordinates;
+  int coordinates = kGroundCoordinates;
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
   AlignedDoubles inverse;
