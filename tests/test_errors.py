@@ -1,5 +1,7 @@
 """Bad input raises an exception that names the culprit and leaves the data untouched."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -61,6 +63,25 @@ def test_data_of_another_model(engine):
         with pytest.raises(ValueError, match=r"(?i)model|make_data"):
             engine.step(data)
         assert snapshot(data) == before
+
+
+def test_pickled_data_have_to_agree_with_the_model_in_all_sizes(engine):
+    """Pickling loses the signature by which MuJoCo tells models apart."""
+    floor_alone = mujoco.MjModel.from_xml_string(mjcf(""))
+    of_another = pickle.loads(pickle.dumps(dashpot.Engine(floor_alone).make_data()))
+    data = engine.make_data()
+    pickled = pickle.loads(pickle.dumps(data))
+    assert pickled.signature == 0 != data.signature
+    for other in (engine, pickle.loads(pickle.dumps(engine))):
+        with pytest.raises(ValueError, match=r"^data was made from another model"):
+            other.step(of_another)
+        with pytest.raises(ValueError, match=r"^data was made from another model"):
+            dashpot.closest(other, of_another, radius=1.0)
+        other.step(pickled)
+        assert len(other.contacts(pickled)) == 1
+        gap = dashpot.distance(other, pickled, "ball", "floor").distance
+        assert gap == pytest.approx(0.0, abs=1e-6)  # it sags under its weight
+    assert pickled.time == pytest.approx(2 * engine.model.opt.timestep)
 
 
 @pytest.mark.parametrize("count", [-1.0, 0.5, 1e8, 1e300, np.nan, np.inf])

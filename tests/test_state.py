@@ -1,5 +1,8 @@
 """All memory of contact lives in MjData: saving, copying and clearing it works as in MuJoCo."""
 
+import copy
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -70,9 +73,7 @@ def test_the_state_holds_what_contact_remembers(midway):
 
 def test_a_copy_continues_to_the_bit(midway):
     engine, data, *_ = midway
-    import copy
-
-    copies = [engine.make_data(), copy.copy(data)]
+    copies = [engine.make_data(), copy.copy(data), pickle.loads(pickle.dumps(data))]
     mujoco.mj_copyData(copies[0], engine.model, data)
     engine.step(data, nstep=50)
     for other in copies:

@@ -169,6 +169,12 @@ void bind_engine(py::module_& module) {
       py::arg("model_address"),
       "Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees "
       "that a single constraint row couples by more than two.");
+  module.def(
+      "have_same_sizes",
+      [](std::uintptr_t model, std::uintptr_t other) {
+        return host::have_same_sizes(model_at(model), model_at(other));
+      },
+      py::arg("model_address"), py::arg("other_address"));
   module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"));
   module.def("energy", &energy_dict, py::arg("model_address"), py::arg("data_address"),
              py::arg("scratch_address"));

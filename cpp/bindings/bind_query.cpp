@@ -38,7 +38,6 @@ py::tuple geom_distance(std::uintptr_t model_address, std::uintptr_t data_addres
     py::gil_scoped_release release;
     const auto* model = model_at(model_address);
     const auto* data = data_at(data_address);
-    check_data_of(model, data);
     const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
     const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
     result = distance(shape1, pose1, shape2, pose2);
@@ -104,7 +103,6 @@ py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_
     py::gil_scoped_release release;
     const auto* model = model_at(model_address);
     const auto* data = data_at(data_address);
-    check_data_of(model, data);
     const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
     const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
     result = time_of_impact(shape1, pose1, geom_motion(model, data, geom1), shape2, pose2,
@@ -120,7 +118,6 @@ py::list close_geoms(std::uintptr_t model_address, std::uintptr_t data_address, 
     py::gil_scoped_release release;
     const auto* model = model_at(model_address);
     const auto* data = data_at(data_address);
-    check_data_of(model, data);
     pairs = closest_pairs(placed_shapes(model, data, body), radius);
   }
   py::list result;

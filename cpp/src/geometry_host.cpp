@@ -50,12 +50,6 @@ HeightField height_field(const mjModel* model, int id) {
 
 }  // namespace
 
-void check_data_of(const mjModel* model, const mjData* data) {
-  if (data->signature != model->signature) {
-    throw std::invalid_argument("data were made from another model");
-  }
-}
-
 Shape geom_shape(const mjModel* model, int geom) {
   const std::string label = geom_label(model, geom);
   const double* size = model->geom_size + 3 * geom;

@@ -1,5 +1,6 @@
 #include "dashpot/mujoco_host.hpp"
 
+#include <mujoco/mjxmacro.h>
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
@@ -93,8 +94,17 @@ long long data_size(const mjModel_* m) {
   return size;
 }
 
+bool have_same_sizes(const mjModel_* a, const mjModel_* b) {
+#define X(size) \
+  if (a->size != b->size) return false;
+  MJMODEL_SIZES
+#undef X
+  return true;
+}
+
 void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
-  if (d->signature != m->signature || d->nbuffer != data_size)
+  const bool both_signed = d->signature != 0 && m->signature != 0;
+  if ((both_signed && d->signature != m->signature) || d->nbuffer != data_size)
     throw std::invalid_argument(
         "data was made from another model; make it with Engine.make_data()");
   check_finite("qpos", d->qpos, m->nq);

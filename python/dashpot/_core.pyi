@@ -42,6 +42,7 @@ __all__: list[str] = [
     "geom_distances",
     "geom_time_of_impact",
     "geom_times_of_impact",
+    "have_same_sizes",
     "poses",
     "propagate",
     "radial_return",
@@ -513,6 +514,10 @@ def geom_times_of_impact(
     First contacts for states qpos (n, nq), qvel (n, nv) as arrays (hit, time, (distance, point1, point2, normal)), GIL released.
     """
 
+def have_same_sizes(
+    model_address: typing.SupportsInt | typing.SupportsIndex,
+    other_address: typing.SupportsInt | typing.SupportsIndex,
+) -> bool: ...
 def poses(
     variants: collections.abc.Sequence[
         tuple[typing.SupportsInt | typing.SupportsIndex, Parameters]

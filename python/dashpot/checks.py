@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from dashpot import _core
 
 
 def number_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -36,6 +39,19 @@ def positive_count(name: str, value: int) -> int:
     if value < 1:
         raise ValueError(f"{name} must be >= 1, got {value}")
     return int(value)
+
+
+def is_data_of(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    """Whether data are of a model; raise TypeError where they are no ``mujoco.MjData``.
+
+    Compiled models and their data carry a signature. Pickling loses it (it is 0 then): what the
+    data were made from has to agree with the model in all sizes instead.
+    """
+    if not isinstance(data, mujoco.MjData):
+        raise TypeError(f"data is {type(data).__name__}; it must be a mujoco.MjData")
+    if model.signature and data.signature:
+        return bool(model.signature == data.signature)
+    return _core.have_same_sizes(model._address, data.model._address)
 
 
 def thread_count(nthread: int | None) -> int:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from dashpot import _core
-from dashpot.checks import positive_count
+from dashpot.checks import is_data_of, positive_count
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine_options import EngineOptions
 from dashpot.features import Feature, Report
@@ -341,7 +341,5 @@ class Engine:
             )
 
     def _check_data(self, data: mujoco.MjData) -> None:
-        if not isinstance(data, mujoco.MjData):
-            raise TypeError(f"data is {type(data).__name__}; it must be a mujoco.MjData")
-        if data.userdata.shape[0] != self.model.nuserdata or data.qpos.shape[0] != self.model.nq:
+        if not is_data_of(self.model, data) or data.userdata.shape[0] != self.model.nuserdata:
             raise ValueError("data was made from another model; make it with Engine.make_data()")

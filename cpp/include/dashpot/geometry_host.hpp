@@ -12,9 +12,6 @@ struct mjData_;
 
 namespace dashpot {
 
-// Throws std::invalid_argument unless `data` was made from `model` or a copy of it.
-void check_data_of(const mjModel_* model, const mjData_* data);
-
 // The shape of a geom; a mesh gives its convex hull, a height field borrows its heights from the
 // model. `geom` in [0, ngeom).
 // Throws std::invalid_argument naming the geom where it is a signed distance field, or has a bad

@@ -38,8 +38,13 @@ void check_supported(const mjModel_* m, Law law);
 // cone, whose row layout force reports rely on, and a positive time step.
 void check_options(const mjModel_* m, Law law);
 
-// Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`), or its
-// state, controls or applied forces are not finite; names the field and the index.
+// Whether all sizes of two models agree. This tells models apart where pickling has lost the
+// signature of one of them or of its data: it is 0 then.
+bool have_same_sizes(const mjModel_* a, const mjModel_* b);
+
+// Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`; of lost
+// signatures the caller sees to have_same_sizes), or its state, controls or applied forces are not
+// finite; names the field and the index.
 void check_data(const mjModel_* m, const mjData_* d, long long data_size);
 
 int geom_count(const mjModel_* m);

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dashpot.checks import number_array, require_finite
+from dashpot.checks import is_data_of, number_array, require_finite
 from dashpot.object_ids import object_id
 
 if TYPE_CHECKING:
@@ -28,17 +28,17 @@ def model_of(engine: Engine | mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def check_data(data: mujoco.MjData) -> None:
-    """Raise TypeError where `data` is not a ``mujoco.MjData``."""
-    if not isinstance(data, mujoco.MjData):
-        raise TypeError(f"data must be a mujoco.MjData, got {type(data).__name__}")
+def check_data(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Raise TypeError where `data` is no ``mujoco.MjData``, ValueError where not of `model`."""
+    if not is_data_of(model, data):
+        raise ValueError("data was made from another model")
 
 
 def geom_pair(
     model: mujoco.MjModel, data: mujoco.MjData, geom1: Geom, geom2: Geom
 ) -> tuple[int, int]:
     """Check data and return the ids of two different geoms."""
-    check_data(data)
+    check_data(model, data)
     return distinct_geoms(model, geom1, geom2)
 
 

@@ -73,7 +73,7 @@ def closest(
         geoms, data of another model, a pose or a height that is not finite.
     """
     model = arguments.model_of(engine)
-    arguments.check_data(data)
+    arguments.check_data(model, data)
     radius = float(radius)
     if not (math.isfinite(radius) and radius >= 0.0):
         raise ValueError(f"radius = {radius} m must be finite and not negative")
