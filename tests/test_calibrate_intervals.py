@@ -149,3 +149,34 @@ def test_two_parameters_of_one_effect_are_not_identified():
     trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(7))
     result = fit(Problem(engine, parameters, [trajectory], 1e-4, 1e-3))
     assert not any(estimate.identified for estimate in result.estimates)
+
+
+@pytest.mark.parametrize("method", ["least_squares", "cma", "cma+least_squares"])
+def test_a_window_before_the_first_contact_identifies_nothing(method):
+    engine = ball_engine()
+    trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(6))
+    # 0.1 m above the floor at 1 m/s: contact comes after 0.07 s.
+    problem = Problem(engine, ball_parameters(), [trajectory], 1e-4, 1e-3, window=0.03)
+    result = fit(problem, method=method)
+    for estimate, parameter in zip(result.estimates, problem.parameters, strict=True):
+        assert not estimate.identified
+        assert "does not depend on it" in estimate.statement
+        assert (estimate.lower, estimate.upper) == parameter.bounds
+        assert estimate.standard_error == math.inf
+        if method == "least_squares":
+            assert estimate.value == pytest.approx(parameter.start, rel=1e-12)
+    assert result.noise_explains
+
+
+@pytest.mark.parametrize("method", ["least_squares", "cma"])
+def test_a_search_that_has_not_converged_identifies_nothing(method):
+    engine = ball_engine()
+    trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(6))
+    problem = Problem(engine, ball_parameters(), [trajectory], 1e-4, 1e-3)
+    assert all(estimate.identified for estimate in fit(problem).estimates)
+    result = fit(problem, method=method, max_evaluations=30)
+    assert not result.converged
+    for estimate in result.estimates:
+        assert not estimate.identified
+        assert "ended before it converged (the budget of evaluations" in estimate.statement
+    assert "not converged: the budget of evaluations is spent" in str(result.table().caption)

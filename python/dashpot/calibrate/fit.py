@@ -87,7 +87,9 @@ def fit(
         At most how many of the best starts are searched from, >= 1; one after the other until the
         stated noise explains the residuals.
     max_evaluations
-        Budget of simulated sets of trajectories, those for derivatives included.
+        Budget of the search in simulated sets of trajectories, those for its derivatives included.
+        It takes one iteration at least; derivatives for the intervals come on top, and
+        ``Fit.evaluations`` counts all.
     errors
         ``"independent"`` residuals; ``"clustered"``: residuals of a trajectory hang together
         (model error); ``"auto"``: clustered from 20 trajectories on and five per unknown.
@@ -249,6 +251,7 @@ def _result(
             correlation[i],
             problem.names,
             confidence,
+            None if search.converged else search.message,
         )
         for i, parameter in enumerate(problem.parameters)
     )

@@ -2,6 +2,8 @@
 
 A parameter is called *not identified* when
 
+* the search ended before it converged: what its end would be is not known then, and the interval
+  around the best point found is not that of a minimum, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or
 * its interval covers more than half of the allowed range, or
@@ -42,9 +44,9 @@ class Estimate:
     value
         The estimate, in the parameter's unit.
     standard_error
-        In the same unit, to first order in the search coordinate.
+        In the same unit, to first order in the search coordinate; inf where the data say nothing.
     lower, upper
-        Ends of the confidence interval.
+        Ends of the confidence interval; the bounds where the data say nothing.
     identified
         Whether the data identify it.
     statement
@@ -68,6 +70,7 @@ def judge(
     correlation: Array,
     names: tuple[str, ...],
     confidence: float,
+    unfinished: str | None = None,
 ) -> Estimate:
     """Return the estimate of one parameter with its statement.
 
@@ -81,6 +84,8 @@ def judge(
         Correlations with the parameters `names`.
     confidence
         Of the interval, for the sentence.
+    unfinished
+        Why the search ended before it converged; None where it did.
     """
     coordinate = parameter.coordinate
     value = coordinate.to_value(z)
@@ -95,7 +100,10 @@ def judge(
             "a combination with other parameters",
         )
     lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
-    reason = _reason(parameter, z, half_width, lower, upper, confidence)
+    if unfinished is None:
+        reason = _reason(parameter, z, half_width, lower, upper, confidence)
+    else:
+        reason = f"the search ended before it converged ({unfinished})"
     partner = _partner(parameter.name, correlation, names)
     if reason is None:
         statement = f"identified: {confidence:.0%} interval {lower:.4g} to {upper:.4g}"

@@ -35,13 +35,14 @@ class Fit:
     residual_variance
         Variance of the weighted residuals: near 1 when the stated noise explains them.
     evaluations
-        Simulated sets of all trajectories, those for derivatives included.
+        Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
         Wall time of the fit.
     method, loss, errors, confidence
         How it was made; ``errors`` is "independent" or "clustered".
     converged
-        Whether the search ended by its own criterion rather than by the budget.
+        Whether the search ended by its own criterion rather than by the budget; where not, no
+        parameter counts as identified.
     message
         The search's last word.
     initial_velocity, initial_displacement
@@ -107,9 +108,11 @@ class Fit:
     def table(self, truth: dict[str, float] | None = None) -> Table:
         """Return a rich table of the estimates; with `truth`, beside the true values."""
         explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
+        caption = f"{explained} the residuals: their variance is {self.residual_variance:.3g}"
+        if not self.converged:
+            caption = f"not converged: {self.message}\n{caption}"
         table = Table(
-            title=f"Calibration ({self.method}, {self.evaluations} simulations)",
-            caption=f"{explained} the residuals: their variance is {self.residual_variance:.3g}",
+            title=f"Calibration ({self.method}, {self.evaluations} simulations)", caption=caption
         )
         table.add_column("parameter")
         if truth is not None:

@@ -19,6 +19,13 @@ Array = NDArray[np.float64]
 # standard error changes it, and of the point.
 _COST_TOLERANCE = 1e-7
 _STEP_TOLERANCE = 1e-8
+# Weight of the distance from the start, in standard deviations per unit of the search coordinate:
+# with it the Jacobian keeps full rank, which scipy's steps need, where residuals do not depend on
+# an unknown, or only on a combination. It adds 5e-9 per squared unit to the cost.
+_HOLD = 1e-4
+# The smallest tolerance of a gradient that scipy takes: where residuals depend on nothing, it is 0.
+_GRADIENT_TOLERANCE = float(np.finfo(np.float64).eps)
+_BUDGET_SPENT = "the budget of evaluations is spent"
 
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
@@ -52,7 +59,7 @@ def loss_weights(loss: LossName, squares: Array) -> Array | None:
 class Budget:
     """Simulated sets of trajectories that searches may still spend, and what they reached.
 
-    Derivatives count too. A search may overrun its share by one Jacobian.
+    Derivatives count too. A search takes one step at least, and may overrun by one Jacobian.
     """
 
     def __init__(self, total: int, report: Callable[[int, float], None]) -> None:
@@ -161,11 +168,12 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
     lower, upper = objective.bounds()
     # The reflective method needs a start inside; a thousandth of the range is inside.
     margin = np.where(np.isfinite(upper - lower), 1e-3 * (upper - lower), 0.0)
+    start = np.clip(start, lower + margin, upper - margin)
     before = search.best_cost
     result = optimize.least_squares(
-        lambda point: search.evaluate(point[None, :])[0],
-        np.clip(start, lower + margin, upper - margin),
-        jac=search.jacobian,
+        lambda point: np.append(search.evaluate(point[None, :])[0], _HOLD * (point - start)),
+        start,
+        jac=lambda point: np.vstack([search.jacobian(point), _HOLD * np.eye(objective.size)]),
         bounds=(lower, upper),
         method="trf",
         x_scale="jac",
@@ -174,11 +182,16 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
         max_nfev=iterations,
         ftol=_COST_TOLERANCE,
         xtol=_STEP_TOLERANCE,
-        gtol=None,
+        gtol=_GRADIENT_TOLERANCE,
     )
-    if search.best_cost < before:
+    if search.best_cost < before or np.array_equal(result.x, search.best_point):
         search.converged = bool(result.status > 0)
-        search.message = str(result.message)
+        if search.converged:
+            search.message = str(result.message)
+        elif iterations < most_iterations:
+            search.message = _BUDGET_SPENT
+        else:
+            search.message = f"one local search takes {most_iterations} iterations at most"
     return np.asarray(result.x), float(result.cost)
 
 
@@ -217,4 +230,4 @@ def cma_es(search: Search, start: Array, seed: int, sigma: float = 0.2) -> None:
         strategy.tell(candidates, costs.tolist())
     stops = strategy.stop()
     search.converged = bool(stops)
-    search.message = ", ".join(stops) if stops else "the budget of evaluations is spent"
+    search.message = ", ".join(stops) if stops else _BUDGET_SPENT

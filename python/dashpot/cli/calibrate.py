@@ -48,8 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
         f"{metrics['rotation_rms']:.4g} rad (root mean square); "
         f"{result.evaluations} simulations in {result.seconds:.1f} s"
     )
-    if not result.converged:
-        print(f"not converged: {result.message}")
     if arguments.out is not None:
         file = Path(arguments.out)
         file.parent.mkdir(parents=True, exist_ok=True)
