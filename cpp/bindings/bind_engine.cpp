@@ -118,6 +118,7 @@ void bind_engine(py::module_& module) {
       .def_readwrite("microsteps", &Options::microsteps)
       .def_readwrite("max_microsteps", &Options::max_microsteps)
       .def_readwrite("recovery_speed", &Options::recovery_speed)
+      .def_readwrite("mocap_timeconst", &Options::mocap_timeconst)
       .def_readwrite("impact", &Options::impact)
       .def_readwrite("rules", &Options::rules)
       .def_readwrite("comfree_stiffness", &Options::comfree_stiffness)

@@ -40,6 +40,7 @@ MemoryLayout memory_layout(const mjModel_* m) {
     layout.held_dofs = host::dof_count(m);
     layout.held_coordinates = trees.coordinates;
   }
+  layout.mocap_bodies = host::mocap_count(m);
   return layout;
 }
 

@@ -13,6 +13,7 @@
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
 #include "dashpot/middle.hpp"
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/position_recovery.hpp"
@@ -42,7 +43,7 @@ void accumulate(const StepStats& step, StepStats& total) {
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p);
   StepStats step(mjData_* d, bool leave_rows);
-  void advance(mjData_* d, host::StepParts& parts);
+  void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
 
   // The stages of a step (DESIGN section 2).
   void cut_at_impact(mjData_* d, host::StepParts& parts);
@@ -55,7 +56,7 @@ struct Stepper::Impl {
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
   void account_smooth_work(mjData_* d);
-  void remember(mjData_* d);
+  void remember(mjData_* d, const host::MocapMotion& mocap);
 
   void find_touched_trees();
   bool lands_in_next_step(const RowGroup& c) const;
@@ -76,6 +77,7 @@ struct Stepper::Impl {
   Part part;
   ProvenApart proven_apart;
   host::Detection detection;
+  host::MocapBuffers mocap_buffers;
   bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<ContactInput> contacts;
   std::vector<ConstraintInput> constraints;
@@ -115,6 +117,9 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);
+  const bool moves_mocap = parameters.options.law != Law::kComFree;
+  host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
+                          mocap_buffers);
   host::StepParts parts(model, d);
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
@@ -125,7 +130,7 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   for (double remaining = parts.whole(); remaining > 0.0; remaining -= length) {
     length = remaining;
     if (parts.cut()) parts.set_length(length);
-    advance(d, parts);
+    advance(d, parts, mocap);
     accumulate(statistics(), total);
   }
   parts.finish();
@@ -133,14 +138,17 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   return total;
 }
 
-void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
+void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   motion.start(d);
+  mocap.begin(length);
   host::smooth_stage(model, d, !parts.cut());
+  mocap.write_velocities();
   // A part that another will follow needs no more than directions for the search of its end.
   const bool rough = parts.cut() && cuts < kMaxCuts;
   const double searched = length;
   motion.find_smooth_motion(d, length, rough, data);
   host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+  for (ConstraintInput& c : constraints) c.drive = mocap.rate_of_constraint(c.memory, c.position);
   part = Part();
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
@@ -161,7 +169,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts) {
   report_forces(d);
   advance_state(d);
   account_smooth_work(d);
-  remember(d);
+  mocap.advance(length);
+  remember(d, mocap);
   proven_apart.forget(touched);
 }
 
@@ -342,8 +351,9 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
     ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
 }
 
-void Stepper::Impl::remember(mjData_* d) {
+void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
+  mocap.remember(view);
   view.remember(contacts, constraints, rows, data);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(model, d, length, leaves_half, mean_displacement, constraints, motion, rows, data,

@@ -14,11 +14,12 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, motion that equalities hold, constraints (deformation,
-// stiffness, slack, and the two numbers of equality() of each), contacts.
+// Storage: count of contacts, ledger, motion that equalities hold, mocap bodies, constraints
+// (deformation, stiffness, slack, and the two numbers of equality() of each), contacts.
 constexpr int kHeader = 8;
 constexpr int kConstraint = 5;
 constexpr int kEquality = 3;
+constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
 
@@ -111,11 +112,15 @@ class SlotsByPair {
 
 int MemoryLayout::held_size() const { return 2 * (held_trees + held_dofs + held_coordinates); }
 
+int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
+
 int MemoryLayout::size() const {
-  return kHeader + held_size() + kConstraint * constraints + kSlot * contacts;
+  return kHeader + held_size() + mocap_size() + kConstraint * constraints + kSlot * contacts;
 }
 
-double* Memory::constraint_storage() const { return storage_ + kHeader + layout_.held_size(); }
+double* Memory::mocap_storage() const { return storage_ + kHeader + layout_.held_size(); }
+
+double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
 
 double* Memory::contact_storage(int index) const {
   return constraint_storage() + kConstraint * layout_.constraints + kSlot * index;
@@ -131,6 +136,16 @@ HeldMotion Memory::held_motion() const {
   motion.acceleration = motion.displacement + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;
   return motion;
+}
+
+RememberedMocap Memory::mocap(int index) const {
+  RememberedMocap mocap;
+  std::memcpy(&mocap, mocap_storage() + kMocap * index, sizeof(mocap));
+  return mocap;
+}
+
+void Memory::set_mocap(int index, const RememberedMocap& mocap) {
+  std::memcpy(mocap_storage() + kMocap * index, &mocap, sizeof(mocap));
 }
 
 double* Memory::equality(int constraint) const {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -157,7 +158,8 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.limit = d->efc_frictionloss[row];
     std::copy_n(source.solref, 2, input.solref.begin());
     std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());
-    input.has_solref = !is_default_impedance(source.solref, source.solimp);
+    input.has_solref = !is_default_impedance(source.solref, source.solimp) ||
+                       (type == mjCNSTR_EQUALITY && is_held_by_mocap(m, id));
     constraints.push_back(input);
   }
 }
@@ -210,6 +212,7 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                      const Trees& trees, Rows& rows) {
   append_rows(m, d, input.source, trees, rows);
+  if (input.drive != 0.0) return append_ground_motion(rows, kSurfaceCoordinate, &input.drive);
   // Equalities of flexes have their memory behind that of the others.
   if (input.kind != RowKind::kBilateral || input.memory >= kEqualityRows * m->neq) return;
   const double turning =

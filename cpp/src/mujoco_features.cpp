@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -31,8 +32,8 @@ struct Report {
 };
 
 void report_solref(Report& report, const std::string& name, const mjtNum* solref,
-                   const mjtNum* solimp) {
-  if (!is_default_impedance(solref, solimp))
+                   const mjtNum* solimp, bool even_default = false) {
+  if (even_default || !is_default_impedance(solref, solimp))
     report.add(
         name + " solref/solimp", Treatment::kMapped,
         report.comfree()
@@ -123,7 +124,8 @@ void report_constraints(const mjModel* m, Report& report) {
                type == mjEQ_TENDON || type == mjEQ_FLEX || type == mjEQ_FLEXVERT ||
                type == mjEQ_FLEXSTRAIN) {
       report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
-      report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i);
+      report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i,
+                    is_held_by_mocap(m, i));
     } else {
       report.add(name, Treatment::kRefused, "equalities of this type are not stepped");
     }

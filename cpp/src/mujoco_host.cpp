@@ -174,6 +174,7 @@ double gravity(const mjModel_* m) {
 
 bool has_flexes(const mjModel_* m) { return m->nflex > 0; }
 bool has_equalities(const mjModel_* m) { return m->neq > 0; }
+int mocap_count(const mjModel_* m) { return static_cast<int>(m->nmocap); }
 
 int contact_site_count(const mjModel_* m) { return static_cast<int>(m->ngeom + m->nflexvert); }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -12,12 +13,40 @@ namespace {
 
 constexpr int kBodyRows = 6;  // coordinates of a free body that are not zero
 
+bool any_nonzero(const mjtNum* values) {
+  return std::any_of(values, values + 6, [](mjtNum value) { return value != 0.0; });
+}
+
 bool has_surface_motion(const mjModel* m, const ContactInput& input) {
-  for (int geom : input.geom)
-    if (geom >= 0)
-      for (int i = 0; i < 6; ++i)
-        if (m->geom_surfacevel[6 * geom + i] != 0.0) return true;
-  return false;
+  return std::any_of(input.geom.begin(), input.geom.end(), [&](int geom) {
+    return geom >= 0 && any_nonzero(m->geom_surfacevel + 6 * geom);
+  });
+}
+
+bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
+  if (geom < 0) return false;
+  const int body = m->geom_bodyid[geom];
+  return is_mocap(m, body) && any_nonzero(d->cvel + 6 * body);
+}
+
+// Adds what mocap bodies add to the rates of a contact's rows by their motion.
+void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& input,
+                      std::array<double, 6>& rate) {
+  const double* frame = input.frame.data();
+  for (int side = 0; side < 2; ++side) {
+    if (!is_on_moving_mocap(m, d, input.geom[side])) continue;
+    const int body = m->geom_bodyid[input.geom[side]];
+    const mjtNum* moving = d->cvel + 6 * body;
+    mjtNum arm[3], velocity[3];
+    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+    mju_cross(velocity, moving, arm);
+    mju_addTo3(velocity, moving + 3);
+    const double sign = side ? 1.0 : -1.0;
+    for (int i = 0; i < 3; ++i) {
+      rate[i] += sign * mju_dot3(frame + 3 * i, velocity);
+      rate[3 + i] += sign * mju_dot3(frame + 3 * i, moving);
+    }
+  }
 }
 
 // What the surfaces of the geoms, moving by themselves, add to the rates of a contact's rows: to
@@ -110,9 +139,13 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
 void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                      const Trees& trees, Rows& rows) {
   RowGroup& c = rows.group.back();
-  const bool driven = has_surface_motion(m, input);
+  const bool driven = has_surface_motion(m, input) || is_on_moving_mocap(m, d, input.geom[0]) ||
+                      is_on_moving_mocap(m, d, input.geom[1]);
   std::array<double, 6> surface_rate{};
-  if (driven) surface_rate = surface_motion(m, d, input);
+  if (driven) {
+    surface_rate = surface_motion(m, d, input);
+    add_mocap_motion(m, d, input, surface_rate);
+  }
   if (input.is_of_flex()) {
     append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
     if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());

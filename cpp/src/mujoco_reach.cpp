@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
@@ -94,6 +95,7 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
     double* v = velocity.data() + 6 * body;
     const double* parent = velocity.data() + 6 * m->body_parentid[body];
     std::copy(parent, parent + 6, v);
+    if (m->body_mocapid[body] >= 0) std::copy_n(d->cvel + 6 * body, 6, v);
     for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
       for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
   }
@@ -120,12 +122,14 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   // All that may throw is done: where a constructor does, no destructor puts the model right.
   reach_is_widened = true;
   for (int geom = 0; geom < m->ngeom; ++geom) {
-    if (m->body_treeid[m->geom_bodyid[geom]] < 0 || !may_collide(m, geom)) continue;
+    const int body = m->geom_bodyid[geom];
+    const bool moves = m->body_treeid[body] >= 0 || is_mocap(m, body);
+    if (!moves || !may_collide(m, geom)) continue;
     reach[geom] =
         h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
     m->geom_gap[geom] = std::max(buffers.geom_gap[geom], reach[geom]);
     // The broadphase goes by the largest of a body's geoms.
-    mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
+    mjtNum& margin = m->body_margin[body];
     margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
   }
   for (int pair = 0; pair < m->npair; ++pair)

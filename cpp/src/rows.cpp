@@ -158,8 +158,8 @@ void append_ground_motion(Rows& rows, int coordinate, const double* rate) {
   }
 }
 
-double ground_rate(const Rows& rows, const RowGroup& c) {
-  return c.ground < 0 ? 0.0 : rows.value[c.value + c.width() - 1];
+double turning_rate(const Rows& rows, const RowGroup& c) {
+  return c.ground == kTurningCoordinate ? rows.value[c.value + c.width() - 1] : 0.0;
 }
 
 void stop_turning(Rows& rows, const RowGroup& c) {

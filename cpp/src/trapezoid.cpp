@@ -140,13 +140,15 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, const Tre
 }
 
 // Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them.
+// Where mocap bodies drive them energy is not conserved.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
     Coupled& coupled = coupled_[first_[c.tree[0]]];
-    const double turned = length * ground_rate(rows, c);
+    const double turned = length * turning_rate(rows, c);
     const double speed_square = 2.0 * rows.inverse_mass[c.row] * coupled.kinetic;
-    if (turned * turned > kTurn * kTurn * speed_square) coupled.turns = false;
+    const bool driven = c.ground == kSurfaceCoordinate;
+    if (driven || turned * turned > kTurn * kTurn * speed_square) coupled.turns = false;
   }
   for (const RowGroup& c : rows.group)
     if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);
@@ -166,7 +168,7 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     if (c.kind != RowKind::kBilateral) continue;
     double* equality = memory.equality(constraints[c.input].memory);
     equality[0] = data.total_impulse[c.row] / length;
-    equality[1] = ground_rate(rows, c) * data.force_moment[i];
+    equality[1] = turning_rate(rows, c) * data.force_moment[i];
     scatter(rows, c, equality, wrench_.data());
     ledger.dissipated_constraint += equality[1];
   }

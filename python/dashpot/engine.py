@@ -54,6 +54,15 @@ class Engine:
     recovery_speed
         Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
         is pushed out; ``inf`` makes every overlap a compressed spring at once.
+    mocap_timeconst
+        Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a
+        critically damped follower, x'' = -2 x' / T - x / T^2, whose velocity contacts (friction
+        too), welds, connects and tendons see. 20 ms is the time constant of MuJoCo's default
+        ``solref``, with which a mocap weld moves there. With 0 the body goes straight to the pose
+        within the step: exact for poses set in every step, jerky for others. A jump of more than
+        0.1 m or 0.5 rad in one step, and the first pose, takes the body there without any motion.
+        During a step mocap bodies are where they are, not yet where they are told to be; ``xpos``
+        and sensors say so.
     impact
         ``"cut"`` ends a part of the step where a fast, thin or small geom meets another, so that
         contact starts at the surface with the right normal and nothing passes through; the rest of
@@ -94,6 +103,7 @@ class Engine:
         microsteps: int | Literal["auto"] = "auto",
         max_microsteps: int = 64,
         recovery_speed: float = 0.1,
+        mocap_timeconst: float = 0.02,
         impact: Literal["none", "cut"] = "none",
         rules: CombinationRules | None = None,
         comfree_stiffness: float | None = None,
@@ -106,6 +116,7 @@ class Engine:
             microsteps,
             max_microsteps,
             recovery_speed,
+            mocap_timeconst,
             impact,
             rules or CombinationRules(),
             comfree_stiffness,

@@ -15,6 +15,7 @@ _KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
     "microsteps": "auto",
     "max_microsteps": 64,
     "recovery_speed": 0.1,
+    "mocap_timeconst": 0.02,
     "impact": "none",
     "rules": CombinationRules(),
 }
@@ -28,6 +29,7 @@ class EngineOptions:
     microsteps: int | Literal["auto"]
     max_microsteps: int
     recovery_speed: float
+    mocap_timeconst: float
     impact: str
     rules: CombinationRules
     comfree_stiffness: float | None
@@ -58,6 +60,11 @@ class EngineOptions:
             raise ValueError(
                 f"recovery_speed is {self.recovery_speed!r}; it must be >= 0 m/s (inf allowed)"
             )
+        timeconst: object = self.mocap_timeconst
+        if isinstance(timeconst, bool) or not isinstance(timeconst, numbers.Real):
+            raise TypeError(f"mocap_timeconst is {timeconst!r}; it must be a number of seconds")
+        if not 0.0 <= float(timeconst) < math.inf:
+            raise ValueError(f"mocap_timeconst is {timeconst!r}; it must be finite and >= 0 s")
         impacts = list(_core.Impact.__members__)
         if self.impact not in impacts:
             raise ValueError(f"impact is {self.impact!r}; it must be one of {impacts}")
@@ -85,6 +92,7 @@ class EngineOptions:
         options.microsteps = 0 if self.microsteps == "auto" else int(self.microsteps)
         options.max_microsteps = int(self.max_microsteps)
         options.recovery_speed = float(self.recovery_speed)
+        options.mocap_timeconst = float(self.mocap_timeconst)
         options.impact = _core.Impact[self.impact]
         options.rules = self.rules._to_core()
         if self.comfree_stiffness is not None:

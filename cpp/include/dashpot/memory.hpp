@@ -1,6 +1,6 @@
 // Memory carried from step to step in mjData's user data: the compression and the elastic
 // displacement of every compressed contact, the deformation of every limit, equality and
-// dry-friction row, and the energy ledger.
+// dry-friction row, the motion of mocap bodies, and the energy ledger.
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
 // compression remembered at the nearest point of the same geom pair; what geometry reports beyond
@@ -12,6 +12,7 @@
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/energy_ledger.hpp"
@@ -44,14 +45,22 @@ struct HeldMotion {
   double* other_force = nullptr;   // g, by motion coordinate
 };
 
-// Room that memory takes: contacts that can be compressed at once, scalar constraints, and motion
-// that equalities may hold.
+// What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
+struct RememberedMocap {
+  std::array<double, 7> command, pose;      // position (m) and quaternion
+  std::array<double, 3> velocity, angular;  // of the follower, m/s and rad/s, world
+};
+
+// Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that
+// equalities may hold, and mocap bodies.
 struct MemoryLayout {
   int contacts = 0;
   int constraints = 0;
   int held_trees = 0, held_dofs = 0, held_coordinates = 0;
+  int mocap_bodies = 0;
   int size() const;  // doubles
   int held_size() const;
+  int mocap_size() const;
 };
 
 class Memory {
@@ -68,6 +77,8 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
+  RememberedMocap mocap(int index) const;
+  void set_mocap(int index, const RememberedMocap& mocap);
   // Mean force of an equality over the last step (N, N m), and the work that it did because its row
   // turned (J); by ConstraintInput::memory.
   double* equality(int constraint) const;
@@ -90,6 +101,7 @@ class Memory {
                 const RowData& data);
 
  private:
+  double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,

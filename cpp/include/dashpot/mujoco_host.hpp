@@ -102,6 +102,7 @@ inline constexpr int kMostCoupledDofs = 600;
 int contact_site_count(const mjModel_* m);
 bool has_flexes(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
+int mocap_count(const mjModel_* m);
 
 // Contact memory lives behind the model's own user data: `size` doubles.
 void reserve_memory(mjModel_* m, int size);

@@ -57,6 +57,7 @@ struct ConstraintInput {
   int memory = 0;  // index of its memory, fixed by the model
   std::array<int, 2> tree{-1, -1};
   double position = 0.0;  // gap of a limit, error of an equality; m or rad
+  double drive = 0.0;     // rate at which mocap bodies change the position, m/s or rad/s
   double limit = 0.0;     // of a slider, N or N m
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
@@ -127,8 +128,8 @@ void scatter(const Rows& rows, const RowGroup& group, const double* impulse, dou
 // Adds the column of a moving coordinate of the ground to the sparse rows of the group appended
 // last: `rate` (dim) is what it adds to each row's rate where it moves at 1.
 void append_ground_motion(Rows& rows, int coordinate, const double* rate);
-// Rate that the moving coordinate of the ground adds to a group of one row; 0 without one.
-double ground_rate(const Rows& rows, const RowGroup& group);
+// Rate at which a group of one row turns: what kTurningCoordinate adds to it; 0 without one.
+double turning_rate(const Rows& rows, const RowGroup& group);
 // Lets a row turn no more; groups without kTurningCoordinate stay.
 void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.

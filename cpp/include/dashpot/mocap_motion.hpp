@@ -1,0 +1,83 @@
+// Motion of mocap bodies. Part of the mujoco_host room.
+//
+// Users set the poses of mocap bodies, in jumps: every step, or now and then. MuJoCo gives these
+// bodies no velocity; its soft rows turn the violation that a jump leaves into motion within their
+// time constant. Here rows are rigid, so the body itself moves: during a step it goes at a constant
+// velocity, which its contacts, welds and tendons see, from where it is to where a critically
+// damped follower of the commanded pose will be,
+//
+//     x'' = -2 x' / T - x / T^2 ,     x(h) = (x + c h) exp(-h/T) ,   x'(h) = (x' - c h / T)
+//     exp(-h/T) ,
+//
+// with c = x' + x / T and x the offset from the commanded pose: three numbers of translation, three
+// of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
+// moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
+// is meant by (kJump, kJumpTurn) takes the body there without any.
+
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "dashpot/memory.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+struct MocapBody {
+  int id = 0;                               // of the body
+  std::array<double, 7> given{}, placed{};  // poses that mjData had, and has meanwhile
+  RememberedMocap now{};
+  std::array<double, 3> velocity{}, angular{};  // during the part, world
+};
+// Kept from step to step: a step allocates nothing.
+struct MocapBuffers {
+  std::vector<MocapBody> body;
+  std::vector<double> end_position;  // of constraints, by memory; NaN for none
+  std::vector<ConstraintInput> constraints;
+};
+
+// The mocap bodies of `d` during a step. At its end `d` has the commanded poses again, or what a
+// callback has set meanwhile.
+class MocapMotion {
+ public:
+  // `moves` false: bodies are at once where they are told to be, without motion, as in MuJoCo.
+  MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant, const Memory& memory,
+              MocapBuffers& buffers);
+  ~MocapMotion();
+  MocapMotion(const MocapMotion&) = delete;
+  MocapMotion& operator=(const MocapMotion&) = delete;
+
+  // Begins a part of the step of at most `length` (s): finds how the bodies move in it, and what of
+  // it scalar constraints see, and puts the bodies where they are at its start.
+  void begin(double length);
+  // Writes the velocities to d->cvel, which mj_comVel has left at zero.
+  void write_velocities() const;
+  // Rate (m/s, rad/s) at which the motion changes the position of a constraint.
+  double rate_of_constraint(int memory, double position) const;
+  // Ends the part, of `length`.
+  void advance(double length);
+  void remember(Memory& memory) const;
+
+ private:
+  bool anything_moves() const;
+  void place(size_t index, const std::array<double, 7>& pose);
+  void find_constraints(double length);
+
+  const mjModel_* model_;
+  mjData_* data_;
+  double time_constant_, searched_ = 0.0;  // s, the latter the length that begin() was given
+  MocapBuffers& buffers_;
+};
+
+// Whether a body is a mocap body or fixed to one.
+bool is_mocap(const mjModel_* m, int body);
+// Whether a connect or weld holds something to a mocap body. What it pulls at may not be able to
+// follow, and a rigid row would tear at it: such rows are as soft as their solref says, MuJoCo's
+// default too.
+bool is_held_by_mocap(const mjModel_* m, int equality);
+
+}  // namespace dashpot::host

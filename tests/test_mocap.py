@@ -1,0 +1,300 @@
+"""Mocap bodies move: what they push, carry, weld and pull goes with them."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from dashpot import Engine, law
+
+PLATE = """<mujoco><option timestep="0.002"/><worldbody>
+  <body name="plate" mocap="true"><geom type="box" size="0.3 0.3 0.05"/></body>
+  <body name="box" pos="0 0 0.15"><freejoint/>
+    <geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+</worldbody></mujoco>"""
+WELD = """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+  <body name="hand" mocap="true" pos="0 0 1"/>
+  <body name="tool" pos="0 0 1"><freejoint/><geom size="0.1" mass="1"/></body>
+</worldbody><equality><{kind} body1="hand" body2="tool" {more}/></equality></mujoco>"""
+
+
+def make(xml, **options):
+    """Return an engine and its data."""
+    engine = Engine(mujoco.MjModel.from_xml_string(xml), **options)
+    return engine, engine.make_data()
+
+
+def drive(engine, data, command, *, seconds, every=1):
+    """Step while `command(data, t)` sets the pose for the end of each (or every n-th) step."""
+    dt = engine.model.opt.timestep
+    engine.step(data)  # knows the first pose
+    for k in range(round(seconds / dt)):
+        if k % every == 0:
+            command(data, (k + 1) * dt)
+        engine.step(data)
+
+
+def late(timeconst, timestep=0.002):
+    """Return by how much (s) a ramp of poses is followed late that are held over each step."""
+    return 2 * timeconst - 0.5 * timestep if timeconst > 0 else 0.0
+
+
+def follower(jump, t, timeconst):
+    """Return where a critically damped follower is at t (s) after a jump."""
+    return jump * (1.0 - (1.0 + t / timeconst) * np.exp(-t / timeconst))
+
+
+@pytest.mark.parametrize("timeconst", [0.0, 0.02])
+@pytest.mark.parametrize("speed", [0.05, 0.5, 2.0])
+def test_lift_carries_a_box_at_its_speed(speed, timeconst):
+    engine, data = make(PLATE, mocap_timeconst=timeconst)
+
+    def command(d, t):
+        d.mocap_pos[0, 2] = speed * t
+
+    drive(engine, data, command, seconds=1.0)
+    # What is left is the box's sag.
+    assert data.qpos[2] - 0.15 == pytest.approx(speed * (1.0 - late(timeconst)), abs=1e-5)
+    assert data.qvel[2] == pytest.approx(speed, rel=1e-6)
+
+
+def test_lift_does_the_work_that_the_box_gains():
+    # MuJoCo counts the potential energy of the plate, too.
+    engine, data = make(PLATE.replace('0.05"/>', '0.05" mass="0"/>'))
+    start = engine.energy(data)
+    drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 2), 0.5 * t), seconds=0.5)
+    end = engine.energy(data)
+    gained = end.kinetic + end.potential - start.kinetic - start.potential
+    assert gained > 2.0
+    assert end.work - start.work == pytest.approx(gained, rel=2e-3)
+    assert end.total == pytest.approx(start.total, abs=1e-3 * gained)
+
+
+def test_friction_carries_a_box_along_and_around():
+    engine, data = make(PLATE)
+
+    def command(d, t):
+        d.mocap_pos[0, :2] = 0.1 * t, -0.05 * t
+        d.mocap_quat[0] = math.cos(0.25 * t), 0.0, 0.0, math.sin(0.25 * t)
+
+    drive(engine, data, command, seconds=1.0)
+    # The plate turns at 0.5 rad/s and moves; the box, in its middle, does the same, but for what it
+    # slips at the start, when corners are accelerated by some 5 m/s^2.
+    assert data.qvel[:2] == pytest.approx([0.1, -0.05], abs=1e-3)
+    assert data.qvel[5] == pytest.approx(0.5, abs=1e-3)
+    time = 1.0 - late(0.02)
+    assert data.qpos[:2] == pytest.approx([0.1 * time, -0.05 * time], abs=1e-3)
+    assert 2 * math.atan2(data.qpos[6], data.qpos[3]) == pytest.approx(0.5 * time, abs=1e-3)
+
+
+def test_friction_gives_way_where_the_plate_accelerates_too_fast():
+    xml = PLATE.replace('size="0.3', 'friction="0.1" size="3').replace(
+        'mass="1"', 'mass="1" friction="0.1"'
+    )
+    engine, data = make(xml, mocap_timeconst=0.0)
+    seconds, acceleration = 0.5, 4.0
+    drive(
+        engine,
+        data,
+        lambda d, t: d.mocap_pos.__setitem__((0, 0), 0.5 * acceleration * t * t),
+        seconds=seconds,
+    )
+    assert data.qvel[0] == pytest.approx(0.1 * 9.81 * seconds, rel=2e-3)
+
+
+def test_pusher_pushes_at_its_speed_without_going_in():
+    engine, data = make("""<mujoco><option timestep="0.002"/><worldbody>
+      <geom type="plane" size="5 5 1"/>
+      <body name="pusher" mocap="true" pos="-0.2 0 0.1">
+        <geom type="box" size="0.1 0.1 0.05"/></body>
+      <body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+    </worldbody></mujoco>""")
+    drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 0), -0.2 + 0.5 * t), seconds=1.0)
+    assert data.qvel[0] == pytest.approx(0.5, rel=1e-3)
+    # 9.81 N of friction on rigid contacts.
+    assert data.contact.dist[: data.ncon].min() > -2e-5
+    assert data.qpos[0] == pytest.approx(0.5 * (1.0 - late(0.02)), abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["weld", "connect"])
+def test_tool_follows_a_jump_through_the_spring_of_its_solref_and_as_in_mujoco(kind):
+    more = 'anchor="0 0 0"' if kind == "connect" else ""
+    engine, data = make(WELD.format(kind=kind, more=more))
+    plain = mujoco.MjData(engine.model)
+    assert "equality #0 solref/solimp" in str(engine.report())
+    engine.step(data)  # knows the first pose
+    jump, timeconst = 0.05, 0.02
+    data.mocap_pos[0, 0] = plain.mocap_pos[0, 0] = jump
+    stiffness, damping = law.solref_to_spring_at_rest((0.02, 1.0))
+
+    def motion(t, y):
+        hand, hand_rate = (
+            follower(jump, t, timeconst),
+            jump * t / timeconst**2 * math.exp(-t / timeconst),
+        )
+        return [y[1], stiffness * (hand - y[0]) + damping * (hand_rate - y[1])]
+
+    times = engine.model.opt.timestep * np.arange(1, 101)
+    exact = solve_ivp(motion, (0, times[-1]), [0, 0], t_eval=times, rtol=1e-9, atol=1e-12).y[0]
+    for expected in exact:
+        engine.step(data)
+        mujoco.mj_step(engine.model, plain)
+        # The hand's velocity is constant during a step.
+        assert data.qpos[0] == pytest.approx(expected, abs=1e-4)
+        # MuJoCo integrates its row to first order, and has no spring behind the follower.
+        assert data.qpos[0] == pytest.approx(plain.qpos[0], abs=4e-3)
+
+
+def test_welded_tool_turns_with_the_hand():
+    engine, data = make(WELD.format(kind="weld", more=""))
+
+    def command(d, t):
+        d.mocap_quat[0] = math.cos(0.5 * t), 0.0, math.sin(0.5 * t), 0.0
+
+    drive(engine, data, command, seconds=1.0)
+    assert data.qvel[3:] == pytest.approx([0.0, 1.0, 0.0], abs=1e-4)
+    assert 2 * math.atan2(data.qpos[5], data.qpos[3]) == pytest.approx(1.0 - late(0.02), abs=1e-4)
+
+
+def test_hand_without_a_time_constant_arrives_at_the_end_of_each_step():
+    engine, data = make(WELD.format(kind="weld", more=""), mocap_timeconst=0.0)
+    engine.step(data)  # knows the first pose
+    for k in range(1, 200):
+        data.mocap_pos[0, 0] = 0.1 * math.sin(0.01 * k)
+        engine.step(data)
+        # After the start at 0.5 m/s the weld's spring, 5e4 1/s^2, gives way by 2.5 m/s^2 over it.
+        if k > 50:
+            assert data.qpos[0] == pytest.approx(data.mocap_pos[0, 0], abs=1e-4)
+
+
+def test_arm_welded_to_a_hand_follows_it():
+    engine, data = make(
+        """<mujoco><option timestep="0.002" integrator="implicitfast"/><worldbody>
+      <body name="hand" mocap="true" pos="0.6 0 0"/>
+      <body><joint type="hinge" axis="0 1 0" damping="0.1"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0.2" size="0.02"/>
+        <body pos="0.3 0 0.2"><joint type="hinge" axis="0 1 0" damping="0.1"/>
+          <geom type="capsule" fromto="0 0 0 0.3 0 -0.2" size="0.02"/>
+          <site name="tip" pos="0.3 0 -0.2"/></body></body>
+      </worldbody><equality><connect site1="hand_site" site2="tip"/></equality></mujoco>""".replace(
+            'pos="0.6 0 0"/>', 'pos="0.6 0 0"><site name="hand_site"/></body>'
+        )
+    )
+
+    def command(d, t):
+        d.mocap_pos[0, 2] = 0.1 * math.sin(4 * t)
+
+    drive(engine, data, command, seconds=2.0)
+    mujoco.mj_kinematics(engine.model, data)
+    # The follower of a sine of 4 rad/s, after its start: gain and phase of 1 / (1 + 0.08 i)^2.
+    response = 1.0 / (1.0 + 4j * 0.02) ** 2
+    expected = 0.1 * (response * np.exp(8j)).imag
+    # The spring of the connect, 5e4 1/s^2, gives way by the arm's weight over it.
+    assert data.site("tip").xpos[2] == pytest.approx(expected, abs=2e-4)
+
+
+def test_rope_to_a_hand_pulls():
+    engine, data = make("""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+      <body name="hand" mocap="true"><site name="a"/></body>
+      <body pos="-0.5 0 0"><freejoint/><geom size="0.05" mass="1"/><site name="b"/></body>
+      </worldbody>
+      <tendon><spatial limited="true" range="0 0.5"><site site="a"/><site site="b"/></spatial>
+      </tendon>
+      </mujoco>""")
+    drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 0), 0.5 * t), seconds=1.0)
+    assert data.qvel[0] == pytest.approx(0.5, rel=1e-3)
+    assert data.qpos[0] + 0.5 == pytest.approx(0.5 * (1.0 - late(0.02)), abs=1e-3)
+
+
+def test_far_jumps_are_no_motion():
+    engine, data = make(PLATE)
+    engine.step(data, nstep=50)
+    data.mocap_pos[0, 2] = -1.0
+    engine.step(data)
+    data.mocap_pos[0, 2] = 0.02  # 20 mm inside the box, from a metre away
+    engine.step(data, nstep=5)
+    # The box is pushed out, no faster than by the recovery speed, not hit.
+    assert abs(data.qvel[2]) < 0.2
+
+
+def test_press_stops_at_what_cannot_give_way():
+    # Pressed 20 mm into a box on the floor, rigid contacts hold: no tremor, no divergence.
+    engine, data = make("""<mujoco><option timestep="0.002"/><worldbody>
+      <geom type="plane" size="5 5 1"/>
+      <body name="press" mocap="true" pos="0 0 0.25"><geom type="box" size="0.3 0.3 0.05"/></body>
+      <body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+    </worldbody></mujoco>""")
+
+    def command(d, t):
+        d.mocap_pos[0, 2] = max(0.23, 0.25 - 0.2 * t)
+
+    drive(engine, data, command, seconds=1.0)
+    assert data.qpos[2] == pytest.approx(0.09, abs=1e-3)  # half of it above, half below
+    assert abs(data.qvel).max() < 1e-6
+
+
+def test_commands_are_left_as_they_were_set():
+    engine, data = make(PLATE)
+    data.mocap_quat[0] = 2.0, 0.0, 0.0, 0.0
+    engine.step(data)
+    data.mocap_pos[0] = 0.01, 0.02, 0.003
+    data.mocap_quat[0] = 3.0, 0.0, 0.0, 0.1
+    engine.step(data, nstep=3)
+    assert data.mocap_pos[0].tolist() == [0.01, 0.02, 0.003]
+    assert data.mocap_quat[0].tolist() == [3.0, 0.0, 0.0, 0.1]
+    # On the way: the follower's 6 ms.
+    assert data.body("plate").xpos[0] == pytest.approx(follower(0.01, 0.004, 0.02), rel=1e-9)
+
+
+def test_control_callbacks_may_set_poses():
+    engine, data = make(PLATE)
+
+    def command(_, d):
+        d.mocap_pos[0, 2] = 0.5 * (d.time + 0.002)
+
+    mujoco.set_mjcb_control(command)
+    try:
+        engine.step(data, nstep=500)
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert data.mocap_pos[0, 2] == pytest.approx(0.5)
+    assert data.qvel[2] == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_motion_goes_on_from_a_saved_state_bit_for_bit(impact):
+    engine, data = make(PLATE, impact=impact)
+    engine.step(data)
+    data.mocap_pos[0] = 0.02, 0.0, 0.05
+    engine.step(data, nstep=7)
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.empty(mujoco.mj_stateSize(engine.model, kind))
+    mujoco.mj_getState(engine.model, data, state, kind)
+    other = engine.make_data()
+    mujoco.mj_setState(engine.model, other, state, kind)
+    engine.step(data, nstep=30)
+    for _ in range(30):
+        engine.step(other)
+    assert np.array_equal(data.qpos, other.qpos)
+    assert np.array_equal(data.qvel, other.qvel)
+    assert data.qpos[2] > 0.19
+
+
+def test_hands_at_rest_change_nothing():
+    engine, data = make(PLATE)
+    fixed, plain = make(PLATE.replace(' mocap="true"', ""))
+    for d in (data, plain):
+        d.qvel[:3] = 0.3, 0.0, 0.5
+    engine.step(data, nstep=300)
+    fixed.step(plain, nstep=300)
+    assert np.array_equal(data.qpos, plain.qpos)
+
+
+@pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])
+def test_bad_time_constants_are_named(value):
+    with pytest.raises(ValueError, match="mocap_timeconst"):
+        make(PLATE, mocap_timeconst=value)
+    with pytest.raises(TypeError, match="mocap_timeconst"):
+        make(PLATE, mocap_timeconst="fast")
