@@ -94,6 +94,7 @@ struct Stepper::Impl {
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
+  host::SmoothWork smooth_work;
   EnergyLedger ledger;
 };
 
@@ -343,10 +344,12 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
     }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   }
-  const host::SmoothWork work =
-      host::smooth_work(model, d, start_velocity.data(), mean_displacement.data());
-  ledger.dissipated_damping -= work.damping;
-  ledger.work += work.applied;
+  smooth_work.find(model, d, motion.trees(),
+                   {start_velocity.data(), mean_displacement.data(),
+                    motion.smooth_acceleration().data(), &touched});
+  ledger.dissipated_damping -= smooth_work.damping;
+  ledger.work += smooth_work.applied;
+  book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
   for (const RowGroup& c : rows.group)
     ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
 }

@@ -1,13 +1,37 @@
 // Work of the smooth forces over a step. Part of the mujoco_host room.
 //
-// A step solves (M + H D) dv = H f + J'p with f the smooth forces at its start and D what the
-// integrator treats implicitly. Over the displacement x that goes with the change of kinetic
-// energy, f does the work f'x, and D takes H (v1' D v1 - v0' D v0) / 2 besides: with x = H (v0 +
-// v1) / 2 and f = -D v0 that is H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
+// A step solves (M + H D) dv = f dt + J'dp with f the smooth forces at its start, D what the
+// integrator treats implicitly and p the impulses of the rows, which may come at any time in it. So
+//
+//     v(t) = v0 + a t + u(t),    a = inv(M + H D) f,    u = inv(M + H D) J'p,
+//     change of v'M v / 2 = f'x + (work of the rows) - H (v1' D v1 - v0' D v0) / 2
+//
+// with x the displacement, the integral of v. Without rows x = H (v0 + v1) / 2, and of f = -D v0
+// these terms take H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
+//
+// Rows that change the velocity within a moment do the work of H D du beside that of M du, as if H
+// D were inertia; the terms above give that energy back. No damper does: it brakes at the
+// velocities that there are. So of a tree that rows moved
+//
+//     dissipated = x' (D v0 + D (w - v0)),    w = x / H + s (v1 - v0) / 2,
+//
+// the mean velocity and the implicit half step beyond it. Where rows act evenly over the step, as
+// dry friction does, s is 1 and both are the same: x = H (v0 + v1) / 2. An impact leaves a mean
+// velocity nearer to that before it or after it, by up to half of v1 - v0; so much, twice, s leaves
+// out of v1 - v0, but nothing of what smooth forces change (sizes in the norm of D):
+//
+//     s = max(1 - 2 |x / H - (v0 + v1) / 2| / |v1 - v0|, H |a| / |v1 - v0|),    at most 1.
+//
+// What the rows dissipated changes by the difference. An error of order H remains in steps with
+// impacts, whose time within the step is not known here; of a damper that would stop the motion
+// within a step it can be more than there is energy. But passive dampers dissipate no less than
+// nothing, and no more than what they and the rows took from the motion together.
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "dashpot/mujoco_host.hpp"
 
@@ -16,13 +40,6 @@ extern "C" void mjd_passive_vel(const mjModel* m, mjData* d);
 namespace dashpot::host {
 
 namespace {
-
-// v' D v with the Euler integrator's D, which it takes at the start of the step.
-double diagonal_form(const mjModel* m, const double* v, const double* start_velocity) {
-  double sum = 0.0;
-  for (int i = 0; i < m->nv; ++i) sum += euler_damping(m, i, start_velocity[i]) * v[i] * v[i];
-  return sum;
-}
 
 // Derivative of the damping force (c + c_1 |v| + c_2 v^2) v.
 double damping_derivative(double damping, const mjtNum* high_order, double velocity) {
@@ -34,15 +51,61 @@ double damping_derivative(double damping, const mjtNum* high_order, double veloc
   return slope;
 }
 
-// v' D v with D = -qDeriv, whose lower triangle M's sparsity maps.
-double derivative_form(const mjModel* m, const mjData* d, const double* v) {
+// u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
+// maps.
+double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const double* u,
+                       const double* v) {
   double sum = 0.0;
-  for (int i = 0; i < m->nv; ++i)
+  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
     for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
       const int j = m->M_colind[k];
-      sum -= (i == j ? 1.0 : 2.0) * d->qDeriv[m->mapD2M[k]] * v[i] * v[j];
+      const double product = i == j ? u[i] * v[i] : u[i] * v[j] + u[j] * v[i];
+      sum -= d->qDeriv[m->mapD2M[k]] * product;
     }
   return sum;
+}
+
+// The same with the D of dampers, of either integrator; Euler takes it at the start of the step.
+double damping_form(const mjModel* m, const mjData* d, const Tree& t, const double* start_velocity,
+                    const double* u, const double* v) {
+  if (m->opt.integrator == mjINT_IMPLICITFAST) return derivative_form(m, d, t, u, v);
+  if (m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER)) return 0.0;
+  double sum = 0.0;
+  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+    sum += euler_damping(m, i, start_velocity[i]) * u[i] * v[i];
+  return sum;
+}
+
+double damping_force(const mjData* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+
+// Whether dampers and fluids can only brake: wind, and coefficients below zero, drive.
+bool is_passive(const mjModel* m) {
+  const auto none_below_zero = [](const mjtNum* values, mjtSize count) {
+    return std::none_of(values, values + count, [](mjtNum value) { return value < 0.0; });
+  };
+  return mju_norm3(m->opt.wind) == 0.0 && none_below_zero(m->dof_damping, m->nv) &&
+         none_below_zero(m->dof_dampingpoly, mjNPOLY * m->nv) &&
+         none_below_zero(m->tendon_damping, m->ntendon) &&
+         none_below_zero(m->tendon_dampingpoly, mjNPOLY * m->ntendon) &&
+         none_below_zero(m->actuator_damping, m->nactuator) &&
+         none_below_zero(m->actuator_dampingpoly, mjNPOLY * m->nactuator);
+}
+
+// Joins the groups of all trees that a damped tendon reaches: on one of them it may do work. Others
+// are their own.
+void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
+  group.resize(trees);
+  std::iota(group.begin(), group.end(), 0);
+  for (int tendon = 0; tendon < m->ntendon; ++tendon) {
+    const mjtNum* high_order = m->tendon_dampingpoly + mjNPOLY * tendon;
+    if (damping_derivative(m->tendon_damping[tendon], high_order, 1.0) == 0.0) continue;
+    const int begin = m->ten_J_rowadr[tendon];
+    for (int k = begin + 1; k < begin + m->ten_J_rownnz[tendon]; ++k) {
+      const int one = group[m->dof_treeid[m->ten_J_colind[begin]]];
+      const int other = group[m->dof_treeid[m->ten_J_colind[k]]];
+      if (one != other) std::replace(group.begin(), group.end(), other, one);
+    }
+  }
 }
 
 // Generalized force of the weight of the subtree that a degree of freedom moves.
@@ -70,31 +133,108 @@ double euler_damping(const mjModel_* m, int dof, double velocity) {
                                           m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
 }
 
-SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_velocity,
-                       const double* displacement) {
-  SmoothWork work;
+void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
+  damping = applied = 0.0;
+  for (int i = 0; i < m->nv; ++i)
+    applied += (d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping_force(d, i)) *
+               motion.displacement[i];
+  const int count = static_cast<int>(trees.tree.size());
+  find_implicit_actuators(m, d, trees, motion);
+  group_trees(m, count, group);
+  integrated_.assign(count, 0.0);
+  at_mean_.assign(count, 0.0);
+  touched_.assign(count, 0);
+  left_to_rows.assign(count, 0.0);
+  for (auto* array : {&change_, &mean_change_, &unevenness_}) array->resize(m->nv);
   for (int i = 0; i < m->nv; ++i) {
-    const double damping = d->qfrc_damper[i] + d->qfrc_fluid[i];
-    work.damping += damping * displacement[i];
-    work.applied +=
-        (d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping) * displacement[i];
+    change_[i] = d->qvel[i] - motion.start_velocity[i];
+    mean_change_[i] = motion.displacement[i] / m->opt.timestep - motion.start_velocity[i];
+    unevenness_[i] = mean_change_[i] - 0.5 * change_[i];
   }
-  const double half = 0.5 * m->opt.timestep;
-  if (m->opt.integrator == mjINT_IMPLICITFAST) {
-    const double all = derivative_form(m, d, d->qvel) - derivative_form(m, d, start_velocity);
-    double passive = all;
-    if (m->nu > 0 && !(m->opt.disableflags & mjDSBL_ACTUATION)) {
-      mju_zero(d->qDeriv, m->nD);
-      mjd_passive_vel(m, d);
-      passive = derivative_form(m, d, d->qvel) - derivative_form(m, d, start_velocity);
+  for (int index = 0; index < count; ++index) add_dampers(m, d, trees.tree[index], index, motion);
+  bool differ = false;
+  for (int index = 0; index < count; ++index)
+    differ |= touched_[index] && (integrated_[index] != at_mean_[index] || integrated_[index] < 0);
+  differ = differ && is_passive(m);
+  if (differ) find_losses(m, d, trees, motion);
+  for (int index = 0; index < count; ++index) {
+    double dissipated = integrated_[index];
+    if (differ && touched_[index]) {
+      const double most = std::max({0.0, dissipated, lost_[index]});
+      dissipated = std::clamp(at_mean_[index], 0.0, most);
+      left_to_rows[index] = integrated_[index] - dissipated;
     }
-    work.damping -= half * passive;
-    work.applied -= half * (all - passive);
-  } else if (!(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER))) {
-    work.damping -= half * (diagonal_form(m, d->qvel, start_velocity) -
-                            diagonal_form(m, start_velocity, start_velocity));
+    damping -= dissipated;
   }
-  return work;
+}
+
+// Over the step, of H v' D v / 2 with the D of actuators alone.
+void SmoothWork::find_implicit_actuators(const mjModel_* m, mjData_* d, const Trees& trees,
+                                         const StepMotion& motion) {
+  const int count = static_cast<int>(trees.tree.size());
+  actuators_.assign(count, 0.0);
+  if (m->opt.integrator != mjINT_IMPLICITFAST || m->nu == 0 ||
+      (m->opt.disableflags & mjDSBL_ACTUATION))
+    return;
+  const double half = 0.5 * m->opt.timestep;
+  const double* v0 = motion.start_velocity;
+  const auto add_changes = [&](double factor) {
+    for (int i = 0; i < count; ++i)
+      actuators_[i] += factor * (derivative_form(m, d, trees.tree[i], d->qvel, d->qvel) -
+                                 derivative_form(m, d, trees.tree[i], v0, v0));
+  };
+  add_changes(half);
+  end_velocity_.assign(d->qvel, d->qvel + m->nv);
+  std::copy_n(v0, m->nv, d->qvel);
+  mju_zero(d->qDeriv, m->nD);
+  mjd_passive_vel(m, d);
+  std::copy(end_velocity_.begin(), end_velocity_.end(), d->qvel);
+  add_changes(-half);
+  for (double gain : actuators_) applied -= gain;
+}
+
+void SmoothWork::add_dampers(const mjModel_* m, const mjData_* d, const Tree& t, int tree,
+                             const StepMotion& motion) {
+  const auto form = [&](const double* u, const double* v) {
+    return damping_form(m, d, t, motion.start_velocity, u, v);
+  };
+  const int first = group[tree];
+  const double length = m->opt.timestep;
+  double at_start = 0.0;
+  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+    at_start -= damping_force(d, i) * motion.displacement[i];
+  const double* change = change_.data();
+  const double integrated =
+      at_start + length * (form(change, motion.start_velocity) + 0.5 * form(change, change));
+  integrated_[first] += integrated;
+  if (!(*motion.touched)[tree]) {
+    at_mean_[first] += integrated;
+    return;
+  }
+  touched_[first] = 1;
+  const auto norm = [&](const double* v) { return std::sqrt(std::max(0.0, form(v, v))); };
+  const double size = norm(change);
+  const double even = size - 2.0 * norm(unevenness_.data());
+  const double smooth = length * norm(motion.acceleration);
+  const double kept = size > 0.0 ? std::clamp(std::max(even, smooth) / size, 0.0, 1.0) : 0.0;
+  at_mean_[first] += at_start + form(motion.displacement, mean_change_.data()) +
+                     0.5 * kept * form(motion.displacement, change);
+}
+
+// Work of all other smooth forces less the gain of kinetic energy: what dampers and rows took.
+void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
+                             const StepMotion& motion) {
+  lost_.assign(trees.tree.size(), 0.0);
+  momentum_.resize(m->nv);
+  mj_mulM(m, d, momentum_.data(), change_.data());
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    const Tree& t = trees.tree[index];
+    double& lost = lost_[group[index]];
+    lost -= actuators_[index];
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+      lost += (d->qfrc_smooth[i] - damping_force(d, i)) * motion.displacement[i] -
+              (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];
+  }
 }
 
 double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }

@@ -259,14 +259,42 @@ void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* s
 const double* position(const mjData_* d);
 int position_count(const mjModel_* m);
 
-// Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
-// applied forces and gravity compensation. `displacement` (nv) is what the change of kinetic energy
-// goes with: the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved the tree.
-struct SmoothWork {
-  double damping = 0.0, applied = 0.0;
+// How a step moved: generalized velocity at its start, displacement that the change of kinetic
+// energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
+// the tree), smooth acceleration (nv each), and by tree whether rows moved it.
+struct StepMotion {
+  const double *start_velocity, *displacement, *acceleration;
+  const std::vector<char>* touched;
 };
-SmoothWork smooth_work(const mjModel_* m, mjData_* d, const double* start_velocity,
-                       const double* displacement);
+
+// Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
+// applied forces and gravity compensation. Keeps its arrays from step to step.
+class SmoothWork {
+ public:
+  void find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
+
+  double damping = 0.0, applied = 0.0;
+  // By tree, the first one of those that damped tendons couple it to. By such a first tree, what is
+  // left for the rows on its trees to have dissipated beside what they took from the bodies.
+  std::vector<int> group;
+  std::vector<double> left_to_rows;
+
+ private:
+  void find_implicit_actuators(const mjModel_* m, mjData_* d, const Trees& trees,
+                               const StepMotion& motion);
+  void add_dampers(const mjModel_* m, const mjData_* d, const Tree& t, int tree,
+                   const StepMotion& motion);
+  void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
+                   const StepMotion& motion);
+
+  std::vector<double> actuators_;  // by tree, J
+  // By first tree, J: dissipation by the integrator's terms, at the mean velocity, and what dampers
+  // and rows took; whether rows moved any of the trees.
+  std::vector<double> integrated_, at_mean_, lost_;
+  std::vector<char> touched_;
+  // By degree of freedom: v1 - v0, x / H - v0, x / H - (v0 + v1) / 2, M (v1 - v0), v1.
+  std::vector<double> change_, mean_change_, unevenness_, momentum_, end_velocity_;
+};
 
 // Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
 double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
