@@ -57,4 +57,6 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     (example,) = re.findall(r"```python\n(.*?)```", read("README.md"), re.DOTALL)
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
-    assert "Energy(" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "Energy(" in printed
+    assert "[[9.81 0.   0.  ]]" in printed  # the ball has come to rest: its weight

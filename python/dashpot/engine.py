@@ -29,8 +29,10 @@ class Engine:
     :meth:`make_data` are ordinary ``mujoco.MjData`` and carry that memory, so that
     ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
     simulation state it is. The private model may be edited between steps (time step, masses,
-    gravity); sizes are fixed. Threads may share an engine: steps, each on data of its own, take
-    turns, and rollouts and copies of the engine see its model as it is between steps.
+    gravity); sizes are fixed. Edits of masses, inertias, positions or joints need
+    ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in MuJoCo (which resets
+    the state of the data that it is given). Threads may share an engine: steps, each on data of
+    its own, take turns, and rollouts and copies of the engine see its model as it is between steps.
 
     Parameters
     ----------
@@ -162,7 +164,11 @@ class Engine:
         return object_id(self.model, geom, "geom", "geom")
 
     def set_material(self, geom: str | int, material: Material) -> None:
-        """Give a geom a material; contacts combine those of both geoms."""
+        """Give a geom a material; contacts combine those of both geoms.
+
+        By default the larger friction of the two counts, as in MuJoCo: for less, set both geoms,
+        or the pair with :meth:`set_pair_material`.
+        """
         if not isinstance(material, Material):
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
         self._check_takes_materials()
@@ -250,6 +256,9 @@ class Engine:
         pair: tuple[str | int, str | int] | None = None,
     ) -> Contacts:
         """Contacts of the last step of ``data``, all or those that every given filter passes.
+
+        Forces are those of the last :meth:`step`, which ``data`` hold as MuJoCo's ``efc_force``:
+        after ``mj_forward``, ``mj_step`` or ``mj_inverse`` on them they are MuJoCo's.
 
         Parameters
         ----------

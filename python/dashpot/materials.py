@@ -36,6 +36,10 @@ class Material:
     Give at most one of `damping`, `damping_ratio` and `restitution`; without any the contact is
     critically damped (damping ratio 1).
 
+    Contacts combine the materials of both geoms by the engine's `CombinationRules`. By default the
+    larger friction counts, as in MuJoCo, and geoms without one keep that of the MJCF (sliding 1 if
+    it says nothing): lower friction has to be set for both geoms, or for the pair.
+
     Parameters
     ----------
     stiffness : float or None
@@ -50,6 +54,9 @@ class Material:
     friction : float or (sliding, torsional, rolling), optional
         Friction coefficients, >= 0: sliding (dimensionless), torsional (m), rolling (m). A single
         number sets sliding only and leaves the other two as the MJCF says; None leaves all three.
+        Which of them act is up to the ``condim`` of the contact, the larger of the geoms' or that
+        of the higher priority: sliding from 3 on (MuJoCo's default), torsional from 4 on, rolling
+        at 6. The others have no effect.
     tangential_ratio : float
         Tangential over normal stiffness, > 0.
     tangential_damping_ratio : float

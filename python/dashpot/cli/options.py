@@ -20,7 +20,7 @@ MATERIAL_HELP = (
     "material of a geom, or of all with the name '*', as "
     "GEOM:field=value,... with the fields of dashpot.Material, for example "
     "ball:stiffness=1e5,restitution=0.8,friction=0.5 or friction=0.5/0.005/0.0001 (sliding, "
-    "torsional, rolling); may be given several times"
+    "torsional, rolling; of two geoms the larger counts); may be given several times"
 )
 
 
