@@ -149,6 +149,31 @@ def test_a_limit_that_is_hit_at_once_takes_the_energy(damping, integrator):
     assert 0.0 <= energy.dissipated_constraint <= start.kinetic
 
 
+@pytest.mark.parametrize("limit", [0.00035, 0.02])
+@pytest.mark.parametrize("timestep", [0.002, 0.0001])
+def test_a_servo_that_brakes_takes_what_a_damper_would(limit, timestep):
+    """The velocity gain of a servo is implicit too, and what it takes is negative work."""
+    taken = []
+    for joint, rest in (
+        ('damping="1"', ""),
+        ("", '<actuator><velocity joint="j" kv="1"/></actuator>'),
+    ):
+        engine, data = rod(
+            timestep,
+            f'{joint} limited="true" range="-{limit} {limit}"',
+            integrator="implicitfast",
+            rest=rest,
+        )
+        start = engine.energy(data)
+        engine.step(data, nstep=round(0.2 / timestep))
+        energy = engine.energy(data)
+        assert energy.total == pytest.approx(start.total, rel=1e-9)
+        assert 0.0 <= energy.dissipated_constraint <= start.kinetic
+        taken.append(energy.dissipated_damping - energy.work)
+    # The motions are the same; in the step with the impact, a damper alone is known not to drive.
+    assert taken[1] == pytest.approx(taken[0], abs=0.1 * start.kinetic)
+
+
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("extra", ["", 'frictionloss="0.5"'])
 @pytest.mark.parametrize("damping", [0.1, 0.3])

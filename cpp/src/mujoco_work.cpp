@@ -9,23 +9,25 @@
 // with x the displacement, the integral of v. Without rows x = H (v0 + v1) / 2, and of f = -D v0
 // these terms take H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
 //
-// Rows that change the velocity within a moment do the work of H D du beside that of M du, as if H
-// D were inertia; the terms above give that energy back. No damper does: it brakes at the
-// velocities that there are. So of a tree that rows moved
+// Rows that change the velocity within a moment do the work of H D du beside that of M du, as if
+// H D were inertia; the terms above give that energy back. No damper does: it brakes at the
+// velocities that there are. So of a tree that rows moved, with g the damping force at v0,
 //
-//     dissipated = x' (D v0 + D (w - v0)),    w = x / H + s (v1 - v0) / 2,
+//     dissipated = x' (D (w - v0) - g),    w = x / H + s (v1 - v0) / 2,
 //
-// the mean velocity and the implicit half step beyond it. Where rows act evenly over the step, as
-// dry friction does, s is 1 and both are the same: x = H (v0 + v1) / 2. An impact leaves a mean
-// velocity nearer to that before it or after it, by up to half of v1 - v0; so much, twice, s leaves
-// out of v1 - v0, but nothing of what smooth forces change (sizes in the norm of D):
+// w being the mean velocity and the implicit half step beyond it. Where rows act evenly over the
+// step, as dry friction does, s is 1 and nothing differs, since x = H (v0 + v1) / 2. An impact
+// leaves a mean velocity nearer to that before it or to that after it, by up to half of v1 - v0.
+// Twice that much s takes from v1 - v0, but nothing of what smooth forces change. With sizes in the
+// norm of D,
 //
 //     s = max(1 - 2 |x / H - (v0 + v1) / 2| / |v1 - v0|, H |a| / |v1 - v0|),    at most 1.
 //
-// What the rows dissipated changes by the difference. An error of order H remains in steps with
-// impacts, whose time within the step is not known here; of a damper that would stop the motion
-// within a step it can be more than there is energy. But passive dampers dissipate no less than
-// nothing, and no more than what they and the rows took from the motion together.
+// What the rows dissipated changes by the difference; so it does by that of the work of actuators,
+// by the part of D that is theirs. An error of order H remains in steps with impacts, whose time
+// within the step is not known here; of a damper that would stop the motion within a step it can be
+// more than there is energy. But passive dampers dissipate no less than nothing, and no more than
+// what they and the rows took from the motion together.
 
 #include <mujoco/mujoco.h>
 
@@ -139,86 +141,95 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
     applied += (d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping_force(d, i)) *
                motion.displacement[i];
   const int count = static_cast<int>(trees.tree.size());
-  find_implicit_actuators(m, d, trees, motion);
   group_trees(m, count, group);
-  integrated_.assign(count, 0.0);
-  at_mean_.assign(count, 0.0);
-  touched_.assign(count, 0);
   left_to_rows.assign(count, 0.0);
+  find_braking(m, d, trees, motion);
+  bool differ = false;
+  for (int index = 0; index < count; ++index)
+    differ |= touched_[index] && (dampers_[index].differs() || actuators_[index].differs() ||
+                                  dampers_[index].integrated < 0.0);
+  if (differ) find_losses(m, d, trees, motion);
+  const bool passive = differ && is_passive(m);
+  for (int index = 0; index < count; ++index) {
+    double dissipated = dampers_[index].integrated, taken = actuators_[index].integrated;
+    if (differ && touched_[index]) {
+      if (passive) {
+        const double most = std::max({0.0, dissipated, lost_[index]});
+        dissipated = std::clamp(dampers_[index].at_mean, 0.0, most);
+      }
+      // Rows do not come to have put in what they took.
+      taken = std::min(actuators_[index].at_mean, taken + std::max(0.0, lost_[index] - dissipated));
+      left_to_rows[index] =
+          dampers_[index].integrated - dissipated + actuators_[index].integrated - taken;
+    }
+    damping -= dissipated;
+    applied -= taken;
+  }
+}
+
+void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
+                              const StepMotion& motion) {
+  const int count = static_cast<int>(trees.tree.size());
+  dampers_.assign(count, {});
+  actuators_.assign(count, {});
+  touched_.assign(count, 0);
+  kept_.assign(count, 1.0);
   for (auto* array : {&change_, &mean_change_, &unevenness_}) array->resize(m->nv);
   for (int i = 0; i < m->nv; ++i) {
     change_[i] = d->qvel[i] - motion.start_velocity[i];
     mean_change_[i] = motion.displacement[i] / m->opt.timestep - motion.start_velocity[i];
     unevenness_[i] = mean_change_[i] - 0.5 * change_[i];
+    const int tree = m->dof_treeid[i];
+    const double at_start = -damping_force(d, i) * motion.displacement[i];
+    dampers_[group[tree]] += {at_start, at_start};
+    if ((*motion.touched)[tree]) touched_[group[tree]] = 1;
   }
-  for (int index = 0; index < count; ++index) add_dampers(m, d, trees.tree[index], index, motion);
-  bool differ = false;
   for (int index = 0; index < count; ++index)
-    differ |= touched_[index] && (integrated_[index] != at_mean_[index] || integrated_[index] < 0);
-  differ = differ && is_passive(m);
-  if (differ) find_losses(m, d, trees, motion);
-  for (int index = 0; index < count; ++index) {
-    double dissipated = integrated_[index];
-    if (differ && touched_[index]) {
-      const double most = std::max({0.0, dissipated, lost_[index]});
-      dissipated = std::clamp(at_mean_[index], 0.0, most);
-      left_to_rows[index] = integrated_[index] - dissipated;
-    }
-    damping -= dissipated;
-  }
-}
-
-// Over the step, of H v' D v / 2 with the D of actuators alone.
-void SmoothWork::find_implicit_actuators(const mjModel_* m, mjData_* d, const Trees& trees,
-                                         const StepMotion& motion) {
-  const int count = static_cast<int>(trees.tree.size());
-  actuators_.assign(count, 0.0);
+    if ((*motion.touched)[index]) kept_[index] = kept_change(m, d, trees.tree[index], motion);
+  const auto add_braking = [&](std::vector<Braking>& to, double sign) {
+    for (int index = 0; index < count; ++index)
+      to[group[index]] += implicit_braking(m, d, trees.tree[index], kept_[index], sign, motion);
+  };
   if (m->opt.integrator != mjINT_IMPLICITFAST || m->nu == 0 ||
       (m->opt.disableflags & mjDSBL_ACTUATION))
-    return;
-  const double half = 0.5 * m->opt.timestep;
-  const double* v0 = motion.start_velocity;
-  const auto add_changes = [&](double factor) {
-    for (int i = 0; i < count; ++i)
-      actuators_[i] += factor * (derivative_form(m, d, trees.tree[i], d->qvel, d->qvel) -
-                                 derivative_form(m, d, trees.tree[i], v0, v0));
-  };
-  add_changes(half);
+    return add_braking(dampers_, 1.0);
+  // Of actuators: all less that of dampers, which is asked for at the velocity of the start.
+  add_braking(actuators_, 1.0);
   end_velocity_.assign(d->qvel, d->qvel + m->nv);
-  std::copy_n(v0, m->nv, d->qvel);
+  std::copy_n(motion.start_velocity, m->nv, d->qvel);
   mju_zero(d->qDeriv, m->nD);
   mjd_passive_vel(m, d);
   std::copy(end_velocity_.begin(), end_velocity_.end(), d->qvel);
-  add_changes(-half);
-  for (double gain : actuators_) applied -= gain;
+  add_braking(actuators_, -1.0);
+  add_braking(dampers_, 1.0);
 }
 
-void SmoothWork::add_dampers(const mjModel_* m, const mjData_* d, const Tree& t, int tree,
-                             const StepMotion& motion) {
-  const auto form = [&](const double* u, const double* v) {
-    return damping_form(m, d, t, motion.start_velocity, u, v);
+// s of a tree that rows moved.
+double SmoothWork::kept_change(const mjModel_* m, const mjData_* d, const Tree& t,
+                               const StepMotion& motion) const {
+  const auto norm = [&](const double* v) {
+    return std::sqrt(std::max(0.0, damping_form(m, d, t, motion.start_velocity, v, v)));
   };
-  const int first = group[tree];
-  const double length = m->opt.timestep;
-  double at_start = 0.0;
-  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-    at_start -= damping_force(d, i) * motion.displacement[i];
+  const double size = norm(change_.data());
+  if (size == 0.0) return 1.0;
+  const double even = size - 2.0 * norm(unevenness_.data());
+  const double smooth = m->opt.timestep * norm(motion.acceleration);
+  return std::clamp(std::max(even, smooth) / size, 0.0, 1.0);
+}
+
+SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData_* d, const Tree& t,
+                                                 double kept, double sign,
+                                                 const StepMotion& motion) const {
+  const int tree = m->dof_treeid[t.dof_begin];
+  const auto form = [&](const double* u, const double* v) {
+    return sign * damping_form(m, d, t, motion.start_velocity, u, v);
+  };
   const double* change = change_.data();
   const double integrated =
-      at_start + length * (form(change, motion.start_velocity) + 0.5 * form(change, change));
-  integrated_[first] += integrated;
-  if (!(*motion.touched)[tree]) {
-    at_mean_[first] += integrated;
-    return;
-  }
-  touched_[first] = 1;
-  const auto norm = [&](const double* v) { return std::sqrt(std::max(0.0, form(v, v))); };
-  const double size = norm(change);
-  const double even = size - 2.0 * norm(unevenness_.data());
-  const double smooth = length * norm(motion.acceleration);
-  const double kept = size > 0.0 ? std::clamp(std::max(even, smooth) / size, 0.0, 1.0) : 0.0;
-  at_mean_[first] += at_start + form(motion.displacement, mean_change_.data()) +
-                     0.5 * kept * form(motion.displacement, change);
+      m->opt.timestep * (form(change, motion.start_velocity) + 0.5 * form(change, change));
+  if (!(*motion.touched)[tree]) return {integrated, integrated};
+  return {integrated, form(motion.displacement, mean_change_.data()) +
+                          0.5 * kept * form(motion.displacement, change)};
 }
 
 // Work of all other smooth forces less the gain of kinetic energy: what dampers and rows took.
@@ -230,7 +241,7 @@ void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& t
   for (size_t index = 0; index < trees.tree.size(); ++index) {
     const Tree& t = trees.tree[index];
     double& lost = lost_[group[index]];
-    lost -= actuators_[index];
+    lost -= actuators_[index].integrated;
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       lost += (d->qfrc_smooth[i] - damping_force(d, i)) * motion.displacement[i] -
               (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];

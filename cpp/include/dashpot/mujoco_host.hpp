@@ -280,18 +280,29 @@ class SmoothWork {
   std::vector<double> left_to_rows;
 
  private:
-  void find_implicit_actuators(const mjModel_* m, mjData_* d, const Trees& trees,
-                               const StepMotion& motion);
-  void add_dampers(const mjModel_* m, const mjData_* d, const Tree& t, int tree,
-                   const StepMotion& motion);
+  // Energy taken from the motion (J) by the terms of the integrator, and at the mean velocity.
+  struct Braking {
+    double integrated = 0.0, at_mean = 0.0;
+    bool differs() const { return integrated != at_mean; }
+    void operator+=(const Braking& other) {
+      integrated += other.integrated;
+      at_mean += other.at_mean;
+    }
+  };
+  void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
+  double kept_change(const mjModel_* m, const mjData_* d, const Tree& t,
+                     const StepMotion& motion) const;
+  Braking implicit_braking(const mjModel_* m, const mjData_* d, const Tree& t, double kept,
+                           double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
 
-  std::vector<double> actuators_;  // by tree, J
-  // By first tree, J: dissipation by the integrator's terms, at the mean velocity, and what dampers
-  // and rows took; whether rows moved any of the trees.
-  std::vector<double> integrated_, at_mean_, lost_;
+  // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
+  // whether rows moved any of the trees.
+  std::vector<Braking> dampers_, actuators_;
+  std::vector<double> lost_;
   std::vector<char> touched_;
+  std::vector<double> kept_;  // s, by tree
   // By degree of freedom: v1 - v0, x / H - v0, x / H - (v0 + v1) / 2, M (v1 - v0), v1.
   std::vector<double> change_, mean_change_, unevenness_, momentum_, end_velocity_;
 };
