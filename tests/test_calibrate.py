@@ -152,6 +152,7 @@ def test_results_read_well(noisy_ball):
         ({"loss_scale": 0.0}, "loss_scale"),
         ({"windows": (0.3, 0.2)}, "windows"),
         ({"starts": -1}, "starts"),
+        ({"seed": -1}, "seed must be >= 0, got -1"),
         ({"local_searches": 0}, "local_searches"),
         ({"max_evaluations": 0}, "max_evaluations"),
         ({"errors": "bootstrap"}, "errors must be one of"),
@@ -162,6 +163,27 @@ def test_results_read_well(noisy_ball):
 def test_bad_options_are_named(noisy_ball, options, message):
     with pytest.raises(ValueError, match=message):
         fit(noisy_ball, **options)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"windows": 0.2}, "windows must be a sequence of numbers, got 0.2"),
+        ({"windows": ("a",)}, "windows must be an array of numbers"),
+        ({"starts": 1.5}, "starts must be an integer, got 1.5"),
+        ({"local_searches": 1.5}, "local_searches must be an integer"),
+        ({"max_evaluations": 9.5}, "max_evaluations must be an integer"),
+        ({"loss_scale": "a"}, "loss_scale must be a number, got 'a'"),
+        ({"seed": "a"}, "seed must be an integer, got 'a'"),
+        ({"confidence": None}, "confidence must be a number, got None"),
+        ({"nthread": 1.0}, "nthread must be an integer"),
+    ],
+)
+def test_options_of_the_wrong_type_are_named(noisy_ball, options, message):
+    with pytest.raises(TypeError, match=f"^{message}"):
+        fit(noisy_ball, **options)
+    with pytest.raises(TypeError, match=r"^problem is Engine; it must be a calibrate\.Problem"):
+        fit(noisy_ball.system, **options)
 
 
 @pytest.mark.parametrize("seed", [2, 8])

@@ -65,6 +65,8 @@ def test_head_keeps_the_frames_of_a_window():
         ({"bounds": (2.0, 1.0)}, "bounds must be finite and ascend"),
         ({"bounds": (0.0, 10.0)}, "the log transform needs bounds > 0"),
         ({"bounds": (1.0, math.inf)}, "bounds must be finite"),
+        ({"bounds": (1.0, 2.0, 3.0)}, r"bounds must be \(lower, upper\)"),
+        ({"bounds": None}, r"bounds must be \(lower, upper\), got None"),
         ({"transform": "sqrt"}, "transform must be one of"),
         ({"difference": 0.0}, "difference"),
     ],
@@ -72,6 +74,47 @@ def test_head_keeps_the_frames_of_a_window():
 def test_bad_parameter_is_named(changes, message):
     with pytest.raises(ValueError, match=f"parameter 'mass': {message}"):
         Parameter(**{"name": "mass", "start": 2.0, "bounds": (1.0, 10.0), **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"start": "x"}, "parameter 'mass': start must be a number, got 'x'"),
+        ({"start": None}, "parameter 'mass': start must be a number, got None"),
+        ({"bounds": ("a", "b")}, "parameter 'mass': bounds must be an array of numbers"),
+        ({"difference": "x"}, "parameter 'mass': difference must be a number, got 'x'"),
+        ({"apply": 3}, "parameter 'mass': apply must be a function, got 3"),
+        ({"name": 3}, "a parameter's name must be a string, got 3"),
+    ],
+)
+def test_parameter_of_the_wrong_type_is_named(changes, message):
+    with pytest.raises(TypeError, match=message):
+        Parameter(**{"name": "mass", "start": 2.0, "bounds": (1.0, 10.0), **changes})
+
+
+def test_what_a_parameter_sets_is_checked_when_it_is_made():
+    at = {"start": 0.5, "bounds": (0.1, 0.9)}
+    for geoms in (5, [1.5], ["ball", None]):
+        with pytest.raises(TypeError, match=r"^geoms must be a name or a sequence of names"):
+            Parameter.material(geoms, "stiffness", **at)
+    with pytest.raises(ValueError, match=r"^geoms names nothing"):
+        Parameter.material([], "stiffness", **at)
+    with pytest.raises(TypeError, match=r"^geom2 must be the name of a geom, got 0"):
+        Parameter.pair("ball", 0, "stiffness", **at)
+    with pytest.raises(TypeError, match=r"^quantity must be a string, got 5"):
+        Parameter.material("ball", 5, **at)
+    with pytest.raises(TypeError, match=r"^attribute must be a string, got 5"):
+        Parameter.model(5, "body", **at)
+    with pytest.raises(TypeError, match=r"^elements must be a name or a sequence of names"):
+        Parameter.model("body_mass", 5, **at)
+    for index in ("a", 0.0, [], True):
+        with pytest.raises(TypeError, match=r"^index must be an integer or a sequence of integers"):
+            Parameter.model("geom_friction", "ball", index=index, **at)
+    for make in (Parameter.material, Parameter.pair):
+        geoms = ("ball", "floor")[: 1 + (make == Parameter.pair)]
+        with pytest.raises(ValueError, match=r"^parameter 'restitution': bounds .* in \[0, 1\]"):
+            make(*geoms, "restitution", start=0.5, bounds=(0.1, 1.5))
+        make(*geoms, "restitution", start=0.5, bounds=(0.0, 1.0))
 
 
 def test_unknown_names_list_near_matches():
@@ -84,6 +127,18 @@ def test_unknown_names_list_near_matches():
     ):
         with pytest.raises(ValueError, match=rf"parameter '{parameter.name}' = .*near.*{near}"):
             Problem(ball_engine(), [parameter], [make_trajectory()], 1e-3, 1e-2)
+
+
+def make_problem(**changes):
+    """Return a valid problem with some fields replaced."""
+    fields = {
+        "system": ball_engine(),
+        "parameters": ball_parameters(),
+        "trajectories": [make_trajectory()],
+        "position_sigma": 1e-3,
+        "rotation_sigma": 1e-2,
+    }
+    return Problem(**{**fields, **changes})
 
 
 @pytest.mark.parametrize(
@@ -121,15 +176,27 @@ def test_unknown_names_list_near_matches():
     ],
 )
 def test_bad_problem_names_its_culprit(changes, message):
-    fields = {
-        "system": ball_engine(),
-        "parameters": ball_parameters(),
-        "trajectories": [make_trajectory()],
-        "position_sigma": 1e-3,
-        "rotation_sigma": 1e-2,
-    }
     with pytest.raises(ValueError, match=message):
-        Problem(**{**fields, **changes})
+        make_problem(**changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parameters": ball_parameters()[0]}, "parameters must be a sequence of Parameter"),
+        ({"parameters": ["stiffness"]}, r"parameters\[0\] is str; it must be a Parameter"),
+        ({"trajectories": make_trajectory()}, "trajectories must be a sequence of Trajectory"),
+        ({"trajectories": [make_trajectory(), 3]}, r"trajectories\[1\] is int"),
+        ({"position_sigma": "a"}, "position_sigma must be a number, got 'a'"),
+        ({"rotation_sigma": None}, "rotation_sigma must be a number, got None"),
+        ({"substeps": True}, "substeps must be an integer, got True"),
+        ({"window": "1"}, "window must be a number, got '1'"),
+        ({"start_states": 3}, "start_states must be a function, got 3"),
+    ],
+)
+def test_problem_of_the_wrong_types_names_its_culprit(changes, message):
+    with pytest.raises(TypeError, match=message):
+        make_problem(**changes)
 
 
 def test_a_material_cannot_be_varied_in_a_mujoco_model():

@@ -52,13 +52,17 @@ def test_closest_leaves_out_what_cannot_meet():
     found = closest(model, data, "ball", radius=1.0)
     pairs = {tuple(model.geom(i).name for i in pair) for pair in found.geom}
     assert pairs == {("floor", "ball"), ("floor", "cap"), ("wall", "ball"), ("wall", "cap")}
+    assert len(found) == 4
     data.qpos[2] = 5.0
     mujoco.mj_forward(model, data)
     nothing = closest(model, data, radius=1.0)
+    assert len(nothing) == 0
     assert nothing.geom.shape == (0, 2)
     assert nothing.normal.shape == (0, 3)
     with pytest.raises(ValueError, match="no body named 'bal'; did you mean 'ball'"):
         closest(model, data, "bal", radius=1.0)
+    with pytest.raises(TypeError, match=r"^radius must be a number, got 'a'"):
+        closest(model, data, radius="a")
     for radius in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="radius"):
             closest(model, data, radius=radius)

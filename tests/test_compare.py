@@ -304,5 +304,9 @@ def test_bad_arguments_are_named(arguments, message):
 def test_an_unknown_kind_of_scene_is_refused():
     with pytest.raises(TypeError, match="int"):
         compare.run(3)
+    for argument in ("duration", "timestep", "settled_after"):
+        for value in ("a", True):
+            with pytest.raises(TypeError, match=f"^{argument} must be a number, got {value!r}"):
+                compare.run(BALL.format(height=1), **{"duration": 0.01, argument: value})
     with pytest.raises(ValueError, match="did you mean 'stack'"):
         compare.scene("stac")

@@ -40,6 +40,47 @@ def test_state_that_is_not_finite(engine, field, bad):
     assert snapshot(data) == before
 
 
+def test_applied_force_that_is_not_finite_names_the_body(engine):
+    data = engine.make_data()
+    data.xfrc_applied[engine.model.body("ball").id, 2] = np.nan
+    with pytest.raises(ValueError, match=r"^data\.xfrc_applied\[1, 2\] \(body 'ball'\) is nan"):
+        engine.step(data)
+
+
+@pytest.mark.parametrize("time", [np.nan, -np.inf])
+def test_time_that_is_not_finite(engine, time):
+    data = engine.make_data()
+    data.time = time
+    before = snapshot(data)
+    with pytest.raises(ValueError, match=r"^data\.time is -?(nan|inf); it must be finite"):
+        engine.step(data)
+    assert snapshot(data) == before
+
+
+@pytest.mark.parametrize("friction", [np.nan, np.inf, -0.1])
+def test_friction_of_the_model_that_is_none_names_the_geom(engine, friction):
+    data, model = engine.make_data(), mujoco.MjModel.from_xml_string(mjcf(BALL))
+    message = r"^model\.geom_friction of geom 'floor' holds "
+    for edited in (engine.model, model):
+        edited.geom("floor").friction[2] = friction
+    before = snapshot(data)
+    with pytest.raises(ValueError, match=message):
+        engine.step(data)
+    with pytest.raises(ValueError, match=message):
+        dashpot.Engine(model)
+    assert snapshot(data) == before
+
+
+@pytest.mark.parametrize("field", ["geom_solref", "geom_solimp"])
+def test_solref_that_is_not_finite_names_the_geoms(engine, field):
+    data = engine.make_data()
+    getattr(engine.model, field)[engine.model.geom("ball").id] = np.nan
+    with pytest.raises(ValueError, match=r"^contact of geom 'floor' and geom 'ball': .* got .*nan"):
+        engine.step(data, 5)
+    engine.set_material("ball", dashpot.Material(1e4))  # in place of the solref
+    engine.step(data, 5)
+
+
 def test_control_that_is_not_finite():
     xml = """<mujoco><worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
       <actuator><motor joint="j"/></actuator></mujoco>"""
@@ -139,6 +180,18 @@ def test_counts_may_be_integers_of_numpy():
     assert steps.qpos.tobytes() == one_by_one.qpos.tobytes()
 
 
+def test_numbers_beyond_the_integers_of_the_core_are_named(engine):
+    data, state, beyond = engine.make_data(), np.zeros(14), 2**31
+    with pytest.raises(ValueError, match=r"^nstep must be <= 2147483647"):
+        engine.step(data, beyond)
+    for name in ("nstep", "nthread"):
+        with pytest.raises(ValueError, match=f"^{name} must be <= 2147483647"):
+            dashpot.rollout(engine, state, **{name: beyond})
+    with pytest.raises(ValueError, match=r"^max_microsteps must be <= 2147483647"):
+        dashpot.Engine(engine.model, max_microsteps=beyond)
+    assert data.time == 0.0
+
+
 @pytest.mark.parametrize("timestep", [0.0, -0.001, np.nan, np.inf])
 def test_bad_timestep(engine, timestep):
     data = engine.make_data()
@@ -234,6 +287,21 @@ def test_numbers_of_microsteps_are_integers(count):
         dashpot.Engine(model, microsteps=count)
     with pytest.raises(TypeError, match=r"^max_microsteps must be an integer"):
         dashpot.Engine(model, max_microsteps=count)
+
+
+@pytest.mark.parametrize("speed", [None, True, "fast"])
+def test_recovery_speed_is_a_number(speed):
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    with pytest.raises(TypeError, match=r"^recovery_speed must be a number"):
+        dashpot.Engine(model, recovery_speed=speed)
+    dashpot.Engine(model, recovery_speed=np.float32(0.1))
+
+
+@pytest.mark.parametrize("rules", [0, "", "max"])
+def test_rules_are_combination_rules(rules):
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    with pytest.raises(TypeError, match="it must be CombinationRules"):
+        dashpot.Engine(model, rules=rules)
 
 
 def test_bad_combination_rule():

@@ -229,6 +229,10 @@ def test_arrays_broadcast():
         for j in range(3):
             single = law.radial_return(impulse[i, j], [0.5, 0.7], normal[j])
             assert np.array_equal(returned[i, j], single)
+    with pytest.raises(ValueError, match=r"do not broadcast: impulse \(4, 3, 2\), mu \(3,\)"):
+        law.radial_return(impulse, [0.5, 0.7, 0.1], normal)
+    with pytest.raises(ValueError, match=r"do not broadcast: .*response \(3,\)"):
+        law.return_to_limit(impulse, [0.5, 0.7], [1.0, 1.0, 1.0], normal)
 
 
 @pytest.mark.parametrize(

@@ -300,6 +300,8 @@ def test_arguments_broadcast():
         for j in range(4):
             single = flow(1e4, damping[i, 0], 1.0, gap[j], -1.0, -9.81, 0.01)
             assert all(a[i, j] == s for a, s in zip(result, single, strict=True))
+    with pytest.raises(ValueError, match=r"do not broadcast: .*gap \(4,\), rate \(3,\), load \(\)"):
+        law.flow_contact(gap, gap[:3], 0.0, 1.0, stiffness=1.0, damping=0.0, inverse_mass=1.0)
     empty = law.flow_contact([], 0.0, 0.0, 1.0, stiffness=1.0, damping=0.0, inverse_mass=1.0)
     assert empty.impulse.shape == (0,)
 

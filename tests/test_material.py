@@ -67,6 +67,13 @@ def test_damping_ratio_inverts(zeta):
     assert law.restitution_to_damping_ratio(e) == pytest.approx(zeta, rel=0, abs=tolerance)
 
 
+def test_no_restitution_is_infinite_damping_and_back():
+    assert law.restitution_to_damping_ratio(0.0) == math.inf
+    assert law.damping_ratio_to_restitution(math.inf) == 0.0
+    # The limit 1/(4 zeta^2) falls to it.
+    assert law.damping_ratio_to_restitution(1e150) == pytest.approx(0.25e-300, rel=1e-12)
+
+
 def test_inverse_against_high_precision_root():
     with mp.workdps(40):
         for e in (0.99, 0.5, 0.2, 0.1, 1e-3, 1e-8):

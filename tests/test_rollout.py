@@ -185,6 +185,8 @@ def test_wrong_types(engine, thrown):
         dashpot.rollout(engine, thrown, nthread=1.5)
     with pytest.raises(TypeError, match="nstep"):
         dashpot.rollout(engine, thrown, nstep=True)
+    with pytest.raises(TypeError, match=r"^engine is MjModel; it must be a dashpot\.Engine"):
+        dashpot.rollout(engine.model, thrown)
 
 
 def test_a_failing_rollout_is_named(engine, thrown):

@@ -229,6 +229,8 @@ def test_times_of_impact_refuses_by_name(zoo):
         dashpot.times_of_impact(zoo, 0, 1, qpos, qpos, horizon=1.0)
     with pytest.raises(ValueError, match="same states"):
         dashpot.times_of_impact(zoo, 0, 1, qpos, qvel[:2], horizon=1.0)
+    with pytest.raises(TypeError, match=r"^horizon must be a number, got 'a'"):
+        dashpot.times_of_impact(zoo, 0, 1, qpos, qvel, horizon="a")
     with pytest.raises(ValueError, match="horizon"):
         dashpot.times_of_impact(zoo, 0, 1, qpos, qvel, horizon=0.0)
     with pytest.raises(ValueError, match="nthread"):

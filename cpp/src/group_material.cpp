@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/solref.hpp"
@@ -35,7 +36,15 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   const auto from_model = [&](int geom) {
     return geom < 0 || parameters.geom_material[geom].from_model;
   };
-  if (from_model(input.geom[0]) && from_model(input.geom[1])) return from_solref(input, load);
+  if (from_model(input.geom[0]) && from_model(input.geom[1])) {
+    try {
+      return from_solref(input, load);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument("contact of " + host::contact_side(model, input.geom[0]) +
+                                  " and " + host::contact_side(model, input.geom[1]) + ": " +
+                                  error.what());
+    }
+  }
   Material side[2];
   for (int i = 0; i < 2; ++i) {
     if (input.geom[i] < 0)

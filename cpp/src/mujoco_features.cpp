@@ -13,11 +13,6 @@ namespace dashpot::host {
 
 namespace {
 
-std::string named(const mjModel* m, int type, int id) {
-  const char* name = mj_id2name(m, type, id);
-  return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
-}
-
 bool any_nonzero(const mjtNum* values, int count) {
   return std::any_of(values, values + count, [](mjtNum value) { return value != 0.0; });
 }
@@ -163,7 +158,17 @@ void report_constraints(const mjModel* m, Report& report) {
 
 }  // namespace
 
+void check_friction(const mjModel_* m) {
+  for (int geom = 0; geom < m->ngeom; ++geom)
+    for (const double coefficient : geom_friction(m, geom))
+      if (!(std::isfinite(coefficient) && coefficient >= 0.0))
+        throw std::invalid_argument("model.geom_friction of geom " + named(m, mjOBJ_GEOM, geom) +
+                                    " holds " + std::to_string(coefficient) +
+                                    "; it must be finite and >= 0");
+}
+
 void check_options(const mjModel_* m, Law law) {
+  check_friction(m);
   const mjOption& o = m->opt;
   if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
     throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
@@ -184,6 +189,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
 }
 
 void check_supported(const mjModel_* m, Law law) {
+  check_friction(m);
   std::string refused;
   for (const Feature& feature : features(m, law))
     if (feature.treatment == Treatment::kRefused)

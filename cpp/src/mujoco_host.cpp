@@ -20,11 +20,16 @@ static_assert(kLargestValue == mjMAXVAL);
 
 namespace {
 
+void check_finite(const std::string& field, double value) {
+  if (!std::isfinite(value))
+    throw std::invalid_argument("data." + field + " is " + std::to_string(value) +
+                                "; it must be finite");
+}
+
 void check_finite(const char* field, const mjtNum* values, mjtSize count) {
   for (mjtSize i = 0; i < count; ++i)
     if (!std::isfinite(values[i]))
-      throw std::invalid_argument("data." + std::string(field) + "[" + std::to_string(i) + "] is " +
-                                  std::to_string(values[i]) + "; it must be finite");
+      check_finite(std::string(field) + "[" + std::to_string(i) + "]", values[i]);
 }
 
 bool damps_implicitly(const mjModel* m) {
@@ -107,14 +112,29 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
   if ((both_signed && d->signature != m->signature) || d->nbuffer != data_size)
     throw std::invalid_argument(
         "data was made from another model; make it with Engine.make_data()");
+  if (!std::isfinite(d->time)) check_finite("time", d->time);
   check_finite("qpos", d->qpos, m->nq);
   check_finite("qvel", d->qvel, m->nv);
   check_finite("act", d->act, m->na);
   check_finite("ctrl", d->ctrl, m->nu);
   check_finite("qfrc_applied", d->qfrc_applied, m->nv);
-  check_finite("xfrc_applied", d->xfrc_applied, 6 * m->nbody);
+  for (int i = 0; i < 6 * m->nbody; ++i)
+    if (!std::isfinite(d->xfrc_applied[i]))
+      check_finite("xfrc_applied[" + std::to_string(i / 6) + ", " + std::to_string(i % 6) +
+                       "] (body " + named(m, mjOBJ_BODY, i / 6) + ")",
+                   d->xfrc_applied[i]);
   check_finite("mocap_pos", d->mocap_pos, 3 * m->nmocap);
   check_finite("mocap_quat", d->mocap_quat, 4 * m->nmocap);
+}
+
+std::string named(const mjModel_* m, int type, int id) {
+  const char* name = mj_id2name(m, type, id);
+  return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
+}
+
+std::string contact_side(const mjModel_* m, int geom) {
+  return geom < 0 ? "flex " + named(m, mjOBJ_FLEX, -1 - geom)
+                  : "geom " + named(m, mjOBJ_GEOM, geom);
 }
 
 int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }

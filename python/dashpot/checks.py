@@ -2,11 +2,31 @@
 
 from __future__ import annotations
 
+import numbers
+
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
+
+# Of the core's integers.
+_LARGEST_COUNT = 2**31 - 1
+
+
+def number(name: str, value: object) -> float:
+    """Return a real number, nan and inf included, as a float; raise TypeError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return float(value)
+
+
+def positive_number(name: str, value: object) -> float:
+    """Return a finite number > 0; raise TypeError for no number, ValueError out of range."""
+    result = number(name, value)
+    if not (np.isfinite(result) and result > 0.0):
+        raise ValueError(f"{name} must be finite and > 0, got {value!r}")
+    return result
 
 
 def number_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -32,13 +52,20 @@ def finite_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def positive_count(name: str, value: int) -> int:
-    """Return an integer >= 1; raise TypeError for anything else, ValueError below 1."""
+def whole_number(name: str, value: object, *, lowest: int) -> int:
+    """Return an integer from `lowest` on; raise TypeError for no integer, ValueError otherwise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} must be an integer, got {value!r}")
-    if value < 1:
-        raise ValueError(f"{name} must be >= 1, got {value}")
+    if value < lowest:
+        raise ValueError(f"{name} must be >= {lowest}, got {value}")
+    if value > _LARGEST_COUNT:
+        raise ValueError(f"{name} must be <= {_LARGEST_COUNT}, got {value}")
     return int(value)
+
+
+def positive_count(name: str, value: object) -> int:
+    """Return an integer >= 1; raise as `whole_number`."""
+    return whole_number(name, value, lowest=1)
 
 
 def is_data_of(model: mujoco.MjModel, data: mujoco.MjData) -> bool:

@@ -91,7 +91,7 @@ class Engine:
     ------
     TypeError
         If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, a number of
-        micro-steps no integer, or an option of law ``"comfree"`` no number.
+        micro-steps no integer, or ``recovery_speed`` or an option of law ``"comfree"`` no number.
     ValueError
         If an option is out of range or belongs to the other law, or the model uses a feature that
         the engine refuses; the message names it.
@@ -120,7 +120,7 @@ class Engine:
             recovery_speed,
             mocap_timeconst,
             impact,
-            rules or CombinationRules(),
+            CombinationRules() if rules is None else rules,
             comfree_stiffness,
             comfree_damping,
         )

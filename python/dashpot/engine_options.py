@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import numbers
 from dataclasses import dataclass
 from typing import Literal
 
 from dashpot import _core
-from dashpot.checks import positive_count
+from dashpot.checks import number, positive_count
 from dashpot.materials import CombinationRules
 
 _KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
@@ -44,10 +43,8 @@ class EngineOptions:
             value = getattr(self, name)
             if value is None:
                 continue
-            if isinstance(value, bool) or not isinstance(value, numbers.Real):
-                raise TypeError(f"{name} is {type(value).__name__}; it must be a number")
-            number = float(value)
-            if not math.isfinite(number) or number < 0.0 or (number == 0.0 and lowest == "> 0"):
+            constant = number(name, value)
+            if not math.isfinite(constant) or constant < 0.0 or (not constant and lowest == "> 0"):
                 raise ValueError(f"{name} is {value!r}; it must be finite and {lowest}")
         most = positive_count("max_microsteps", self.max_microsteps)
         if not isinstance(self.microsteps, str):
@@ -56,15 +53,14 @@ class EngineOptions:
                 raise ValueError(f"microsteps is {fixed}, more than max_microsteps, {most}")
         elif self.microsteps != "auto":
             raise ValueError(f'microsteps is {self.microsteps!r}; it must be "auto" or an integer')
-        if not isinstance(self.recovery_speed, (int, float)) or not self.recovery_speed >= 0.0:
+        if not number("recovery_speed", self.recovery_speed) >= 0.0:
             raise ValueError(
                 f"recovery_speed is {self.recovery_speed!r}; it must be >= 0 m/s (inf allowed)"
             )
-        timeconst: object = self.mocap_timeconst
-        if isinstance(timeconst, bool) or not isinstance(timeconst, numbers.Real):
-            raise TypeError(f"mocap_timeconst is {timeconst!r}; it must be a number of seconds")
-        if not 0.0 <= float(timeconst) < math.inf:
-            raise ValueError(f"mocap_timeconst is {timeconst!r}; it must be finite and >= 0 s")
+        if not 0.0 <= number("mocap_timeconst", self.mocap_timeconst) < math.inf:
+            raise ValueError(
+                f"mocap_timeconst is {self.mocap_timeconst!r}; it must be finite and >= 0 s"
+            )
         impacts = list(_core.Impact.__members__)
         if self.impact not in impacts:
             raise ValueError(f"impact is {self.impact!r}; it must be one of {impacts}")

@@ -64,13 +64,23 @@ class Flow(NamedTuple):
     """Onsets, releases and re-contacts inside the interval."""
 
 
-def _array(name: str, value: ArrayLike, *, lower: float | None = None, strict: bool = False) -> Any:
-    """Return `value` as a finite float array, at least `lower` (above it if `strict`), or raise."""
+def _array(
+    name: str,
+    value: ArrayLike,
+    *,
+    lower: float | None = None,
+    strict: bool = False,
+    infinite: bool = False,
+) -> Any:
+    """Return `value` as a float array, at least `lower` (above it if `strict`), or raise.
+
+    Numbers have to be finite; if `infinite`, inf is one too.
+    """
     raw = np.asarray(value)
     if raw.dtype.kind not in "iuf":
         raise TypeError(f"{name} must be real numbers, got {value!r}")
     array = raw.astype(np.float64)
-    good = np.isfinite(array)
+    good = ~np.isnan(array) if infinite else np.isfinite(array)
     if lower is not None:
         good &= (array > lower) if strict else (array >= lower)
     if not np.all(good):
@@ -79,17 +89,28 @@ def _array(name: str, value: ArrayLike, *, lower: float | None = None, strict: b
     return array
 
 
-def _parameters(stiffness: ArrayLike, damping: ArrayLike, inverse_mass: ArrayLike) -> list[Any]:
-    return [
-        _array("stiffness", stiffness, lower=0.0),
-        _array("damping", damping, lower=0.0),
-        _array("inverse_mass", inverse_mass, lower=0.0, strict=True),
-    ]
+def _parameters(
+    stiffness: ArrayLike, damping: ArrayLike, inverse_mass: ArrayLike
+) -> dict[str, Any]:
+    return {
+        "stiffness": _array("stiffness", stiffness, lower=0.0),
+        "damping": _array("damping", damping, lower=0.0),
+        "inverse_mass": _array("inverse_mass", inverse_mass, lower=0.0, strict=True),
+    }
 
 
-def _over_arrays(function: Any, arguments: list[Any]) -> list[Any]:
-    """Call a core function of one-dimensional arrays on broadcast arguments."""
-    arrays = np.broadcast_arrays(*arguments)
+def _broadcast(arguments: dict[str, Any]) -> Any:
+    """Return arrays of one shape; raise ValueError with the names and shapes that have none."""
+    try:
+        return np.broadcast_arrays(*arguments.values())
+    except ValueError:
+        shapes = ", ".join(f"{name} {np.shape(array)}" for name, array in arguments.items())
+        raise ValueError(f"shapes do not broadcast: {shapes}") from None
+
+
+def _over_arrays(function: Any, arguments: dict[str, Any]) -> list[Any]:
+    """Call a core function of one-dimensional arrays on broadcast arguments, in their order."""
+    arrays = _broadcast(arguments)
     shape = arrays[0].shape
     results = function(*(np.ascontiguousarray(array).ravel() for array in arrays))
     return [result.reshape(shape)[()] for result in results]
@@ -115,10 +136,8 @@ def propagate(
     TypeError, ValueError
         An argument is not real, not finite or out of range.
     """
-    arguments = [
-        *_parameters(stiffness, damping, inverse_mass),
-        _array("time", time, lower=0.0),
-    ]
+    arguments = _parameters(stiffness, damping, inverse_mass)
+    arguments["time"] = _array("time", time, lower=0.0)
     return Propagator(*_over_arrays(_core.propagate, arguments))
 
 
@@ -181,7 +200,7 @@ def flow_spring(
 
 def _flow(
     function: Any,
-    parameters: list[Any],
+    parameters: dict[str, Any],
     position_name: str,
     position: ArrayLike,
     rate: ArrayLike,
@@ -189,13 +208,13 @@ def _flow(
     time: ArrayLike,
 ) -> Flow:
     """Call a flow of the core from a position, a gap or a displacement."""
-    arguments = [
-        *parameters,
-        _array(position_name, position),
-        _array("rate", rate),
-        _array("load", load),
-        _array("time", time, lower=0.0),
-    ]
+    arguments = {
+        **parameters,
+        position_name: _array(position_name, position),
+        "rate": _array("rate", rate),
+        "load": _array("load", load),
+        "time": _array("time", time, lower=0.0),
+    }
     return Flow(*_over_arrays(function, arguments))
 
 
@@ -211,7 +230,9 @@ def _friction_arguments(
             f"impulse must have shape (..., m) with m from 1 to {_MAX_FRICTION_DIRECTIONS}, "
             f"got shape {trial.shape}"
         )
-    trial, coefficients, normal = np.broadcast_arrays(trial, coefficients, normal[..., np.newaxis])
+    trial, coefficients, normal = _broadcast(
+        {"impulse": trial, "mu": coefficients, "normal_impulse[..., None]": normal[..., np.newaxis]}
+    )
     return trial, coefficients, normal[..., 0]
 
 
@@ -227,7 +248,7 @@ def radial_return(
     ----------
     impulse : array_like, shape (..., m), m <= 5
         Trial impulses, N s (N m s for torsion and rolling).
-    mu : array_like, broadcastable to ``impulse``
+    mu : array_like, broadcastable with ``impulse``
         Friction coefficients, >= 0 (m for torsion and rolling).
     normal_impulse : array_like, shape (...)
         Normal impulse, N s, >= 0.
@@ -267,7 +288,7 @@ def return_to_limit(
     ----------
     impulse, mu, normal_impulse : array_like
         As in `radial_return`.
-    response : array_like, broadcastable to ``impulse``
+    response : array_like, broadcastable with ``impulse``
         Impulse ``c_i >= 0`` by which each direction answers a unit of rate, N s per m/s (N m s per
         rad/s); only their proportions matter.
 
@@ -284,7 +305,14 @@ def return_to_limit(
         An argument is not real, not finite, out of range or of a wrong shape.
     """
     trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
-    answers = np.broadcast_to(_array("response", response, lower=0.0), trial.shape)
+    trial, coefficients, answers = _broadcast(
+        {
+            "impulse": trial,
+            "mu": coefficients,
+            "response": _array("response", response, lower=0.0),
+        }
+    )
+    normal = np.broadcast_to(normal, trial.shape[:-1])
     directions = trial.shape[-1]
     returned, sticks = _core.return_to_limit(
         trial.reshape(-1, directions),
@@ -299,15 +327,16 @@ def damping_ratio_to_restitution(damping_ratio: ArrayLike) -> Any:
     """Return the coefficient of restitution of an unloaded contact that never pulls.
 
     With ``zeta = cos(psi)`` it is ``exp(-2 zeta psi / sin(psi))``, continued to ``zeta > 1`` by
-    ``zeta = cosh(eta)``: 1 at zeta = 0, exp(-2) at 1, about 1/(4 zeta^2) for large zeta (Schwager
-    and Poeschel, Granular Matter 9, 2007).
+    ``zeta = cosh(eta)``: 1 at zeta = 0, exp(-2) at 1, about 1/(4 zeta^2) for large zeta, 0 at inf
+    (Schwager and Poeschel, Granular Matter 9, 2007).
 
     Raises
     ------
     TypeError, ValueError
-        `damping_ratio` is not real, not finite or negative.
+        `damping_ratio` is not real, NaN or negative.
     """
-    return _core.damping_ratio_to_restitution(_array("damping_ratio", damping_ratio, lower=0.0))
+    ratios = _array("damping_ratio", damping_ratio, lower=0.0, infinite=True)
+    return _core.damping_ratio_to_restitution(ratios)
 
 
 def restitution_to_damping_ratio(restitution: ArrayLike) -> Any:

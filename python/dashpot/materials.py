@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 
 from dashpot import _core
+from dashpot.checks import number
 
 __all__ = ["CombinationRules", "Material"]
 
@@ -17,16 +18,14 @@ def _number(
     owner: str, field: str, value: object, *, positive: bool = False, upper: float = math.inf
 ) -> float:
     """Return `value` as a finite float in [0, upper] (above 0 if `positive`), or raise."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
-        raise TypeError(f"{owner}: {field} must be a number, got {value!r}")
-    number = float(value)
+    result = number(f"{owner}: {field}", value)
     if upper < math.inf:
-        if not 0.0 <= number <= upper:
+        if not 0.0 <= result <= upper:
             raise ValueError(f"{owner}: {field} must be in [0, {upper:g}], got {value!r}")
-    elif not math.isfinite(number) or number < 0.0 or (positive and number == 0.0):
+    elif not math.isfinite(result) or result < 0.0 or (positive and result == 0.0):
         sign = "positive" if positive else "non-negative"
         raise ValueError(f"{owner}: {field} must be finite and {sign}, got {value!r}")
-    return number
+    return result
 
 
 @dataclass(frozen=True)

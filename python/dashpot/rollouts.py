@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
 from dashpot.checks import finite_array, positive_count, thread_count
-
-if TYPE_CHECKING:
-    from dashpot.engine import Engine
+from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 
@@ -59,11 +55,13 @@ def rollout(
     Raises
     ------
     TypeError
-        For arguments that are not numbers.
+        If `engine` is no `Engine`, and for arguments that are not numbers.
     ValueError
         For shapes that do not fit and numbers that are not finite, naming argument and index; and
         where a rollout fails, naming rollout and step.
     """
+    if not isinstance(engine, Engine):
+        raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
     model = engine.model
     sizes = {
         "mjSTATE_FULLPHYSICS": _state_size(model, mujoco.mjtState.mjSTATE_FULLPHYSICS),

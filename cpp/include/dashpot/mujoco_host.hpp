@@ -32,10 +32,11 @@ struct Feature {
 };
 std::vector<Feature> features(const mjModel_* m, Law law);
 
-// Throws std::invalid_argument naming every refused feature.
+// Throws std::invalid_argument naming every refused feature, or a geom whose friction is negative
+// or not finite.
 void check_supported(const mjModel_* m, Law law);
-// The same for the options alone, which may be edited between steps. Also requires the elliptic
-// cone, whose row layout force reports rely on, and a positive time step.
+// The same for the options and friction alone, which may be edited between steps. Also requires the
+// elliptic cone, whose row layout force reports rely on, and a positive time step.
 void check_options(const mjModel_* m, Law law);
 
 // Whether all sizes of two models agree. This tells models apart where pickling has lost the
@@ -46,6 +47,11 @@ bool have_same_sizes(const mjModel_* a, const mjModel_* b);
 // signatures the caller sees to have_same_sizes), or its state, controls or applied forces are not
 // finite; names the field and the index.
 void check_data(const mjModel_* m, const mjData_* d, long long data_size);
+
+// How messages call an object of MuJoCo's type `type`: its name in quotes, or # and its id.
+std::string named(const mjModel_* m, int type, int id);
+// The same for a side of a contact: a geom, or the flex -1 - geom.
+std::string contact_side(const mjModel_* m, int geom);
 
 int geom_count(const mjModel_* m);
 int tree_count(const mjModel_* m);  // without those joined to others

@@ -24,7 +24,14 @@ from dashpot.calibrate.search import (
     loss_weights,
     spread_starts,
 )
-from dashpot.checks import thread_count
+from dashpot.checks import (
+    number,
+    number_array,
+    positive_count,
+    positive_number,
+    thread_count,
+    whole_number,
+)
 
 Array = NDArray[np.float64]
 Method = Literal["least_squares", "cma", "cma+least_squares"]
@@ -105,18 +112,28 @@ def fit(
     Raises
     ------
     TypeError
-        If `nthread` is no integer.
+        If `problem` is no `Problem`, or an option is not of its type.
     ValueError
         For options out of range, and where a simulation fails, naming the trajectory.
     """
-    _check_options(method, loss, loss_scale, windows, starts, local_searches, max_evaluations)
-    if errors not in get_args(Errors):
-        raise ValueError(f"errors must be one of {', '.join(get_args(Errors))}, got {errors!r}")
-    if not 0 < confidence < 1:
+    if not isinstance(problem, Problem):
+        raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
+    for name, value, known in (
+        ("method", method, Method), ("loss", loss, LossName), ("errors", errors, Errors)
+    ):  # fmt: skip
+        if value not in get_args(known):
+            raise ValueError(f"{name} must be one of {', '.join(get_args(known))}, got {value!r}")
+    loss_scale = positive_number("loss_scale", loss_scale)
+    first_windows = _windows(windows)
+    starts = whole_number("starts", starts, lowest=0)
+    local_searches = positive_count("local_searches", local_searches)
+    max_evaluations = positive_count("max_evaluations", max_evaluations)
+    if not 0 < number("confidence", confidence) < 1:
         raise ValueError(f"confidence must be in (0, 1), got {confidence!r}")
+    seed = whole_number("seed", seed, lowest=0)
     threads = thread_count(nthread)
     began = time.perf_counter()
-    stages = [problem.with_window(w) for w in _earlier(windows, problem.window)] + [problem]
+    stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
     with _Bar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
@@ -297,29 +314,13 @@ def _earlier(windows: Sequence[float], last: float | None) -> list[float]:
     return [w for w in windows if last is None or w < last]
 
 
-def _check_options(
-    method: str,
-    loss: str,
-    loss_scale: float,
-    windows: Sequence[float],
-    starts: int,
-    local_searches: int,
-    max_evaluations: int,
-) -> None:
-    if method not in get_args(Method):
-        raise ValueError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
-    if loss not in get_args(LossName):
-        raise ValueError(f"loss must be one of {', '.join(get_args(LossName))}, got {loss!r}")
-    if not (np.isfinite(loss_scale) and loss_scale > 0):
-        raise ValueError(f"loss_scale must be finite and > 0, got {loss_scale!r}")
-    if any(not w > 0 for w in windows) or any(np.diff(windows) <= 0):
+def _windows(windows: Sequence[float]) -> list[float]:
+    array = number_array("windows", windows)
+    if array.ndim != 1:
+        raise TypeError(f"windows must be a sequence of numbers, got {windows!r}")
+    if not (array > 0).all() or (np.diff(array) <= 0).any():
         raise ValueError(f"windows must be > 0 and ascend, got {tuple(windows)}")
-    if starts < 0:
-        raise ValueError(f"starts must be >= 0, got {starts!r}")
-    if local_searches < 1:
-        raise ValueError(f"local_searches must be >= 1, got {local_searches!r}")
-    if max_evaluations < 1:
-        raise ValueError(f"max_evaluations must be >= 1, got {max_evaluations!r}")
+    return [float(window) for window in array]
 
 
 class _Bar:

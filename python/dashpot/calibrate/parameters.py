@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
+
+import numpy as np
 
 from dashpot.calibrate import setters
 from dashpot.calibrate.setters import System
 from dashpot.calibrate.transforms import Transform, TransformName
+from dashpot.checks import number, number_array
+from dashpot.materials import Material
 
 MaterialField = Literal[
     "stiffness",
@@ -52,8 +56,8 @@ class Parameter:
     difference
         Half-width of the central finite difference in the search coordinate, in (0, 0.5]. Contact
         trajectories are only piecewise smooth: a much smaller step resolves the rounding and the
-        micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-3
-        is 0.1 % of the value (log) or of the range (linear).
+        micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-4
+        is 0.01 % of the value (log) or of the range (linear).
     apply
         Sets the value in a system.
     changes_model
@@ -62,7 +66,7 @@ class Parameter:
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         Naming the parameter and the field.
     """
 
@@ -75,23 +79,30 @@ class Parameter:
     changes_model: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"a parameter's name must be a string, got {self.name!r}")
         label = f"parameter '{self.name}'"
         if self.transform not in _TRANSFORMS:
             raise ValueError(
                 f"{label}: transform must be one of {', '.join(_TRANSFORMS)}, "
                 f"got {self.transform!r}"
             )
-        lower, upper = (float(bound) for bound in self.bounds)
+        bounds = number_array(f"{label}: bounds", self.bounds)
+        if bounds.shape != (2,):
+            raise ValueError(f"{label}: bounds must be (lower, upper), got {self.bounds!r}")
+        lower, upper = float(bounds[0]), float(bounds[1])
         if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
             raise ValueError(f"{label}: bounds must be finite and ascend, got {self.bounds}")
         if self.transform == "log" and lower <= 0:
             raise ValueError(f"{label}: the log transform needs bounds > 0, got {self.bounds}")
-        if not lower < self.start < upper:
+        if not lower < number(f"{label}: start", self.start) < upper:
             raise ValueError(
                 f"{label}: start must lie between the bounds {self.bounds}, got {self.start!r}"
             )
-        if not 0 < self.difference <= 0.5:
+        if not 0 < number(f"{label}: difference", self.difference) <= 0.5:
             raise ValueError(f"{label}: difference must be in (0, 0.5], got {self.difference!r}")
+        if self.apply is not None and not callable(self.apply):
+            raise TypeError(f"{label}: apply must be a function, got {self.apply!r}")
         object.__setattr__(self, "bounds", (lower, upper))
         object.__setattr__(self, "start", float(self.start))
 
@@ -128,15 +139,16 @@ class Parameter:
             (``logit`` for restitution).
         """
         _check_quantity(quantity)
-        names = (geoms,) if isinstance(geoms, str) else tuple(geoms)
-        return cls(
+        parameter = cls(
             name=name or quantity,
             start=start,
             bounds=bounds,
             transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
             difference=difference,
-            apply=setters.material_setter(names, quantity),
+            apply=setters.material_setter(_names("geoms", geoms), quantity),
         )
+        parameter._check_material_takes_bounds(quantity)
+        return parameter
 
     @classmethod
     def pair(
@@ -156,7 +168,10 @@ class Parameter:
         A pair without a material of its own starts from ``Material()``. Arguments as in `material`.
         """
         _check_quantity(quantity)
-        return cls(
+        for argument, geom in (("geom1", geom1), ("geom2", geom2)):
+            if not isinstance(geom, str):
+                raise TypeError(f"{argument} must be the name of a geom, got {geom!r}")
+        parameter = cls(
             name=name or quantity,
             start=start,
             bounds=bounds,
@@ -164,6 +179,8 @@ class Parameter:
             difference=difference,
             apply=setters.pair_setter(geom1, geom2, quantity),
         )
+        parameter._check_material_takes_bounds(quantity)
+        return parameter
 
     @classmethod
     def model(
@@ -193,20 +210,54 @@ class Parameter:
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``attribute``.
         """
-        names = (elements,) if isinstance(elements, str) else tuple(elements)
-        columns = None if index is None else (index,) if isinstance(index, int) else tuple(index)
+        if not isinstance(attribute, str):
+            raise TypeError(f"attribute must be a string, got {attribute!r}")
+        names = _names("elements", elements)
         return cls(
             name=name or attribute,
             start=start,
             bounds=bounds,
             transform=transform,
             difference=difference,
-            apply=setters.model_setter(attribute, names, columns),
+            apply=setters.model_setter(attribute, names, _columns(index)),
             changes_model=True,
         )
 
+    def _check_material_takes_bounds(self, quantity: str) -> None:
+        for bound in self.bounds:
+            try:
+                setters.with_quantity(Material(), quantity, bound, np.zeros(3))
+            except ValueError as error:
+                raise ValueError(
+                    f"parameter '{self.name}': bounds {self.bounds}: {error}"
+                ) from None
+
+
+def _names(argument: str, names: str | Sequence[str]) -> tuple[str, ...]:
+    """Return one name, or several, as a tuple of at least one."""
+    if isinstance(names, str):
+        return (names,)
+    several = tuple(names) if isinstance(names, Iterable) else (names,)
+    if not all(isinstance(name, str) for name in several):
+        raise TypeError(f"{argument} must be a name or a sequence of names, got {names!r}")
+    if not several:
+        raise ValueError(f"{argument} names nothing")
+    return several
+
+
+def _columns(index: int | Sequence[int] | None) -> tuple[int, ...] | None:
+    """Return the columns that a parameter sets, None for all."""
+    if index is None:
+        return None
+    columns = np.atleast_1d(np.asarray(index))
+    if columns.ndim != 1 or not np.issubdtype(columns.dtype, np.integer):
+        raise TypeError(f"index must be an integer or a sequence of integers, got {index!r}")
+    return tuple(int(column) for column in columns)
+
 
 def _check_quantity(quantity: str) -> None:
+    if not isinstance(quantity, str):
+        raise TypeError(f"quantity must be a string, got {quantity!r}")
     if quantity not in _MATERIAL_FIELDS:
         near = difflib.get_close_matches(quantity, _MATERIAL_FIELDS)
         hint = f"; near: {', '.join(near)}" if near else ""

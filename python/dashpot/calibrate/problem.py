@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeVar
 
 import mujoco
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import System, model_of
 from dashpot.calibrate.trajectory import Trajectory
+from dashpot.checks import number, positive_count, positive_number
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -79,8 +80,10 @@ class Problem:
     start_states: StartStates | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", tuple(self.parameters))
-        object.__setattr__(self, "trajectories", tuple(self.trajectories))
+        object.__setattr__(self, "parameters", _all("parameters", self.parameters, Parameter))
+        object.__setattr__(
+            self, "trajectories", _all("trajectories", self.trajectories, Trajectory)
+        )
         if not self.parameters:
             raise ValueError("a problem needs at least one parameter")
         if not self.trajectories:
@@ -88,22 +91,21 @@ class Problem:
         _check_unique("parameter", [p.name for p in self.parameters])
         _check_unique("trajectory", [t.name for t in self.trajectories])
         for name in ("position_sigma", "rotation_sigma"):
-            sigma = getattr(self, name)
-            if not (math.isfinite(sigma) and sigma > 0):
-                raise ValueError(f"{name} must be finite and > 0, got {sigma!r}")
-        if self.window is not None and not self.window > 0:
+            positive_number(name, getattr(self, name))
+        if self.window is not None and not number("window", self.window) > 0:
             raise ValueError(f"window must be > 0 s, got {self.window!r}")
-        if self.substeps is not None and (
-            not isinstance(self.substeps, int | np.integer) or self.substeps < 1
-        ):
-            raise ValueError(f"substeps must be an integer >= 1, got {self.substeps!r}")
+        if self.substeps is not None:
+            positive_count("substeps", self.substeps)
         if self.initial_state not in ("given", "velocity", "pose_and_velocity"):
             raise ValueError(
                 "initial_state must be 'given', 'velocity' or 'pose_and_velocity', "
                 f"got {self.initial_state!r}"
             )
-        if self.start_states is not None and self.initial_state != "given":
-            raise ValueError("start_states needs initial_state='given'")
+        if self.start_states is not None:
+            if not callable(self.start_states):
+                raise TypeError(f"start_states must be a function, got {self.start_states!r}")
+            if self.initial_state != "given":
+                raise ValueError("start_states needs initial_state='given'")
         model = model_of(self.build(self.start))
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
@@ -229,6 +231,22 @@ def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
         known = [model.body(i).name for i in range(model.nbody)]
         raise ValueError(f"{label}: the model has no body {name!r}; it has {', '.join(known)}")
     return row
+
+
+Entry = TypeVar("Entry")
+
+
+def _all(field: str, entries: Iterable[Entry], kind: type[Entry]) -> tuple[Entry, ...]:
+    """Return a tuple; raise TypeError naming the field, and the entry that is of another type."""
+    if not isinstance(entries, Iterable):
+        raise TypeError(
+            f"{field} must be a sequence of {kind.__name__}, got {type(entries).__name__}"
+        )
+    result = tuple(entries)
+    for i, entry in enumerate(result):
+        if not isinstance(entry, kind):
+            raise TypeError(f"{field}[{i}] is {type(entry).__name__}; it must be a {kind.__name__}")
+    return result
 
 
 def _check_unique(kind: str, names: list[str]) -> None:

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.checks import number, positive_number
 from dashpot.compare.observer import Observer
 from dashpot.compare.result import Comparison, Run
 from dashpot.compare.scenes import SCENES, Scene
@@ -73,6 +74,8 @@ def run(
 
     Raises
     ------
+    TypeError
+        If a number is none.
     ValueError
         If a number is out of range, a setting, geom or scene is unknown, the model cannot be
         compiled or uses what dashpot refuses; the message names it.
@@ -82,13 +85,13 @@ def run(
     own_name, engine, default_duration = _prepare(scene, materials)
     chosen = _settings(settings)
     if timestep is not None:
-        engine.model.opt.timestep = _positive("timestep", timestep)
+        engine.model.opt.timestep = positive_number("timestep", timestep)
     step = float(engine.model.opt.timestep)
-    length = default_duration if duration is None else _positive("duration", duration)
+    length = default_duration if duration is None else positive_number("duration", duration)
     steps = round(length / step)
     if steps < 1:
         raise ValueError(f"duration is {length:g} s; it must be at least one time step, {step:g} s")
-    split = 0.75 * steps * step if settled_after is None else float(settled_after)
+    split = 0.75 * steps * step if settled_after is None else number("settled_after", settled_after)
     if not 0.0 <= split <= steps * step:
         raise ValueError(f"settled_after is {split:g} s; it must be in [0, {steps * step:g}]")
 
@@ -170,13 +173,6 @@ def _settings(settings: Sequence[str | Setting]) -> list[str | Setting]:
     if len(set(names)) != len(names):
         raise ValueError(f"settings {names} name one of them twice")
     return chosen
-
-
-def _positive(name: str, value: float) -> float:
-    number = float(value)
-    if not (np.isfinite(number) and number > 0):
-        raise ValueError(f"{name} is {value!r}; it must be > 0 s")
-    return number
 
 
 def start(model: mujoco.MjModel) -> mujoco.MjData:

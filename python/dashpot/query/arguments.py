@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, TypeAlias
 
 import mujoco
@@ -62,11 +61,3 @@ def vectors(name: str, value: ArrayLike, size_name: str, size: int) -> NDArray[n
         )
     require_finite(name, array)
     return np.ascontiguousarray(array)
-
-
-def positive_horizon(horizon: float) -> float:
-    """Return a horizon, s; ValueError where it is not positive and finite."""
-    horizon = float(horizon)
-    if not (math.isfinite(horizon) and horizon > 0.0):
-        raise ValueError(f"horizon = {horizon} s must be positive and finite")
-    return horizon

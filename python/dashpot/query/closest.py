@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot import _core
+from dashpot.checks import number
 from dashpot.object_ids import object_id
 from dashpot.query import arguments
 
@@ -39,6 +40,9 @@ class Closest:
     point1: NDArray[np.float64]
     point2: NDArray[np.float64]
     normal: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.distance)
 
 
 def closest(
@@ -74,9 +78,9 @@ def closest(
     """
     model = arguments.model_of(engine)
     arguments.check_data(model, data)
-    radius = float(radius)
+    radius = number("radius", radius)
     if not (math.isfinite(radius) and radius >= 0.0):
-        raise ValueError(f"radius = {radius} m must be finite and not negative")
+        raise ValueError(f"radius must be finite and >= 0 m, got {radius!r}")
     index = -1 if body is None else object_id(model, body, "body", "body")
     found = _core.close_geoms(model._address, data._address, index, radius)
     return Closest(

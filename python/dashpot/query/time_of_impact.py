@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
-from dashpot.checks import thread_count
+from dashpot.checks import positive_number, thread_count
 from dashpot.query import arguments
 from dashpot.query.arguments import Geom
 from dashpot.query.distance import Distance
@@ -116,7 +116,7 @@ def time_of_impact(
     model = arguments.model_of(engine)
     id1, id2 = arguments.geom_pair(model, data, geom1, geom2)
     hit, time, at, _ = _core.geom_time_of_impact(
-        model._address, data._address, id1, id2, arguments.positive_horizon(horizon)
+        model._address, data._address, id1, id2, positive_number("horizon", horizon)
     )
     found = Distance._from_core(at)
     return TimeOfImpact(
@@ -183,7 +183,7 @@ def times_of_impact(
         id2,
         positions.reshape(count, model.nq),
         velocities.reshape(count, model.nv),
-        arguments.positive_horizon(horizon),
+        positive_number("horizon", horizon),
         thread_count(nthread),
     )
     return TimesOfImpact(
