@@ -97,3 +97,46 @@ def test_a_pair_material_overrides_both():
     data = engine.make_data()
     engine.step(data, nstep=1500)
     assert 0.1 - data.qpos[2] == pytest.approx(2 * GRAVITY / 5e4, abs=1e-12)
+
+
+def soft_ball(height, stiffness):
+    """Return an engine and data of a ball of 1 kg on a floor, its centre `height` (m) above it."""
+    xml = mjcf(free_body("ball", 'type="sphere" size="0.1" mass="1"', (0, 0, height)))
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    engine.set_material("ball", dashpot.Material(stiffness))
+    return engine, engine.make_data()
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e5])
+@pytest.mark.parametrize("overlap", [0.0, 0.5, 1.0, 2.0])
+def test_soft_ball_rests_at_its_sag_whatever_overlap_it_starts_from(stiffness, overlap):
+    sag = GRAVITY / stiffness
+    engine, data = soft_ball(0.1 - overlap * sag, stiffness)
+    engine.step(data)
+    if overlap == 1.0:  # it is at rest from the start; gravity's work on 2 ms rounds
+        assert abs(data.qvel[2]) < 1e-12
+    engine.step(data, nstep=4000)
+    assert 0.1 - data.qpos[2] == pytest.approx(sag, rel=1e-9)
+
+
+def test_soft_ball_at_rest_stays_so_in_a_rollout_from_its_physical_state():
+    # Full-physics states carry no memory of contacts.
+    engine, data = soft_ball(0.1, 1e3)
+    engine.step(data, nstep=4000)
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.empty(mujoco.mj_stateSize(engine.model, kind))
+    mujoco.mj_getState(engine.model, data, state, kind)
+    states, _ = dashpot.rollout(engine, state, nstep=500)
+    assert states[0, :, 3] == pytest.approx(data.qpos[2], abs=1e-12)
+
+
+def test_soft_ball_put_into_the_floor_later_is_pushed_out_to_its_sag():
+    engine, data = soft_ball(0.5, 1e3)
+    engine.step(data)
+    data.qpos[2], data.qvel[2] = 0.07, 0.0
+    fastest = 0.0
+    for _ in range(4000):
+        engine.step(data)
+        fastest = max(fastest, data.qvel[2])
+    assert 0.1 - data.qpos[2] == pytest.approx(GRAVITY / 1e3, rel=1e-9)
+    assert fastest <= 0.1 * (1 + 1e-9)  # the recovery speed

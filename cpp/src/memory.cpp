@@ -14,9 +14,11 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, motion that equalities hold, mocap bodies, constraints
-// (deformation, stiffness, slack, and the two numbers of equality() of each), contacts.
-constexpr int kHeader = 8;
+// Storage: count of contacts, ledger, whether a step was taken, motion that equalities hold, mocap
+// bodies, constraints (deformation, stiffness, slack, and the two numbers of equality() of each),
+// contacts.
+constexpr int kHeader = 9;
+constexpr int kStepped = 8;
 constexpr int kConstraint = 5;
 constexpr int kEquality = 3;
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
@@ -221,6 +223,7 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
                              double recovery_speed, RowData& data) const {
+  const bool starts = storage_[kStepped] == 0.0;
   thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
   slots.reset(contact_count());
   for (int i = contact_count() - 1; i >= 0; --i) {
@@ -258,8 +261,12 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
     if (!std::isinf(recovery_speed)) {
       const double compression =
           nearest ? std::min(nearest->compression, nearest->slack - input.gap) : 0.0;
+      const double at_first =
+          starts && c.soft_load > 0.0
+              ? std::min(-input.gap, bearable_compression(rows, c, recovery_speed))
+              : 0.0;
       data.deformation[c.row] =
-          nearest ? -compression * scale_of(compression, nearest->stiffness, 0) : 0.0;
+          nearest ? -compression * scale_of(compression, nearest->stiffness, 0) : -at_first;
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
     if (!nearest) continue;
@@ -360,6 +367,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
   if (count < contact_count())
     std::fill(contact_storage(count), contact_storage(contact_count()), 0.0);
   storage_[0] = count;
+  storage_[kStepped] = 1.0;
 }
 
 }  // namespace dashpot

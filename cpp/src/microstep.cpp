@@ -90,8 +90,7 @@ void MicrostepLoop::Impl::pack_rows(const RowGroup& c, int index, int lane,
     law.smooth_load[i][lane] = load[i];
     law.deformation[i][lane] = data->deformation[c.row + i];
   }
-  const double w = std::max(rows->inverse_mass[c.row], rows->typical_inverse_mass[c.row]);
-  law.recovers_within[lane] = recovery_speed * recovery_speed / (rows->stiffness[c.row] * w);
+  law.bearable[lane] = bearable_compression(*rows, c, recovery_speed);
   law.offset[lane] = data->offset[index];
   law.sticking[lane] = -1;
 }

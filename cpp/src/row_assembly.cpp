@@ -12,6 +12,7 @@ namespace dashpot {
 namespace {
 
 constexpr double kStandardGravity = 9.80665;  // m/s^2
+constexpr double kSoftLoad = 100.0;           // weights
 
 // The friction coefficients of a contact: the model's, unless its material has its own.
 std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {
@@ -25,12 +26,11 @@ std::array<double, 5> friction_of(const ContactInput& input, const Material& mat
   return friction;
 }
 
-// The load A F (m/s^2) at which a contact's own solref is read: F the weight of the lighter tree,
-// which is g for a free body on the ground. Without gravity that of the earth.
+// Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
   const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : kStandardGravity;
   const double mass = host::contact_mass(model, input);
-  return std::isinf(mass) ? gravity : gravity * mass * inverse_mass;
+  return gravity * (std::isinf(mass) ? 1.0 / inverse_mass : mass);
 }
 
 }  // namespace
@@ -55,10 +55,14 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   }
   for (size_t i = 0; i < contacts.size(); ++i) {
     const ContactInput& input = contacts[i];
-    const RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
+    RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
     host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
-    const double load = weight_at_contact(model, input, rows.typical_inverse_mass[c.row]);
-    materials.push_back(material_of(model, parameters, input, load));
+    const double typical = rows.typical_inverse_mass[c.row];
+    const double weight = weight_at_contact(model, input, typical);
+    // A contact's own solref is read at the load A F of the weight F: g for a free body on the
+    // ground.
+    materials.push_back(material_of(model, parameters, input, typical * weight));
+    if (!materials.back().rigid()) c.soft_load = kSoftLoad * weight;
     const std::array<double, 5> friction = friction_of(input, materials.back().material);
     std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
     host::append_jacobian(model, data, input, motion.trees(), rows);

@@ -1,6 +1,7 @@
 #include "dashpot/rows.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 namespace dashpot {
 
@@ -172,6 +173,12 @@ double surface_work(const Rows& rows, const RowGroup& c, const double* impulse) 
     for (int i = 0; i < c.dim; ++i)
       work -= impulse[i] * rows.value[c.value + (i + 1) * c.width() - 1];
   return work;
+}
+
+double bearable_compression(const Rows& rows, const RowGroup& c, double recovery_speed) {
+  const double k = rows.stiffness[c.row];
+  const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
+  return std::max(recovery_speed / std::sqrt(k * w), c.soft_load / k);
 }
 
 void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {

@@ -32,7 +32,7 @@ template <int Dim>
 struct RowLanes {
   Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim], smooth_load[Dim];
   Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim], moment[Dim], total_impulse[Dim];
-  Lanes recovers_within;  // x^2 up to which the offset recovers, v^2 / (k w)
+  Lanes bearable;  // compression under which the offset recovers
   Lanes offset, surface;
   LaneMask sticking, touched;
   Lanes work[2];         // of row 0 and of the others, J
@@ -132,16 +132,14 @@ template <int Dim>
   prepare_spring(c, 0, h, c.spring);
 }
 
-// How fast unstressed offsets shrink, m/s or rad/s. Recovery moves bodies, it does not squeeze what
-// cannot move: it pauses while the spring stores more than the kinetic energy of its apparent mass
-// at the recovery speed, k x^2 > v^2 / w.
+// How fast unstressed offsets shrink, m/s or rad/s: not at all beyond the bearable compression.
 template <int Dim>
 [[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, double h,
                                                 double recovery_speed) {
   const Lanes speed = all_lanes(recovery_speed), zero{};
   const Lanes rate = min_lanes(c.offset / h, speed);
   const Lanes x = c.deformation[0];
-  return (c.offset <= zero) | (x * x > c.recovers_within) ? zero : rate;
+  return (c.offset <= zero) | (-x > c.bearable) ? zero : rate;
 }
 
 // The work of the last impulses, which changed the rates to `rate`.

@@ -4,11 +4,12 @@
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
 // compression remembered at the nearest point of the same geom pair; what geometry reports beyond
-// that is an unstressed offset. Limits and equalities do the same with their position. Where the
-// stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
-// deformation is scaled so that its force is continuous; what that puts beyond the position is
-// slack that the row keeps until it separates. Otherwise every change of stiffness would drop
-// force, and the jolt change the stiffness again.
+// that is an unstressed offset. In the first step of all a contact of SI stiffness takes
+// what its spring bears. Limits and
+// equalities do the same with their position. Where the stiffness of a row has changed since (rigid
+// rows follow the micro-step), the remembered deformation is scaled so that its force is
+// continuous; what that puts beyond the position is slack that the row keeps until it separates.
+// Otherwise every change of stiffness would drop force, and the jolt change the stiffness again.
 
 #pragma once
 

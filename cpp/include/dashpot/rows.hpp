@@ -85,6 +85,8 @@ struct RowGroup {
   std::array<int, 2> columns{};  // number in each tree
   int ground = -1;               // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
   int value = 0;                 // first in Rows::value; rows are `width()` apart
+  // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
+  double soft_load = 0.0;
 
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
@@ -134,6 +136,11 @@ double turning_rate(const Rows& rows, const RowGroup& group);
 void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
 double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);
+
+// Largest compression (m) of a contact or limit under which recovery of overlap goes on: one that
+// stores the kinetic energy of the apparent mass at the recovery speed, k x^2 = v^2 / w, or carries
+// the soft load. Recovery moves bodies, it does not squeeze what cannot move.
+double bearable_compression(const Rows& rows, const RowGroup& group, double recovery_speed);
 
 // Fills in the inverse masses of a group's rows.
 void find_inverse_mass(Rows& rows, const RowGroup& group, const Trees& trees);
