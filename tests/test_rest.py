@@ -140,3 +140,11 @@ def test_soft_ball_put_into_the_floor_later_is_pushed_out_to_its_sag():
         fastest = max(fastest, data.qvel[2])
     assert 0.1 - data.qpos[2] == pytest.approx(GRAVITY / 1e3, rel=1e-9)
     assert fastest <= 0.1 * (1 + 1e-9)  # the recovery speed
+
+
+def test_soft_ball_sinks_to_its_new_sag_when_its_stiffness_falls():
+    engine, data = soft_ball(0.1, 1e4)
+    engine.step(data, nstep=2000)
+    engine.set_material("ball", dashpot.Material(1e3))
+    engine.step(data, nstep=4000)
+    assert 0.1 - data.qpos[2] == pytest.approx(GRAVITY / 1e3, rel=1e-9)

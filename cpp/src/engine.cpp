@@ -217,7 +217,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   find_sag_times(model, rows, contacts, sag_time);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
   Memory view = memory(d);
-  view.recall(contacts, constraints, rows, parameters.options.recovery_speed, data);
+  view.recall(contacts, constraints, rows, parameters.options.recovery_speed, length, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
 }

@@ -188,9 +188,9 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::recall(const std::vector<ContactInput>& contacts,
                     const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                    double recovery_speed, RowData& data) const {
+                    double recovery_speed, double length, RowData& data) const {
   recall_constraints(constraints, rows, recovery_speed, data);
-  recall_contacts(contacts, rows, recovery_speed, data);
+  recall_contacts(contacts, rows, recovery_speed, length, data);
 }
 
 void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
@@ -222,7 +222,7 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 }
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
-                             double recovery_speed, RowData& data) const {
+                             double recovery_speed, double length, RowData& data) const {
   const bool starts = storage_[kStepped] == 0.0;
   thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
   slots.reset(contact_count());
@@ -259,8 +259,12 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
       return recall_scale(deformation, stiffness, rows, c.row + i, recovery_speed);
     };
     if (!std::isinf(recovery_speed)) {
+      // Rigid contacts keep their slack, for their stiffness goes on changing.
+      const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
       const double compression =
-          nearest ? std::min(nearest->compression, nearest->slack - input.gap) : 0.0;
+          nearest ? std::min(nearest->compression,
+                             std::max(nearest->slack - recovered, 0.0) - input.gap)
+                  : 0.0;
       const double at_first =
           starts && c.soft_load > 0.0
               ? std::min(-input.gap, bearable_compression(rows, c, recovery_speed))

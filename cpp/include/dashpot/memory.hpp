@@ -4,12 +4,14 @@
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
 // compression remembered at the nearest point of the same geom pair; what geometry reports beyond
-// that is an unstressed offset. In the first step of all a contact of SI stiffness takes
-// what its spring bears. Limits and
-// equalities do the same with their position. Where the stiffness of a row has changed since (rigid
-// rows follow the micro-step), the remembered deformation is scaled so that its force is
-// continuous; what that puts beyond the position is slack that the row keeps until it separates.
-// Otherwise every change of stiffness would drop force, and the jolt change the stiffness again.
+// that is an unstressed offset. Limits and equalities do the same with their position. In the first
+// step of all a contact of SI stiffness takes what its spring bears.
+//
+// Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
+// deformation is scaled so that its force is continuous; what that puts beyond the position is
+// slack. Rigid rows keep it until they separate: otherwise every change of stiffness would drop
+// force, and the jolt change the stiffness again. Contacts of SI stiffness, which users change,
+// recover it like offsets.
 
 #pragma once
 
@@ -84,11 +86,11 @@ class Memory {
   // turned (J); by ConstraintInput::memory.
   double* equality(int constraint) const;
 
-  // Fills the deformation and offset of every row. With infinite `recovery_speed` the spring takes
-  // the whole overlap.
+  // Fills the deformation and offset of every row at the start of a step of `length` (s). With
+  // infinite `recovery_speed` the spring takes the whole overlap.
   void recall(const std::vector<ContactInput>& contacts,
               const std::vector<ConstraintInput>& constraints, const Rows& rows,
-              double recovery_speed, RowData& data) const;
+              double recovery_speed, double length, RowData& data) const;
   // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
   // normals than the pair remembers, as points that are new among old ones do, all of them give
   // way.
@@ -106,7 +108,7 @@ class Memory {
   double* constraint_storage() const;
   double* contact_storage(int index) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
-                       double recovery_speed, RowData& data) const;
+                       double recovery_speed, double length, RowData& data) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
                           double recovery_speed, RowData& data) const;
 
