@@ -6,10 +6,10 @@
 // velocity, which its contacts, welds and tendons see, from where it is to where a critically
 // damped follower of the commanded pose will be,
 //
-//     x'' = -2 x' / T - x / T^2 ,     x(h) = (x + c h) exp(-h/T) ,   x'(h) = (x' - c h / T)
-//     exp(-h/T) ,
+//     x'' = -2 x' / T - x / T^2 ,    c = x' + x / T ,
+//     x(h) = (x + c h) exp(-h/T) ,   x'(h) = (x' - c h / T) exp(-h/T) ,
 //
-// with c = x' + x / T and x the offset from the commanded pose: three numbers of translation, three
+// with x the offset from the commanded pose: three numbers of translation, three
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
 // is meant by (kJump, kJumpTurn) takes the body there without any.
