@@ -106,7 +106,7 @@ def test_the_module_runs_as_a_program():
 
 
 def test_simulate_writes_every_state(capsys, scene, tmp_path):
-    out = tmp_path / "new" / "states.npz"
+    out = tmp_path / "states.npz"
     words = ["simulate", str(scene), "--duration", "0.1", "--timestep", "0.001", "--out", str(out)]
     assert cli.main(words) == 0
     assert "100 steps of 1 ms" in capsys.readouterr().out
@@ -163,6 +163,18 @@ def test_compare_prints_and_stores(capsys, scene, tmp_path):
 )
 def test_failures_say_why_in_one_line(capsys, words, message):
     assert message in fails(capsys, *words)
+
+
+@pytest.mark.parametrize("command", ["simulate", "calibrate"])
+def test_files_that_cannot_be_written_are_refused_at_once(capsys, tmp_path, command):
+    for out, message in (
+        (tmp_path, "is a folder, not a file"),
+        (tmp_path / "a" / "b", "not exist"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            cli.main([command, "nowhere.xml", "--out", str(out)])  # before the scene is looked for
+        assert message in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
 
 
 def test_view_without_a_display_says_so(capsys, monkeypatch):

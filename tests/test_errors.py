@@ -361,6 +361,19 @@ def test_a_model_that_diverges_without_contact_is_an_error_that_keeps_the_state(
     assert np.isfinite(data.qvel).all()
 
 
+def test_a_report_prints_like_features_as_one():
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody>" + "".join(
+        f'<geom name="{name}" size=".1" pos="{i} 0 0" solref=".003 1"/>'
+        for i, name in enumerate(["pot", "lid", "it's", "jar", "cup"])
+    ) + '<geom size=".1" pos="0 1 0" surfacevel="1 0 0 0 0 0"/></worldbody></mujoco>')  # fmt: skip
+    report = dashpot.Engine(model).report()
+    assert sum("solref" in feature.name for feature in report.features) == 5
+    lines = str(report).splitlines()
+    assert sum(line.startswith("mapped    geom 'pot', 'lid' and 3 more solref/") for line in lines)
+    assert sum(line.startswith("honoured  geom #5 surfacevel: sliding") for line in lines)
+    assert len(lines) == len(report.features) - 4
+
+
 def test_a_friction_reference_of_its_own_is_reported_as_mapped():
     model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
       <geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/>

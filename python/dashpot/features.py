@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -19,7 +20,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class Report:
-    """All features worth telling of a model; prints as one line each."""
+    """All features worth telling of a model; prints as one line each, like ones as one."""
 
     features: tuple[Feature, ...]
 
@@ -28,4 +29,19 @@ class Report:
         return tuple(f for f in self.features if f.treatment == treatment)
 
     def __str__(self) -> str:
-        return "\n".join(f"{f.treatment:<9} {f.name}: {f.note}" for f in self.features)
+        alike: dict[tuple[str, str, str, str], list[str]] = {}
+        for feature in self.features:
+            parts = re.fullmatch(r"(\w+) ('.*'|#\d+)(.*)", feature.name)
+            kind, name, what = parts.groups() if parts else (feature.name, "", "")
+            alike.setdefault((feature.treatment, kind, what, feature.note), []).append(name)
+        return "\n".join(
+            f"{treatment:<9} {' '.join(filter(None, (kind, _listed(names))))}{what}: {note}"
+            for (treatment, kind, what, note), names in alike.items()
+        )
+
+
+def _listed(names: list[str]) -> str:
+    """Join names, all of up to three, else the first two and how many more there are."""
+    if len(names) <= 3:
+        return ", ".join(names)
+    return f"{names[0]}, {names[1]} and {len(names) - 2} more"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count
+from dashpot.cli.options import count, new_file
 
 
 def add_to(commands: Any) -> None:
@@ -21,7 +21,7 @@ def add_to(commands: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("problem", help="problem file, .toml or .json (format below)")
-    parser.add_argument("--out", metavar="FILE", help="write the result as JSON")
+    parser.add_argument("--out", type=new_file, metavar="FILE", help="write the result as JSON")
     parser.add_argument("--threads", type=count, help="default: one per core")
     parser.set_defaults(run=run)
 
@@ -30,7 +30,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import json
     import sys
-    from pathlib import Path
 
     from rich.console import Console
 
@@ -49,8 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         f"{result.evaluations} simulations in {result.seconds:.1f} s"
     )
     if arguments.out is not None:
-        file = Path(arguments.out)
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(result.to_dict(), indent=2) + "\n", encoding="utf-8")
-        print(f"wrote {file}")
+        text = json.dumps(result.to_dict(), indent=2) + "\n"
+        arguments.out.write_text(text, encoding="utf-8")
+        print(f"wrote {arguments.out}")
     return 0

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -33,6 +34,16 @@ def positive(text: str) -> float:
     if not (math.isfinite(number) and number > 0):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number > 0")
     return number
+
+
+def new_file(text: str) -> Path:
+    """Return where a file can be written, or raise what argparse reports."""
+    file = Path(text)
+    if file.is_dir():
+        raise argparse.ArgumentTypeError(f"{text!r} is a folder, not a file")
+    if not file.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"the folder {str(file.parent)!r} does not exist")
+    return file
 
 
 def count(text: str) -> int:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import add_material, add_scene, load_engine, positive, progress_bar
+from dashpot.cli.options import (
+    add_material,
+    add_scene,
+    load_engine,
+    new_file,
+    positive,
+    progress_bar,
+)
 
 
 def add_to(commands: Any) -> None:
@@ -23,18 +30,21 @@ def add_to(commands: Any) -> None:
     parser.add_argument("--timestep", type=positive, metavar="S", help="default: the scene's")
     add_material(parser)
     parser.add_argument(
-        "--out", default="states.npz", metavar="FILE", help="where to write (%(default)s)"
+        "--out",
+        type=new_file,
+        default="states.npz",
+        metavar="FILE",
+        help="where to write (%(default)s)",
     )
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from pathlib import Path
-
     import numpy as np
 
     from dashpot.compare.runner import start
+    from dashpot.features import Report
 
     engine = load_engine(arguments.scene, arguments.material)
     if arguments.timestep is not None:
@@ -43,8 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     steps = round(arguments.duration / step)
     if steps < 1:
         raise ValueError(f"--duration {arguments.duration:g} s is less than a time step, {step:g}")
-    for feature in engine.report().of("mapped"):
-        print(f"mapped: {feature.name}: {feature.note}")
+    print(Report(engine.report().of("mapped")))
     data = start(engine.model)
     rows: dict[str, list[Any]] = {
         name: []
@@ -83,14 +92,12 @@ def run(arguments: argparse.Namespace) -> int:
             stats = engine.step(data)
             record(stats.touching, stats.max_penetration)
             bar.advance(task)
-    file = Path(arguments.out)
-    file.parent.mkdir(parents=True, exist_ok=True)
     arrays: dict[str, Any] = {name: np.array(column) for name, column in rows.items()}
-    with file.open("wb") as stream:
+    with arguments.out.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
     print(
         f"{steps} steps of {1e3 * step:g} ms: {rows['contacts'][-1]} contacts at the end, "
         f"deepest penetration {1e3 * max(rows['penetration']):.3g} mm, "
-        f"energy dissipated {rows['dissipated'][-1]:.4g} J; wrote {file}"
+        f"energy dissipated {rows['dissipated'][-1]:.4g} J; wrote {arguments.out}"
     )
     return 0

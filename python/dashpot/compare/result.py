@@ -194,7 +194,7 @@ class Comparison:
         header, cells = self.rows()
         title = f"{self.scene}: {self.duration:g} s at {1e3 * self.timestep:g} ms"
         # Narrow enough for 80 columns: one word of a heading to a line.
-        table = Table(title=Text(title), box=box.SIMPLE, padding=(0, 1, 0, 0), pad_edge=False)
+        table = Table(title=Text(title), box=box.SIMPLE, padding=0, pad_edge=False)
         for index, name in enumerate(header):
             table.add_column(
                 Text(name.replace(" ", "\n")),
