@@ -1,5 +1,6 @@
 """Calibration: intervals, and what the data identify."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -166,6 +167,8 @@ def test_a_window_before_the_first_contact_identifies_nothing(method):
         if method == "least_squares":
             assert estimate.value == pytest.approx(parameter.start, rel=1e-12)
     assert result.noise_explains
+    stored = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert stored["estimates"][0]["standard_error"] is None
 
 
 @pytest.mark.parametrize("method", ["least_squares", "cma"])

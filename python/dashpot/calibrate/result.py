@@ -130,13 +130,13 @@ class Fit:
         return table
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but problem and residuals as plain types, for JSON."""
+        """Return everything but problem and residuals as plain types, for JSON; inf is None."""
         return {
             "estimates": [
                 {
                     "name": e.name,
                     "value": e.value,
-                    "standard_error": e.standard_error,
+                    "standard_error": e.standard_error if np.isfinite(e.standard_error) else None,
                     "lower": e.lower,
                     "upper": e.upper,
                     "identified": e.identified,
