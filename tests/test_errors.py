@@ -71,6 +71,15 @@ def test_friction_of_the_model_that_is_none_names_the_geom(engine, friction):
     assert snapshot(data) == before
 
 
+def test_friction_of_a_pair_that_is_none_names_the_pair():
+    model = mujoco.MjModel.from_xml_string(
+        mjcf(BALL, rest='<contact><pair name="p" geom1="floor" geom2="ball"/></contact>')
+    )
+    model.pair_friction[0, 4] = np.nan
+    with pytest.raises(ValueError, match=r"^model\.pair_friction of pair 'p' holds nan"):
+        dashpot.Engine(model)
+
+
 @pytest.mark.parametrize("field", ["geom_solref", "geom_solimp"])
 def test_solref_that_is_not_finite_names_the_geoms(engine, field):
     data = engine.make_data()

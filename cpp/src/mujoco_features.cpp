@@ -156,16 +156,23 @@ void report_constraints(const mjModel* m, Report& report) {
                  "pulls along the normals of the contacts at the start of a step");
 }
 
-}  // namespace
-
-void check_friction(const mjModel_* m) {
-  for (int geom = 0; geom < m->ngeom; ++geom)
-    for (const double coefficient : geom_friction(m, geom))
-      if (!(std::isfinite(coefficient) && coefficient >= 0.0))
-        throw std::invalid_argument("model.geom_friction of geom " + named(m, mjOBJ_GEOM, geom) +
-                                    " holds " + std::to_string(coefficient) +
-                                    "; it must be finite and >= 0");
+// `each` coefficients for each of `count` objects.
+void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* friction,
+                    mjtSize count, int each) {
+  for (int i = 0; i < each * count; ++i)
+    if (!(std::isfinite(friction[i]) && friction[i] >= 0.0))
+      throw std::invalid_argument("model." + std::string(kind) + "_friction of " + kind + " " +
+                                  named(m, type, i / each) + " holds " +
+                                  std::to_string(friction[i]) + "; it must be finite and >= 0");
 }
+
+void check_friction(const mjModel* m) {
+  check_friction(m, "geom", mjOBJ_GEOM, m->geom_friction, m->ngeom, 3);
+  check_friction(m, "pair", mjOBJ_PAIR, m->pair_friction, m->npair, 5);
+  check_friction(m, "flex", mjOBJ_FLEX, m->flex_friction, m->nflex, 3);
+}
+
+}  // namespace
 
 void check_options(const mjModel_* m, Law law) {
   check_friction(m);
