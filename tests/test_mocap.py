@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from dashpot import Engine, law
+from dashpot import Engine, Material, law
 
 PLATE = """<mujoco><option timestep="0.002"/><worldbody>
   <body name="plate" mocap="true"><geom type="box" size="0.3 0.3 0.05"/></body>
@@ -116,6 +116,29 @@ def test_pusher_pushes_at_its_speed_without_going_in():
     # 9.81 N of friction on rigid contacts.
     assert data.contact.dist[: data.ncon].min() > -2e-5
     assert data.qpos[0] == pytest.approx(0.5 * (1.0 - late(0.02)), abs=1e-3)
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+@pytest.mark.parametrize("speed", [1.0, 20.0])
+def test_bat_hits_a_ball_with_its_restitution(speed, impact):
+    # A bat of 2 cm that goes 4 cm in a step at the higher speed.
+    engine, data = make(
+        """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+        <body name="bat" mocap="true" pos="-1 0 0"><geom name="bat" type="box" size=".01 .2 .2"/>
+        </body><body><freejoint/><geom name="ball" size="0.02" mass="0.1"/></body>
+        </worldbody></mujoco>""",
+        mocap_timeconst=0.0,
+        impact=impact,
+    )
+    engine.set_pair_material("bat", "ball", Material(1e6, restitution=0.8))
+    drive(
+        engine,
+        data,
+        lambda d, t: d.mocap_pos.__setitem__((0, 0), -1.0 + speed * t),
+        seconds=1.2 / speed,
+    )
+    # A bat that nothing slows: v (1 + e). A single contact flows in closed form.
+    assert data.qvel[0] == pytest.approx(1.8 * speed, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["weld", "connect"])
@@ -290,6 +313,19 @@ def test_hands_at_rest_change_nothing():
     engine.step(data, nstep=300)
     fixed.step(plain, nstep=300)
     assert np.array_equal(data.qpos, plain.qpos)
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_hands_that_arrive_stay_where_they_are(impact):
+    # At once, in the midst of a step that other impacts cut too.
+    engine, data = make(PLATE, impact=impact, mocap_timeconst=0.0)
+    engine.step(data)
+    data.mocap_pos[0] = 0.01, 0.02, 0.005
+    data.qvel[2] = -5.0
+    for _ in range(5):
+        engine.step(data)
+    assert data.body("plate").xpos.tolist() == [0.01, 0.02, 0.005]
+    assert data.mocap_pos[0].tolist() == [0.01, 0.02, 0.005]
 
 
 @pytest.mark.parametrize("value", [-0.1, math.nan, math.inf])

@@ -47,7 +47,8 @@ struct Stepper::Impl {
 
   // The stages of a step (DESIGN section 2).
   void cut_at_impact(mjData_* d, host::StepParts& parts);
-  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart);
+  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
+                                host::MocapMotion& mocap);
   void build_rows(mjData_* d);
   void finish_last_step(mjData_* d);
   void plan_and_recall(mjData_* d);
@@ -155,7 +156,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
   geometry_of_middle = !part.impact.empty();
   if (geometry_of_middle) {
-    build_rows_in_the_middle(d, part.apart);
+    build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
   } else {
     build_rows(d);
@@ -186,15 +187,21 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   parts.set_length(length);
 }
 
-void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart) {
+void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
+                                             host::MocapMotion& mocap) {
   const std::vector<ContactInput> start = contacts;
   const std::vector<ConstraintInput> start_constraints = constraints;
+  mocap.show(0.5 * length);
   const host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                                     constraints);
   drop_pairs(apart, contacts);
+  for (ConstraintInput& c : constraints)
+    for (const ConstraintInput& at_start : start_constraints)
+      if (at_start.memory == c.memory) c.drive = at_start.drive;
   motion.freeze_at_middle(d, length, data);
   build_rows(d);
   give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
+  mocap.show(0.0);
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {

@@ -164,20 +164,23 @@ void MocapMotion::begin(double length) {
     body.angular = times(1.0 / length, turn(now.pose, end));
   }
   buffers_.end_position.clear();
-  if (!anything_moves()) return;
-  if (model_->neq > 0 || model_->ntendon > 0) find_constraints(length);
-  for (size_t i = 0; i < buffers_.body.size(); ++i) place(i, buffers_.body[i].now.pose);
+  if (anything_moves() && (model_->neq > 0 || model_->ntendon > 0)) find_constraints(length);
+  show(0.0);
+}
+
+void MocapMotion::show(double time) {
+  for (size_t i = 0; i < buffers_.body.size(); ++i) {
+    const MocapBody& body = buffers_.body[i];
+    Pose pose = has_arrived(body.now) ? body.given : body.now.pose;
+    if (time > 0.0) move(pose, times(time, body.velocity), times(time, body.angular));
+    place(i, pose);
+  }
 }
 
 // The positions of all constraints with the mocap bodies at the end of their way and all others
 // where they are.
 void MocapMotion::find_constraints(double length) {
-  for (size_t i = 0; i < buffers_.body.size(); ++i) {
-    const MocapBody& body = buffers_.body[i];
-    Pose end = body.now.pose;
-    move(end, times(length, body.velocity), times(length, body.angular));
-    place(i, end);
-  }
+  show(length);
   data_->ncon = 0;
   data_->parena = 0;  // what the last step left there is not needed any more
   mj_fwdKinematics(model_, data_);

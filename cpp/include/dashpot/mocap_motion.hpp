@@ -58,6 +58,8 @@ class MocapMotion {
   void write_velocities() const;
   // Rate (m/s, rad/s) at which the motion changes the position of a constraint.
   double rate_of_constraint(int memory, double position) const;
+  // Puts the bodies where they are a time (s) after the start of the part.
+  void show(double time);
   // Ends the part, of `length`.
   void advance(double length);
   void remember(Memory& memory) const;
