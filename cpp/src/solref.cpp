@@ -15,7 +15,7 @@ constexpr double kMinimumImpedance = 1e-4;
 constexpr double kMaximumImpedance = 0.9999;
 constexpr double kMinimumValue = 1e-15;
 
-constexpr int kMaxRounds = 30;       // each halves the bracket at least every other time
+constexpr int kMaxRounds = 30;       // far more than it takes
 constexpr double kResolved = 1e-10;  // of the width
 
 std::string text(double value) {
