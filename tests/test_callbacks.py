@@ -1,5 +1,9 @@
 """Callbacks of MuJoCo's Python package, and what they raise."""
 
+import signal
+import threading
+import time
+
 import mujoco
 import numpy as np
 import pytest
@@ -109,3 +113,21 @@ def test_rollouts_say_that_they_take_no_python_callbacks(install):
     for nthread in (1, 2):
         with pytest.raises(ValueError, match=r"rollout 0, step 0: callbacks .*Engine\.make_data"):
             dashpot.rollout(engine, np.tile(state, (3, 1)), nstep=2, nthread=nthread)
+
+
+def test_interrupts_end_a_call_of_many_steps_between_two():
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
+    data = engine.make_data()
+    steps = 10_000_000  # minutes
+    timer = threading.Timer(0.3, signal.raise_signal, [signal.SIGINT])
+    started = time.monotonic()
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        engine.step(data, nstep=steps)
+    assert time.monotonic() - started < 10.0  # long before the end, on any machine
+    # The data are those of a whole number of steps, and the next call goes on.
+    taken = data.time / engine.model.opt.timestep
+    assert 0 < taken < steps
+    before = data.time
+    engine.step(data)
+    assert data.time == pytest.approx(before + engine.model.opt.timestep)

@@ -5,6 +5,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <chrono>
 #include <cstring>
 #include <memory>
 #include <mutex>
@@ -26,6 +27,9 @@ namespace {
 mjModel_* model_at(std::uintptr_t address) { return reinterpret_cast<mjModel_*>(address); }
 mjData_* data_at(std::uintptr_t address) { return reinterpret_cast<mjData_*>(address); }
 
+// How often a call of many steps asks for signals, as of Ctrl-C.
+constexpr std::chrono::milliseconds kSignalInterval{50};
+
 // A stepper that Python threads may share, and other steppers of the same model with it.
 class SharedStepper {
  public:
@@ -45,7 +49,14 @@ class SharedStepper {
   StepStats step_without_gil(mjData_* data, int nstep) {
     const py::gil_scoped_release release;
     const std::lock_guard<ModelLock> alone(*lock_);
-    return stepper_.step(data, nstep);
+    auto asked = std::chrono::steady_clock::now();
+    return stepper_.step(data, nstep, true, [&] {
+      const auto now = std::chrono::steady_clock::now();
+      if (now - asked < kSignalInterval) return;
+      asked = now;
+      const py::gil_scoped_acquire acquire;
+      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+    });
   }
 
   std::shared_ptr<ModelLock> lock_;

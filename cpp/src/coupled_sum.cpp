@@ -1,9 +1,9 @@
 #include "dashpot/coupled_sum.hpp"
 
-#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/aligned.hpp"
 #include "dashpot/instruction_sets.hpp"
 #include "dashpot/lanes.hpp"
 
@@ -49,30 +49,6 @@ void add_pair(const PairGeometry& pair, int side, int dim, const double* weight,
   }
 }
 
-// trace(B^8)^(1/8) for the 6x6 matrix B of a free body. Writes the mixed block above the diagonal
-// into `sum`.
-double body_bound(double* sum, const double* inverse) {
-  using Matrix = Eigen::Matrix<double, 6, 6>;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      sum[(4 + i) * kBodyCoordinates + j] = sum[j * kBodyCoordinates + 4 + i];
-  Matrix b;
-  for (int column = 0; column < 6; ++column) {
-    const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
-    for (int i = 0; i < 3; ++i) {
-      b(i, column) = inverse[i] * s[i];
-      b(3 + i, column) = inverse[4 + i] * s[4] + inverse[8 + i] * s[5] + inverse[12 + i] * s[6];
-    }
-  }
-  const double trace = b.trace();
-  if (trace == 0.0) return 0.0;
-  b *= 1.0 / trace;
-  const Matrix square = b * b;
-  const Matrix fourth = square * square;
-  const double eighth = fourth.cwiseProduct(fourth.transpose()).sum();
-  return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
-}
-
 // c = a b of matrices with `count` rows, a multiple of four, of which the first n columns count.
 DASHPOT_VECTOR_CLONES
 void multiply(const double* a, const double* b, int n, int count, double* c) {
@@ -82,6 +58,35 @@ void multiply(const double* a, const double* b, int n, int count, double* c) {
       for (int k = 0; k < n; ++k) sum += load_lanes(a + k * count + i) * b[k];
       store_lanes(sum, c + i);
     }
+}
+
+// trace(B^8)^(1/8) for the 6x6 matrix B of a free body. Writes the mixed block above the diagonal
+// into `sum`.
+double body_bound(double* sum, const double* inverse) {
+  constexpr int n = 6, count = 8;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      sum[(4 + i) * kBodyCoordinates + j] = sum[j * kBodyCoordinates + 4 + i];
+  alignas(kCacheLine) double b[n * count] = {}, square[n * count], fourth[n * count];
+  double trace = 0.0;
+  for (int column = 0; column < n; ++column) {
+    const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
+    double* to = b + column * count;
+    for (int i = 0; i < 3; ++i) {
+      to[i] = inverse[i] * s[i];
+      to[3 + i] = inverse[4 + i] * s[4] + inverse[8 + i] * s[5] + inverse[12 + i] * s[6];
+    }
+    trace += to[column];
+  }
+  if (trace == 0.0) return 0.0;
+  const double scale = 1.0 / trace;
+  for (double& entry : b) entry *= scale;
+  multiply(b, b, n, count, square);
+  multiply(square, square, n, count, fourth);
+  double eighth = 0.0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) eighth += fourth[i * count + j] * fourth[j * count + i];
+  return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
 }
 
 // trace(B^4)^(1/4). `room`: for two matrices.

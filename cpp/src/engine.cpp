@@ -399,10 +399,13 @@ Stepper::~Stepper() = default;
 Stepper::Stepper(Stepper&&) noexcept = default;
 Stepper& Stepper::operator=(Stepper&&) noexcept = default;
 
-StepStats Stepper::step(mjData_* data, int nstep, bool leave_rows) {
+StepStats Stepper::step(mjData_* data, int nstep, bool leave_rows,
+                        const std::function<void()>& between) {
   StepStats total;
-  for (int i = 0; i < nstep; ++i)
-    accumulate(impl_->step(data, leave_rows && i == nstep - 1), total);
+  for (int i = 1; i <= nstep; ++i) {
+    accumulate(impl_->step(data, leave_rows && i == nstep), total);
+    if (between && i < nstep) between();
+  }
   return total;
 }
 

@@ -80,6 +80,9 @@ double damping_form(const mjModel* m, const mjData* d, const Tree& t, const doub
 
 double damping_force(const mjData* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
 
+// Whether the integrator treats any force on a tree implicitly.
+bool brakes(const Tree& t) { return !t.free_body; }
+
 // Whether dampers and fluids can only brake: wind, and coefficients below zero, drive.
 bool is_passive(const mjModel* m) {
   const auto none_below_zero = [](const mjtNum* values, mjtSize count) {
@@ -185,10 +188,12 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
     if ((*motion.touched)[tree]) touched_[group[tree]] = 1;
   }
   for (int index = 0; index < count; ++index)
-    if ((*motion.touched)[index]) kept_[index] = kept_change(m, d, trees.tree[index], motion);
+    if ((*motion.touched)[index] && brakes(trees.tree[index]))
+      kept_[index] = kept_change(m, d, trees.tree[index], motion);
   const auto add_braking = [&](std::vector<Braking>& to, double sign) {
     for (int index = 0; index < count; ++index)
-      to[group[index]] += implicit_braking(m, d, trees.tree[index], kept_[index], sign, motion);
+      if (brakes(trees.tree[index]))
+        to[group[index]] += implicit_braking(m, d, trees.tree[index], kept_[index], sign, motion);
   };
   if (m->opt.integrator != mjINT_IMPLICITFAST || m->nu == 0 ||
       (m->opt.disableflags & mjDSBL_ACTUATION))

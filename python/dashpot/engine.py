@@ -233,7 +233,7 @@ class Engine:
             MuJoCo come as RuntimeError too.
 
         What Python callbacks of MuJoCo raise passes through; data keep the state from before that
-        step.
+        step. Ctrl-C ends a call of many steps between two of them.
 
         Notes
         -----

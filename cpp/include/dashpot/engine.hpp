@@ -7,6 +7,7 @@
 
 #pragma once
 
+#include <functional>
 #include <memory>
 
 #include "dashpot/parameters.hpp"
@@ -44,7 +45,9 @@ class Stepper {
   // left in `data` for the last step if they fit into the memory of the model, or, where
   // `leave_rows` is false, not at all. Sensors, plugins and flexes need them in every step:
   // std::runtime_error where they do not fit.
-  StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true);
+  // `between` is called after every step but the last; what it throws ends the call there.
+  StepStats step(mjData_* data, int nstep = 1, bool leave_rows = true,
+                 const std::function<void()>& between = {});
 
  private:
   struct Impl;
