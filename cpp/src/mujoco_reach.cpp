@@ -11,44 +11,9 @@
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
-// Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
-// any two convex geoms.
-extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
-                          mjtNum margin);
-
 namespace dashpot::host {
 
 namespace {
-
-// Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
-constexpr double kFarReach = 0.005;
-
-thread_local bool reach_is_widened = false;
-mjfCollision collide_boxes = nullptr;
-
-// MuJoCo's own collision of boxes, which finds nothing between boxes that are apart and face each
-// other with corners or edges. Under a widened reach such contacts may start in this step.
-int collide_boxes_apart(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
-                        mjtNum margin) {
-  const int count = collide_boxes(m, d, contact, geom1, geom2, margin);
-  if (count > 0 || !reach_is_widened) return count;
-  double half_width = mjMAXVAL;
-  for (int geom : {geom1, geom2})
-    for (int i = 0; i < 3; ++i) half_width = std::min(half_width, m->geom_size[3 * geom + i]);
-  if (margin <= kFarReach * half_width) return 0;
-  return mjc_Convex(m, d, contact, geom1, geom2, margin);
-}
-
-// Once in a process; collisions outside detect() stay as they are.
-void install_collision_of_boxes() {
-  static const bool installed = [] {
-    mjfCollision& entry = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
-    collide_boxes = entry;
-    entry = collide_boxes_apart;
-    return true;
-  }();
-  static_cast<void>(installed);
-}
 
 // Largest speed of any point of a body within `radius` of `point`.
 double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
@@ -103,7 +68,7 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
                            ReachBuffers& buffers)
-    : m_(m), buffers_(buffers), outer_is_widened_(reach_is_widened) {
+    : m_(m), buffers_(buffers) {
   buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
   buffers.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
   buffers.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);
@@ -118,9 +83,7 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   body_velocities(m, d, d->qvel, now);
   body_velocities(m, d, end_velocity.data(), later);
   reach.assign(m->ngeom, 0.0);
-  install_collision_of_boxes();
   // All that may throw is done: where a constructor does, no destructor puts the model right.
-  reach_is_widened = true;
   for (int geom = 0; geom < m->ngeom; ++geom) {
     const int body = m->geom_bodyid[geom];
     const bool moves = m->body_treeid[body] >= 0 || is_mocap(m, body);
@@ -156,7 +119,6 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
 }
 
 WidenedReach::~WidenedReach() {
-  reach_is_widened = outer_is_widened_;
   std::copy(buffers_.geom_gap.begin(), buffers_.geom_gap.end(), m_->geom_gap);
   std::copy(buffers_.body_margin.begin(), buffers_.body_margin.end(), m_->body_margin);
   std::copy(buffers_.pair_gap.begin(), buffers_.pair_gap.end(), m_->pair_gap);

@@ -5,6 +5,8 @@
 
 #include <vector>
 
+#include "dashpot/mujoco_collisions.hpp"
+
 struct mjModel_;
 struct mjData_;
 struct mjContact_;
@@ -18,8 +20,9 @@ struct ReachBuffers {
   std::vector<double> end_velocity, reach;  // generalized; by geom, m
 };
 
-// While it lives, the detection distance of every geom, pair, flex, joint and tendon covers how far
-// it can move in the model's time step with `acceleration` (nv), the smooth one.
+// While it lives, collisions are replaced, and the detection distance of every geom, pair, flex,
+// joint and tendon covers how far it can move in the model's time step with `acceleration` (nv),
+// the smooth one.
 class WidenedReach {
  public:
   WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
@@ -32,9 +35,9 @@ class WidenedReach {
   bool within_own(const mjContact_& contact) const;
 
  private:
+  ReplacedCollisions collisions_;
   mjModel_* m_;
   ReachBuffers& buffers_;
-  bool outer_is_widened_;  // a callback of collision may step another model
 };
 
 }  // namespace dashpot::host
