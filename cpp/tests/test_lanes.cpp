@@ -237,6 +237,21 @@ void check_joint_rows() {
   check(force[0][kBodyCoordinates] != 0.0, "joints are loaded", 0, 1);
 }
 
+// Offsets recover unless the spring is deformed, either way, by more than is bearable.
+void check_recovery() {
+  RowLanes<1> row{};
+  const double h = 1e-4, speed = 0.1, bearable = 2e-5, factor[kLanes] = {-1.1, -0.9, 0.9, 1.1};
+  for (int lane = 0; lane < kLanes; ++lane) {
+    row.bearable[lane] = bearable;
+    row.offset[lane] = lane == 1 ? 1e-6 : 1e-3;
+    row.deformation[0][lane] = factor[lane] * bearable;
+  }
+  const Lanes rate = offset_rate(row, h, speed);
+  const double expected[kLanes] = {0.0, 1e-6 / h, speed, 0.0};
+  for (int lane = 0; lane < kLanes; ++lane)
+    check_close(rate[lane], expected[lane], speed, 1e-15, "rate of recovery");
+}
+
 void check_instruction_sets() {
   const double h = 1e-4;
   for (int i = 0; i < 50; ++i) {
@@ -264,6 +279,7 @@ int main() {
     check_friction(c);
   }
   for (int i = 0; i < 1000; ++i) check_joint_rows();
+  check_recovery();
   check_instruction_sets();
   if (failures > 0) std::printf("%d checks failed\n", failures);
   return failures > 0 ? 1 : 0;

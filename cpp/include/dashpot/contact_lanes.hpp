@@ -32,7 +32,7 @@ template <int Dim>
 struct RowLanes {
   Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim], smooth_load[Dim];
   Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim], moment[Dim], total_impulse[Dim];
-  Lanes bearable;  // compression under which the offset recovers
+  Lanes bearable;  // deformation under which the offset recovers
   Lanes offset, surface;
   LaneMask sticking, touched;
   Lanes work[2];         // of row 0 and of the others, J
@@ -132,14 +132,16 @@ template <int Dim>
   prepare_spring(c, 0, h, c.spring);
 }
 
-// How fast unstressed offsets shrink, m/s or rad/s: not at all beyond the bearable compression.
+// How fast unstressed offsets shrink, m/s or rad/s: not at all where the spring is compressed
+// beyond what is bearable, nor where the bodies have left it as far behind: a surface that comes
+// after them would keep them in motion.
 template <int Dim>
 [[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, double h,
                                                 double recovery_speed) {
   const Lanes speed = all_lanes(recovery_speed), zero{};
   const Lanes rate = min_lanes(c.offset / h, speed);
   const Lanes x = c.deformation[0];
-  return (c.offset <= zero) | (-x > c.bearable) ? zero : rate;
+  return (c.offset <= zero) | (x * x > c.bearable * c.bearable) ? zero : rate;
 }
 
 // The work of the last impulses, which changed the rates to `rate`.
