@@ -258,6 +258,11 @@ def test_press_stops_at_what_cannot_give_way():
     assert abs(data.qvel).max() < 1e-6
 
 
+def test_report_says_how_mocap_bodies_move():
+    assert "mapped    body 'plate' mocap" in str(make(PLATE)[0].report())
+    assert "honoured  body 'plate' mocap" in str(make(PLATE, law="comfree")[0].report())
+
+
 def test_commands_are_left_as_they_were_set():
     engine, data = make(PLATE)
     data.mocap_quat[0] = 2.0, 0.0, 0.0, 0.0

@@ -150,7 +150,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   const double searched = length;
   motion.find_smooth_motion(d, length, rough, data);
   host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
-  for (ConstraintInput& c : constraints) c.drive = mocap.rate_of_constraint(c.memory, c.position);
+  mocap.drive(constraints);
   part = Part();
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
@@ -195,9 +195,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   const host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                                     constraints);
   drop_pairs(apart, contacts);
-  for (ConstraintInput& c : constraints)
-    for (const ConstraintInput& at_start : start_constraints)
-      if (at_start.memory == c.memory) c.drive = at_start.drive;
+  mocap.drive(constraints);
   motion.freeze_at_middle(d, length, data);
   build_rows(d);
   give_back_way(rows, data, length, start, start_constraints, contacts, constraints);

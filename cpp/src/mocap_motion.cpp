@@ -15,7 +15,7 @@ namespace {
 // Jumps in one step that are no motion: at 2 ms they would be 50 m/s and 250 rad/s.
 constexpr double kJump = 0.1;      // m
 constexpr double kJumpTurn = 0.5;  // rad
-// Offset (m, rad) at which a slow follower has arrived.
+// Offset (m, rad) at which a slow follower has arrived: far below what rigid contacts give way by.
 constexpr double kArrived = 1e-9;
 
 using Vector = std::array<double, 3>;
@@ -109,12 +109,10 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
                          const Memory& memory, MocapBuffers& buffers)
     : model_(m), data_(d), time_constant_(time_constant), buffers_(buffers) {
   buffers.body.resize(m->nmocap);
-  buffers.end_position.clear();
   for (int id = 0; m->nmocap > 0 && id < m->nbody; ++id) {
     const int index = m->body_mocapid[id];
     if (index < 0) continue;
     MocapBody& body = buffers.body[index];
-    body.id = id;
     body.now = memory.mocap(index);
     body.given = pose_in(d, index);
     body.placed = body.given;
@@ -164,6 +162,7 @@ void MocapMotion::begin(double length) {
     body.angular = times(1.0 / length, turn(now.pose, end));
   }
   buffers_.end_position.clear();
+  buffers_.drive.clear();
   if (anything_moves() && (model_->neq > 0 || model_->ntendon > 0)) find_constraints(length);
   show(0.0);
 }
@@ -207,9 +206,15 @@ void MocapMotion::write_velocities() const {
   }
 }
 
-double MocapMotion::rate_of_constraint(int memory, double position) const {
-  if (buffers_.end_position.empty() || std::isnan(buffers_.end_position[memory])) return 0.0;
-  return (buffers_.end_position[memory] - position) / searched_;
+void MocapMotion::drive(std::vector<ConstraintInput>& constraints) {
+  if (buffers_.end_position.empty()) return;
+  if (buffers_.drive.empty()) {
+    buffers_.drive.assign(buffers_.end_position.size(), 0.0);
+    for (const ConstraintInput& c : constraints)
+      if (const double end = buffers_.end_position[c.memory]; !std::isnan(end))
+        buffers_.drive[c.memory] = (end - c.position) / searched_;
+  }
+  for (ConstraintInput& c : constraints) c.drive = buffers_.drive[c.memory];
 }
 
 void MocapMotion::advance(double length) {

@@ -108,6 +108,19 @@ void report_contacts(const mjModel* m, Report& report) {
   }
 }
 
+void report_mocap(const mjModel* m, Report& report) {
+  for (int body = 0; body < m->nbody; ++body) {
+    if (m->body_mocapid[body] < 0) continue;
+    const std::string name = "body " + named(m, mjOBJ_BODY, body) + " mocap";
+    if (report.comfree())
+      report.add(name, Treatment::kHonoured, "is where its pose says, without velocity");
+    else
+      report.add(name, Treatment::kMapped,
+                 "follows its pose within mocap_timeconst, and what it touches or holds sees its "
+                 "velocity");
+  }
+}
+
 void report_constraints(const mjModel* m, Report& report) {
   for (int i = 0; i < m->neq; ++i) {
     const std::string name = "equality " + named(m, mjOBJ_EQUALITY, i);
@@ -191,6 +204,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
   Report report{law, {}};
   report_options(m, report);
   report_contacts(m, report);
+  report_mocap(m, report);
   report_constraints(m, report);
   return report.features;
 }

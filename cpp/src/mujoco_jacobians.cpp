@@ -23,6 +23,15 @@ bool has_surface_motion(const mjModel* m, const ContactInput& input) {
   });
 }
 
+void velocity_of_point(const mjModel* m, const mjData* d, int body, const double* point,
+                       mjtNum* velocity) {
+  const mjtNum* rate = d->cvel + 6 * body;
+  mjtNum arm[3];
+  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(velocity, rate, arm);
+  mju_addTo3(velocity, rate + 3);
+}
+
 bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   if (geom < 0) return false;
   const int body = m->geom_bodyid[geom];
@@ -36,15 +45,13 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
   for (int side = 0; side < 2; ++side) {
     if (!is_on_moving_mocap(m, d, input.geom[side])) continue;
     const int body = m->geom_bodyid[input.geom[side]];
-    const mjtNum* moving = d->cvel + 6 * body;
-    mjtNum arm[3], velocity[3];
-    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
-    mju_cross(velocity, moving, arm);
-    mju_addTo3(velocity, moving + 3);
+    const mjtNum* turning = d->cvel + 6 * body;
+    mjtNum velocity[3];
+    velocity_of_point(m, d, body, input.position.data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {
       rate[i] += sign * mju_dot3(frame + 3 * i, velocity);
-      rate[3 + i] += sign * mju_dot3(frame + 3 * i, moving);
+      rate[3 + i] += sign * mju_dot3(frame + 3 * i, turning);
     }
   }
 }
@@ -201,12 +208,8 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   }
   mjtNum relative[3] = {0, 0, 0};
   for (int side = 0; side < 2; ++side) {
-    const int body = m->geom_bodyid[input.geom[side]];
-    const mjtNum* v = d->cvel + 6 * body;
-    mjtNum arm[3], velocity[3];
-    mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
-    mju_cross(velocity, v, arm);
-    mju_addTo3(velocity, v + 3);
+    mjtNum velocity[3];
+    velocity_of_point(m, d, m->geom_bodyid[input.geom[side]], input.position.data(), velocity);
     mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
   }
   std::array<double, 3> result;

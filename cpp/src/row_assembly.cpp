@@ -12,7 +12,8 @@ namespace dashpot {
 namespace {
 
 constexpr double kStandardGravity = 9.80665;  // m/s^2
-constexpr double kSoftLoad = 100.0;           // weights
+// Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
+constexpr double kSoftLoad = 100.0;
 
 // The friction coefficients of a contact: the model's, unless its material has its own.
 std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {

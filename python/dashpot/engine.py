@@ -55,8 +55,9 @@ class Engine:
         are lowered, and counted in ``StepStats.clipped``.
     recovery_speed
         Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
-        is pushed out, unless a force beyond a hundred weights keeps it in; ``inf`` makes every
-        overlap a compressed spring at once. In the first step of data, contacts of a given
+        is pushed out, unless a force keeps it in that is beyond a hundred weights or, of rigid
+        contacts, beyond what stops the bodies at this speed; ``inf`` makes every overlap a
+        compressed spring at once. In the first step of data, contacts of a given
         stiffness are compressed by their overlap as far as a hundred weights compress them.
     mocap_timeconst
         Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a

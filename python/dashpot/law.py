@@ -356,6 +356,13 @@ def restitution_to_damping_ratio(restitution: ArrayLike) -> Any:
     return _core.restitution_to_damping_ratio(values)
 
 
+def _solref_pair(solref: ArrayLike) -> Any:
+    pair = _array("solref", solref)
+    if pair.shape != (2,):
+        raise ValueError(f"solref must have shape (2,), got {pair.shape}")
+    return pair
+
+
 def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tuple[float, float]:
     """Return mass-normalised stiffness (1/s^2) and damping (1/s) of a MuJoCo solref pair.
 
@@ -377,9 +384,7 @@ def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tupl
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
     """
-    pair = _array("solref", solref)
-    if pair.shape != (2,):
-        raise ValueError(f"solref must have shape (2,), got {pair.shape}")
+    pair = _solref_pair(solref)
     width = _array("impedance_width", impedance_width)
     stiffness, damping = _core.solref_to_spring(pair[0], pair[1], float(width))
     return stiffness, damping
@@ -421,9 +426,7 @@ def solref_to_spring_at_rest(
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
     """
-    pair = _array("solref", solref)
-    if pair.shape != (2,):
-        raise ValueError(f"solref must have shape (2,), got {pair.shape}")
+    pair = _solref_pair(solref)
     impedance = _array("solimp", solimp, lower=0.0)
     if impedance.shape != (5,):
         raise ValueError(f"solimp must have shape (5,), got {impedance.shape}")

@@ -28,7 +28,6 @@ struct mjData_;
 namespace dashpot::host {
 
 struct MocapBody {
-  int id = 0;                               // of the body
   std::array<double, 7> given{}, placed{};  // poses that mjData had, and has meanwhile
   RememberedMocap now{};
   std::array<double, 3> velocity{}, angular{};  // during the part, world
@@ -37,6 +36,7 @@ struct MocapBody {
 struct MocapBuffers {
   std::vector<MocapBody> body;
   std::vector<double> end_position;  // of constraints, by memory; NaN for none
+  std::vector<double> drive;         // of constraints, by memory; empty until drive()
   std::vector<ConstraintInput> constraints;
 };
 
@@ -56,8 +56,9 @@ class MocapMotion {
   void begin(double length);
   // Writes the velocities to d->cvel, which mj_comVel has left at zero.
   void write_velocities() const;
-  // Rate (m/s, rad/s) at which the motion changes the position of a constraint.
-  double rate_of_constraint(int memory, double position) const;
+  // Sets the rates at which the motion drives constraints: from their positions at the first call
+  // of a part, where they are at its start, and the same at others.
+  void drive(std::vector<ConstraintInput>& constraints);
   // Puts the bodies where they are a time (s) after the start of the part.
   void show(double time);
   // Ends the part, of `length`.
