@@ -5,6 +5,7 @@
 
 #include "dashpot/aligned.hpp"
 #include "dashpot/instruction_sets.hpp"
+#include "dashpot/lane_blocks.hpp"
 #include "dashpot/lanes.hpp"
 
 namespace dashpot {
@@ -52,12 +53,14 @@ void add_pair(const PairGeometry& pair, int side, int dim, const double* weight,
 // c = a b of matrices with `count` rows, a multiple of four, of which the first n columns count.
 DASHPOT_VECTOR_CLONES
 void multiply(const double* a, const double* b, int n, int count, double* c) {
-  for (int j = 0; j < n; ++j, b += count, c += count)
-    for (int i = 0; i < count; i += kLanes) {
-      Lanes sum{};
-      for (int k = 0; k < n; ++k) sum += load_lanes(a + k * count + i) * b[k];
-      store_lanes(sum, c + i);
-    }
+  for_each_block(
+      count, [=](int first, auto width) __attribute__((always_inline)) {
+        for (int j = 0; j < n; ++j) {
+          Lanes sum[width()] = {};
+          for (int k = 0; k < n; ++k) add_scaled(a + k * count + first, b[j * count + k], sum);
+          store_block(sum, c + j * count + first);
+        }
+      });
 }
 
 // trace(B^8)^(1/8) for the 6x6 matrix B of a free body. Writes the mixed block above the diagonal
@@ -125,12 +128,16 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, c.dim, weight, sum);
   const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
   const int* column = rows.column.data() + c.column + first;
-  for (int i = 0; i < c.dim; ++i) {
-    const double* value = rows.value.data() + c.value + i * c.width() + first;
-    for (int k = 0; k < count; ++k) {
-      const double scaled = weight[i] * value[k];
-      double* to = sum + (column[k] - t.begin) * t.count - t.begin;
-      for (int l = 0; l < count; ++l) to[column[l]] += scaled * value[l];
+  const double* value = rows.value.data() + c.value + first;
+  const int width = c.width();
+  for (int k = 0; k < count; ++k) {
+    double scaled[kMaxRows];
+    for (int i = 0; i < c.dim; ++i) scaled[i] = weight[i] * value[i * width + k];
+    double* to = sum + (column[k] - t.begin) * t.count - t.begin;
+    for (int l = 0; l < count; ++l) {
+      double entry = to[column[l]];
+      for (int i = 0; i < c.dim; ++i) entry += scaled[i] * value[i * width + l];
+      to[column[l]] = entry;
     }
   }
 }

@@ -33,6 +33,8 @@ struct MicrostepLoop::Impl {
   AllBlocks blocks;
   std::vector<Tree> island_trees;
   AlignedDoubles displacement, force, impulse, moment, acceleration;
+  AlignedDoubles sparse_values;  // what SparseLanes point to
+  int packed_values = 0;
 
   void pack();
   void run_microsteps();
@@ -47,9 +49,10 @@ struct MicrostepLoop::Impl {
 
   template <typename Jacobian, typename Law>
   void append(Blocks<Jacobian, Law>& list, int index);
+  void make_room_for_sparse_rows();
   void pack_jacobian(const RowGroup& c, int lane, PairLanes& j) const;
   void pack_jacobian(const RowGroup& c, int lane, JointLanes& j) const;
-  void pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const;
+  void pack_jacobian(const RowGroup& c, int lane, SparseLanes& j);
   template <int Dim>
   void pack_rows(const RowGroup& c, int index, int lane, RowLanes<Dim>& law) const;
   double relaxation(int row) const;
@@ -72,10 +75,29 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, JointLanes&
   j.column[lane] = rows->column[c.column];
 }
 
-void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) const {
-  j.value[lane] = rows->value.data() + c.value;
+void MicrostepLoop::Impl::make_room_for_sparse_rows() {
+  size_t size = 0;
+  for (int index : island->group) {
+    const RowGroup& c = rows->group[index];
+    if (c.pair < 0) size += c.dim * padded(c.width()) + padded(c.dim) * c.width();
+  }
+  sparse_values.assign(size, 0.0);
+  packed_values = 0;
+}
+
+void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) {
+  const int width = c.width(), by_rows = c.dim * padded(width), height = padded(c.dim);
+  double* by_row = sparse_values.data() + packed_values;
+  double* by_column = by_row + by_rows;
+  for (int i = 0; i < c.dim; ++i)
+    for (int k = 0; k < width; ++k)
+      by_row[i * padded(width) + k] = by_column[k * height + i] =
+          rows->value[c.value + i * width + k];
+  packed_values += by_rows + height * width;
+  j.by_row[lane] = by_row;
+  j.by_column[lane] = by_column;
   j.column[lane] = rows->column.data() + c.column;
-  j.width[lane] = c.width();
+  j.width[lane] = width;
 }
 
 template <int Dim>
@@ -138,6 +160,7 @@ void MicrostepLoop::Impl::append(Blocks<Jacobian, Law>& list, int index) {
 
 void MicrostepLoop::Impl::pack() {
   std::apply([](auto&... list) { (list.clear(), ...); }, blocks);
+  make_room_for_sparse_rows();
   // After every micro-step forces and impulses are zero again, but for those on the ground.
   for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration}) {
     array->resize(trees->coordinates, 0.0);

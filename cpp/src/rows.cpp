@@ -34,22 +34,31 @@ double body_inverse_mass(const PairGeometry& pair, int i, int side, const double
   return sum;
 }
 
-// The same over the sparse entries that a row has in one tree.
-double sparse_inverse_mass(const double* value, const int* column, int columns, const Tree& tree,
-                           const double* inverse) {
+// The same of all rows of a group over their sparse entries in one tree, whose columns are the
+// `count` from `first` on. Row by row a sum would wait for its last addition.
+void sparse_inverse_mass(const Rows& rows, const RowGroup& c, int first, int count,
+                         const Tree& tree, const double* inverse, double* sum) {
+  const int width = c.width();
+  const double* value = rows.value.data() + c.value + first;
+  const int* column = rows.column.data() + c.column + first;
+  std::fill_n(sum, c.dim, 0.0);
   if (tree.free_body) {
-    double row[kBodyCoordinates] = {};
-    for (int k = 0; k < columns; ++k) row[column[k] - tree.begin] = value[k];
-    double sum = inverse[0] * dot(row, row);
-    for (int j = 0; j < 3; ++j) sum += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
-    return sum;
+    for (int i = 0; i < c.dim; ++i, value += width) {
+      double row[kBodyCoordinates] = {};
+      for (int k = 0; k < count; ++k) row[column[k] - tree.begin] = value[k];
+      sum[i] = inverse[0] * dot(row, row);
+      for (int j = 0; j < 3; ++j) sum[i] += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
+    }
+    return;
   }
-  double sum = 0.0;
-  for (int k = 0; k < columns; ++k) {
-    const double* response = inverse + (column[k] - tree.begin) * tree.count;
-    for (int l = 0; l < columns; ++l) sum += value[k] * response[column[l] - tree.begin] * value[l];
+  for (int k = 0; k < count; ++k) {
+    const double* response = inverse + (column[k] - tree.begin) * tree.count - tree.begin;
+    for (int l = 0; l < count; ++l) {
+      const double coupling = response[column[l]];
+      for (int i = 0; i < c.dim; ++i)
+        sum[i] += value[i * width + k] * coupling * value[i * width + l];
+    }
   }
-  return sum;
 }
 
 }  // namespace
@@ -182,29 +191,23 @@ double bearable_compression(const Rows& rows, const RowGroup& c, double recovery
 }
 
 void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {
-  for (int i = 0; i < c.dim; ++i) {
-    std::array<double, 2>& part = rows.tree_inverse_mass[c.row + i];
-    part = {0.0, 0.0};
-    if (c.pair >= 0) {
-      const PairGeometry& pair = rows.pair[c.pair];
-      for (int side = 0; side < 2; ++side)
-        if (c.tree[side] >= 0)
-          part[side] = body_inverse_mass(pair, i, side,
-                                         trees.inverse.data() + trees.tree[c.tree[side]].inverse);
-    } else {
-      const double* value = rows.value.data() + c.value + i * c.width();
-      const int* column = rows.column.data() + c.column;
-      for (int side = 0; side < 2; ++side) {
-        if (c.tree[side] < 0) continue;
-        const Tree& tree = trees.tree[c.tree[side]];
-        part[side] = sparse_inverse_mass(value, column, c.columns[side], tree,
-                                         trees.inverse.data() + tree.inverse);
-        value += c.columns[side];
-        column += c.columns[side];
-      }
+  int column = 0;
+  for (int side = 0; side < 2; ++side) {
+    double part[kMaxRows] = {};
+    if (c.tree[side] >= 0) {
+      const Tree& tree = trees.tree[c.tree[side]];
+      const double* inverse = trees.inverse.data() + tree.inverse;
+      if (c.pair < 0)
+        sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
+      else
+        for (int i = 0; i < c.dim; ++i)
+          part[i] = body_inverse_mass(rows.pair[c.pair], i, side, inverse);
+      column += c.columns[side];
     }
-    rows.inverse_mass[c.row + i] = part[0] + part[1];
+    for (int i = 0; i < c.dim; ++i) rows.tree_inverse_mass[c.row + i][side] = part[i];
   }
+  for (int row = c.row; row < c.row + c.dim; ++row)
+    rows.inverse_mass[row] = rows.tree_inverse_mass[row][0] + rows.tree_inverse_mass[row][1];
   // Where bodies cannot move along the normal or a tangent, what the other rows leave there through
   // the error of the contact frame is no motion.
   double largest = 0.0;

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "dashpot/instruction_sets.hpp"
+#include "dashpot/lane_blocks.hpp"
 #include "dashpot/lanes.hpp"
 
 namespace dashpot {
@@ -26,20 +27,30 @@ void invert(const double* factor, int n, int count, double* lower, double* inver
     double* row = lower + i * count;
     row[i] = 1.0;
     const double scale = 1.0 / factor[i * n + i];
-    for (int j = 0; j <= i; j += kLanes) {
-      Lanes rest = load_lanes(row + j);
-      for (int k = j; k < i; ++k) rest -= factor[i * n + k] * load_lanes(lower + k * count + j);
-      store_lanes(rest * scale, row + j);
-    }
+    const int filled = (i + kLanes) / kLanes * kLanes;
+    for_each_block(
+        filled, [=](int first, auto width) __attribute__((always_inline)) {
+          Lanes rest[width()];
+          load_block(row + first, rest);
+          for (int k = first; k < i; ++k)
+            add_scaled(lower + k * count + first, -factor[i * n + k], rest);
+          for (Lanes& r : rest) r *= scale;
+          store_block(rest, row + first);
+        });
   }
-  // inv(H) = inv(L)' inv(L).
+  // inv(H) = inv(L)' inv(L): its lower triangle, and what mirrors it.
+  for (int i = 0; i < n; ++i) {
+    const int filled = (i + kLanes) / kLanes * kLanes;
+    for_each_block(
+        filled, [=](int first, auto width) __attribute__((always_inline)) {
+          Lanes sum[width()] = {};
+          for (int k = i; k < n; ++k)
+            add_scaled(lower + k * count + first, lower[k * count + i], sum);
+          store_block(sum, inverse + i * count + first);
+        });
+  }
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; j += kLanes) {
-      Lanes sum{};
-      for (int k = std::max(i, j); k < n; ++k)
-        sum += lower[k * count + i] * load_lanes(lower + k * count + j);
-      store_lanes(sum, inverse + i * count + j);
-    }
+    for (int j = 0; j < i; ++j) inverse[j * count + i] = inverse[i * count + j];
 }
 
 }  // namespace

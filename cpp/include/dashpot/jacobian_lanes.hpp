@@ -28,12 +28,14 @@ struct JointLanes {
   int column[kLanes];
 };
 
-// The Jacobian of four groups of sparse rows; lanes to spare have none.
+// The Jacobian of four groups of sparse rows; lanes to spare have none. Values are stored twice:
+// row by row, each as wide as a multiple of four, and column by column, each four (or eight) rows.
 struct SparseLanes {
-  const double* value[kLanes];
+  const double *by_row[kLanes], *by_column[kLanes];
   const int* column[kLanes];
   int width[kLanes];
 };
+inline constexpr int padded(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
 [[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
   out[0] = a[1] * b[2] - a[2] * b[1];
@@ -122,16 +124,19 @@ template <int Dim>
 
 template <int Dim>
 [[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
-  for (int i = 0; i < Dim; ++i) out[i] = Lanes{};
+  constexpr int kParts = padded(Dim) / kLanes;
+  Lanes sum[kParts][kLanes] = {};
   for (int lane = 0; lane < kLanes; ++lane) {
-    const int width = j.width[lane];
-    const double* value = j.value[lane];
-    double sum[Dim] = {};
-    for (int k = 0; k < width; ++k) {
-      const double at = motion[j.column[lane][k]];
-      for (int i = 0; i < Dim; ++i) sum[i] += value[i * width + k] * at;
-    }
-    for (int i = 0; i < Dim; ++i) out[i][lane] = sum[i];
+    const int* column = j.column[lane];
+    const double* value = j.by_column[lane];
+    for (int k = 0; k < j.width[lane]; ++k, value += kParts * kLanes)
+      for (int part = 0; part < kParts; ++part)
+        sum[part][lane] += load_lanes(value + part * kLanes) * motion[column[k]];
+  }
+  for (int part = 0; part < kParts; ++part) {
+    transpose(sum[part]);
+    for (int i = 0; i < kLanes && part * kLanes + i < Dim; ++i)
+      out[part * kLanes + i] = sum[part][i];
   }
 }
 
@@ -139,14 +144,14 @@ template <int Dim>
 [[gnu::always_inline]] inline void scatter(const SparseLanes& j, const Lanes* impulse,
                                            double* force) {
   for (int lane = 0; lane < kLanes; ++lane) {
-    const int width = j.width[lane];
-    const double* value = j.value[lane];
-    double factor[Dim];
-    for (int i = 0; i < Dim; ++i) factor[i] = impulse[i][lane];
-    for (int k = 0; k < width; ++k) {
-      double sum = 0.0;
-      for (int i = 0; i < Dim; ++i) sum += value[i * width + k] * factor[i];
-      force[j.column[lane][k]] += sum;
+    const int width = j.width[lane], stride = padded(width);
+    const int* column = j.column[lane];
+    for (int first = 0; first < width; first += kLanes) {
+      Lanes sum{};
+      for (int i = 0; i < Dim; ++i)
+        sum += load_lanes(j.by_row[lane] + i * stride + first) * impulse[i][lane];
+      const int count = std::min(kLanes, width - first);
+      for (int k = 0; k < count; ++k) force[column[first + k]] += sum[k];
     }
   }
 }

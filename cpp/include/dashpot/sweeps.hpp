@@ -9,6 +9,7 @@
 
 #include "dashpot/contact_lanes.hpp"
 #include "dashpot/jacobian_lanes.hpp"
+#include "dashpot/lane_blocks.hpp"
 #include "dashpot/trees.hpp"
 
 namespace dashpot {
@@ -96,11 +97,14 @@ template <typename Jacobian, typename Law>
     store_lanes(sum, out + 4);
     return;
   }
-  for (int j = 0; j < t.dof_count; ++j, column += t.count) {
-    if (applied[j] == 0.0) continue;
-    for (int i = 0; i < t.count; i += kLanes)
-      store_lanes(load_lanes(out + i) + load_lanes(column + i) * applied[j], out + i);
-  }
+  for_each_block(
+      t.count, [&](int first, auto width) __attribute__((always_inline)) {
+        Lanes sum[width()];
+        load_block(out + first, sum);
+        for (int j = 0; j < t.dof_count; ++j)
+          if (applied[j] != 0.0) add_scaled(column + j * t.count + first, applied[j], sum);
+        store_block(sum, out + first);
+      });
 }
 
 [[gnu::always_inline]] inline void add_lanes(const double* term, double* sum) {
