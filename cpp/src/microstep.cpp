@@ -79,25 +79,16 @@ void MicrostepLoop::Impl::make_room_for_sparse_rows() {
   size_t size = 0;
   for (int index : island->group) {
     const RowGroup& c = rows->group[index];
-    if (c.pair < 0) size += c.dim * padded(c.width()) + padded(c.dim) * c.width();
+    if (c.pair < 0) size += sparse_size(c.dim, c.width());
   }
   sparse_values.assign(size, 0.0);
   packed_values = 0;
 }
 
 void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) {
-  const int width = c.width(), by_rows = c.dim * padded(width), height = padded(c.dim);
-  double* by_row = sparse_values.data() + packed_values;
-  double* by_column = by_row + by_rows;
-  for (int i = 0; i < c.dim; ++i)
-    for (int k = 0; k < width; ++k)
-      by_row[i * padded(width) + k] = by_column[k * height + i] =
-          rows->value[c.value + i * width + k];
-  packed_values += by_rows + height * width;
-  j.by_row[lane] = by_row;
-  j.by_column[lane] = by_column;
-  j.column[lane] = rows->column.data() + c.column;
-  j.width[lane] = width;
+  pack_sparse(rows->value.data() + c.value, rows->column.data() + c.column, c.dim, c.width(),
+              sparse_values.data() + packed_values, lane, j);
+  packed_values += sparse_size(c.dim, c.width());
 }
 
 template <int Dim>

@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include "dashpot/aligned.hpp"
 #include "dashpot/friction.hpp"
 #include "dashpot/sweeps.hpp"
 
@@ -213,14 +214,13 @@ void check_joint_rows() {
   JointLanes joint;
   SparseLanes sparse;
   double value[kLanes];
+  alignas(kCacheLine) double room[kLanes][sparse_size(1, 1)] = {};
   Lanes impulse[1], rates[2][1];
   for (int lane = 0; lane < kLanes; ++lane) {
     // Two lanes share a coordinate.
     joint.column[lane] = kBodyCoordinates + (lane == 3 ? 0 : 2 * lane);
     joint.value[lane] = value[lane] = uniform(-2.0, 2.0);
-    sparse.value[lane] = value + lane;
-    sparse.column[lane] = joint.column + lane;
-    sparse.width[lane] = 1;
+    pack_sparse(value + lane, joint.column + lane, 1, 1, room[lane], lane, sparse);
     impulse[0][lane] = uniform(-2.0, 2.0);
   }
   gather<1>(joint, motion, rates[0]);
@@ -235,6 +235,46 @@ void check_joint_rows() {
           force[0][joint.column[lane]], force[1][joint.column[lane]]);
   }
   check(force[0][kBodyCoordinates] != 0.0, "joints are loaded", 0, 1);
+}
+
+// Sparse rows of all widths, against sums term by term.
+template <int Dim>
+void check_sparse_rows() {
+  constexpr int kColumns = 12;
+  double motion[kColumns];
+  for (double& m : motion) m = uniform(-3.0, 3.0);
+  SparseLanes sparse{};
+  int column[kLanes][kColumns], width[kLanes];
+  double value[kLanes][Dim * kColumns];
+  alignas(kCacheLine) double room[kLanes][sparse_size(Dim, kColumns)] = {};
+  Lanes impulse[Dim], rate[Dim];
+  for (int lane = 0; lane < kLanes - 1; ++lane) {  // the last one is to spare
+    width[lane] = 1 + static_cast<int>(uniform(0.0, kColumns));
+    for (int k = 0; k < width[lane]; ++k) column[lane][k] = (5 * k + lane) % kColumns;
+    for (int i = 0; i < Dim * width[lane]; ++i) value[lane][i] = uniform(-2.0, 2.0);
+    pack_sparse(value[lane], column[lane], Dim, width[lane], room[lane], lane, sparse);
+    for (Lanes& p : impulse) p[lane] = uniform(-2.0, 2.0);
+  }
+  gather<Dim>(sparse, motion, rate);
+  double force[kColumns] = {}, expected_force[kColumns] = {};
+  scatter<Dim>(sparse, impulse, force);
+  for (int lane = 0; lane < kLanes - 1; ++lane) {
+    for (int i = 0; i < Dim; ++i) {
+      double expected = 0.0;
+      for (int k = 0; k < width[lane]; ++k)
+        expected += value[lane][i * width[lane] + k] * motion[column[lane][k]];
+      check(rate[i][lane] == expected, "rate of a sparse row", rate[i][lane], expected);
+    }
+    for (int k = 0; k < width[lane]; ++k) {
+      double sum = 0.0;
+      for (int i = 0; i < Dim; ++i) sum += value[lane][i * width[lane] + k] * impulse[i][lane];
+      expected_force[column[lane][k]] += sum;
+    }
+  }
+  for (int i = 0; i < Dim; ++i)
+    check(rate[i][kLanes - 1] == 0.0, "rate of a lane to spare", rate[i][kLanes - 1], 0.0);
+  for (int k = 0; k < kColumns; ++k)
+    check(force[k] == expected_force[k], "force of sparse rows", force[k], expected_force[k]);
 }
 
 // Offsets recover unless the spring is deformed, either way, by more than is bearable.
@@ -279,6 +319,12 @@ int main() {
     check_friction(c);
   }
   for (int i = 0; i < 1000; ++i) check_joint_rows();
+  for (int i = 0; i < 300; ++i) {
+    check_sparse_rows<1>();
+    check_sparse_rows<3>();
+    check_sparse_rows<4>();
+    check_sparse_rows<6>();
+  }
   check_recovery();
   check_instruction_sets();
   if (failures > 0) std::printf("%d checks failed\n", failures);

@@ -36,6 +36,22 @@ struct SparseLanes {
   int width[kLanes];
 };
 inline constexpr int padded(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
+// Numbers that `dim` rows of `width` values take in both orders.
+inline constexpr int sparse_size(int dim, int width) {
+  return dim * padded(width) + padded(dim) * width;
+}
+// Fills one lane with `dim` rows of `width` values, which are stored in `room`: sparse_size zeros.
+inline void pack_sparse(const double* value, const int* column, int dim, int width, double* room,
+                        int lane, SparseLanes& j) {
+  double* by_column = room + dim * padded(width);
+  for (int i = 0; i < dim; ++i)
+    for (int k = 0; k < width; ++k)
+      room[i * padded(width) + k] = by_column[k * padded(dim) + i] = value[i * width + k];
+  j.by_row[lane] = room;
+  j.by_column[lane] = by_column;
+  j.column[lane] = column;
+  j.width[lane] = width;
+}
 
 [[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
   out[0] = a[1] * b[2] - a[2] * b[1];
