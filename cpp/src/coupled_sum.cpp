@@ -92,9 +92,9 @@ double body_bound(double* sum, const double* inverse) {
   return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
 }
 
-// trace(B^4)^(1/4). `room`: for two matrices.
-double tree_bound(const double* sum, const double* inverse, const Tree& t, double* room) {
-  const int n = t.dof_count, count = t.count;
+// trace(B^4)^(1/4), B = inverse sum, of n x n matrices with columns `count` apart. `room`: for two
+// such matrices.
+double tree_bound(const double* sum, const double* inverse, int n, int count, double* room) {
   double* b = room;
   double* square = room + count * count;
   multiply(inverse, sum, n, count, b);
@@ -109,15 +109,25 @@ double tree_bound(const double* sum, const double* inverse, const Tree& t, doubl
   return trace * std::sqrt(std::sqrt(fourth));
 }
 
+// The entries of `matrix`, whose columns are `stride` apart, at the coordinates in `reached`, as a
+// matrix with columns `count` apart, which is zero before.
+void compress(const double* matrix, int stride, const std::vector<int>& reached, int count,
+              double* compressed) {
+  for (size_t j = 0; j < reached.size(); ++j)
+    for (size_t i = 0; i < reached.size(); ++i)
+      compressed[j * count + i] = matrix[reached[j] * stride + reached[i]];
+}
+
 }  // namespace
 
 void CoupledSum::reset(const Trees& trees) {
   entry_.resize(trees.inverse.size(), 0.0);
+  reaches_.resize(trees.coordinates, 0);
   empty_.assign(trees.tree.size(), 1);
   size_t largest = 0;
   for (const Tree& t : trees.tree)
     if (!t.free_body) largest = std::max<size_t>(largest, t.count);
-  room_.resize(2 * largest * largest);
+  room_.resize(4 * largest * largest);
 }
 
 void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
@@ -131,6 +141,7 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   const double* value = rows.value.data() + c.value + first;
   const int width = c.width();
   for (int k = 0; k < count; ++k) {
+    reaches_[column[k]] = 1;
     double scaled[kMaxRows];
     for (int i = 0; i < c.dim; ++i) scaled[i] = weight[i] * value[i * width + k];
     double* to = sum + (column[k] - t.begin) * t.count - t.begin;
@@ -142,13 +153,28 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   }
 }
 
+// Of a tree rows may reach a part only, as the legs of a robot: the rest of B is zero.
+double CoupledSum::bound_of_reached(const Tree& t, const double* inverse) {
+  const double* sum = entry_.data() + t.inverse;
+  reached_.clear();
+  for (int i = 0; i < t.dof_count; ++i)
+    if (reaches_[t.begin + i]) reached_.push_back(i);
+  std::fill_n(reaches_.begin() + t.begin, t.count, 0);
+  const int n = static_cast<int>(reached_.size());
+  if (n == t.dof_count) return tree_bound(sum, inverse, n, t.count, room_.data());
+  const int count = padded(n), size = count * count;
+  std::fill_n(room_.data(), 4 * size, 0.0);
+  compress(sum, t.count, reached_, count, room_.data() + 2 * size);
+  compress(inverse, t.count, reached_, count, room_.data() + 3 * size);
+  return tree_bound(room_.data() + 2 * size, room_.data() + 3 * size, n, count, room_.data());
+}
+
 double CoupledSum::take_bound(const Trees& trees, int tree) {
   if (empty_[tree]) return 0.0;
   const Tree& t = trees.tree[tree];
   double* sum = entry_.data() + t.inverse;
   const double* inverse = trees.inverse.data() + t.inverse;
-  const double bound =
-      t.free_body ? body_bound(sum, inverse) : tree_bound(sum, inverse, t, room_.data());
+  const double bound = t.free_body ? body_bound(sum, inverse) : bound_of_reached(t, inverse);
   std::fill_n(sum, t.count * t.count, 0.0);
   empty_[tree] = 1;
   return bound;

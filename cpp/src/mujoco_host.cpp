@@ -71,8 +71,9 @@ void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* in
   }
 }
 
-// Cholesky factor of M + H D, row-major and dof_count wide.
-void factor_tree(const mjModel* m, const mjData* d, const Tree& t, int tree, double* factor) {
+// Factor of M + H D, row-major and dof_count wide.
+void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double* factor) {
+  const Tree& t = trees.tree[tree];
   const double h = m->opt.timestep;
   const bool fast = m->opt.integrator == mjINT_IMPLICITFAST;
   const bool damped = damps_implicitly(m);
@@ -86,7 +87,7 @@ void factor_tree(const mjModel* m, const mjData* d, const Tree& t, int tree, dou
     }
     if (damped) factor[i * t.dof_count + i] += h * euler_damping(m, dof, d->qvel[dof]);
   }
-  factor_inertia(tree, t.dof_count, factor);
+  factor_inertia(trees, tree, factor);
 }
 
 }  // namespace
@@ -242,7 +243,8 @@ Trees make_trees(const mjModel_* m) {
   Trees trees;
   const int count = tree_count(m);
   for (int i = 0; i < count; ++i)
-    trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i));
+    trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i),
+                 m->dof_parentid + m->tree_dofadr[i]);
   return trees;
 }
 
@@ -259,7 +261,7 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
     if (t.free_body)
       invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
     else
-      factor_tree(m, d, t, index, factor.data() + t.inverse);
+      factor_tree(m, d, trees, index, factor.data() + t.inverse);
   }
 }
 
@@ -271,7 +273,7 @@ void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
     return;
   }
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
-  solve_inertia(t.dof_count, factor.data() + t.inverse, acceleration);
+  solve_inertia(trees, tree, factor.data() + t.inverse, acceleration);
 }
 
 bool is_free_body(const mjModel_* m, int tree) {

@@ -1,7 +1,5 @@
 #include "dashpot/trees.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
 #include <algorithm>
 #include <stdexcept>
 #include <string>
@@ -14,60 +12,66 @@ namespace dashpot {
 
 namespace {
 
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+// Visits the degrees of freedom above `dof` in its tree, from the nearest up; both in numbers from
+// `begin`, the tree's first.
+template <typename Visit>
+[[gnu::always_inline]] inline void for_each_above(const int* above, int begin, int dof,
+                                                  const Visit& visit) {
+  for (int i = above[begin + dof]; i >= 0; i = above[i]) visit(i - begin);
+}
 
-// inverse = inv(L L'), symmetric, `count` apart, a multiple of four. `lower`: room for inv(L),
-// which is row-major and as wide.
+// inverse = inv(L' D L), symmetric, columns `count` apart, a multiple of four. Of the unit matrix,
+// inv(L') is what rows leave that are taken off the rows above them, from the last one up, and then
+// inv(L) what rows above leave, from the first one down.
 DASHPOT_VECTOR_CLONES
-void invert(const double* factor, int n, int count, double* lower, double* inverse) {
-  std::fill_n(lower, count * count, 0.0);
+void invert(const double* factor, const int* above, int begin, int n, int count, double* inverse) {
   std::fill_n(inverse, count * count, 0.0);
-  // Row i of inv(L) is what the rows above leave of the unit vector.
-  for (int i = 0; i < n; ++i) {
-    double* row = lower + i * count;
-    row[i] = 1.0;
-    const double scale = 1.0 / factor[i * n + i];
-    const int filled = (i + kLanes) / kLanes * kLanes;
+  for (int k = n - 1; k >= 0; --k) {
+    double* row = inverse + k * count;
+    row[k] = 1.0;
+    // Entries before the diagonal are zero so far.
+    const int first_filled = k / kLanes * kLanes;
+    for_each_above(
+        above, begin, k, [=](int i) __attribute__((always_inline)) {
+          const double scale = -factor[k * n + i];
+          double* to = inverse + i * count;
+          for (int j = first_filled; j < count; j += kLanes)
+            store_lanes(load_lanes(to + j) + load_lanes(row + j) * scale, to + j);
+        });
+    const double scale = 1.0 / factor[k * n + k];
+    for (int j = first_filled; j < count; j += kLanes)
+      store_lanes(load_lanes(row + j) * scale, row + j);
+  }
+  for (int k = 0; k < n; ++k)
     for_each_block(
-        filled, [=](int first, auto width) __attribute__((always_inline)) {
+        count, [=](int first, auto width) __attribute__((always_inline)) {
+          double* row = inverse + k * count + first;
           Lanes rest[width()];
-          load_block(row + first, rest);
-          for (int k = first; k < i; ++k)
-            add_scaled(lower + k * count + first, -factor[i * n + k], rest);
-          for (Lanes& r : rest) r *= scale;
-          store_block(rest, row + first);
+          load_block(row, rest);
+          for_each_above(
+              above, begin, k, [&](int i) __attribute__((always_inline)) {
+                add_scaled(inverse + i * count + first, -factor[k * n + i], rest);
+              });
+          store_block(rest, row);
         });
-  }
-  // inv(H) = inv(L)' inv(L): its lower triangle, and what mirrors it.
-  for (int i = 0; i < n; ++i) {
-    const int filled = (i + kLanes) / kLanes * kLanes;
-    for_each_block(
-        filled, [=](int first, auto width) __attribute__((always_inline)) {
-          Lanes sum[width()] = {};
-          for (int k = i; k < n; ++k)
-            add_scaled(lower + k * count + first, lower[k * count + i], sum);
-          store_block(sum, inverse + i * count + first);
-        });
-  }
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < i; ++j) inverse[j * count + i] = inverse[i * count + j];
 }
 
 }  // namespace
 
-void Trees::append(int dof_begin, int dof_count, bool free_body) {
+void Trees::append(int dof_begin, int dof_count, bool free_body, const int* above_dofs) {
   Tree t;
   t.dof_begin = dof_begin;
   t.dof_count = dof_count;
   if (free_body)
     coordinates = (coordinates + kBodyCoordinates - 1) / kBodyCoordinates * kBodyCoordinates;
   t.begin = coordinates;
-  t.count = free_body ? kBodyCoordinates : (dof_count + kLanes - 1) / kLanes * kLanes;
+  t.count = free_body ? kBodyCoordinates : padded(dof_count);
   t.free_body = free_body;
   t.inverse = static_cast<int>(inverse.size());
   coordinates += t.count;
   inverse.resize(inverse.size() + t.count * t.count, 0.0);
   tree.push_back(t);
+  above.insert(above.end(), above_dofs, above_dofs + dof_count);
 }
 
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration) {
@@ -83,26 +87,41 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
     for (int i = 0; i < t.dof_count; ++i) acceleration[i] += column[i] * force[j];
 }
 
-void factor_inertia(int tree, int dofs, double* inertia) {
-  Eigen::Map<RowMajor> factor(inertia, dofs, dofs);
-  Eigen::LLT<Eigen::Ref<RowMajor>> llt(factor);
-  if (llt.info() != Eigen::Success)
-    throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
-                             " is not positive definite");
+void factor_inertia(const Trees& trees, int tree, double* inertia) {
+  const Tree& t = trees.tree[tree];
+  const int n = t.dof_count;
+  const int* above = trees.above.data();
+  for (int k = n - 1; k >= 0; --k) {
+    double* row = inertia + k * n;
+    if (!(row[k] > 0.0))
+      throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
+                               " is not positive definite");
+    for_each_above(above, t.dof_begin, k, [&](int i) {
+      const double entry = row[i] / row[k];
+      double* to = inertia + i * n;
+      to[i] -= entry * row[i];
+      for_each_above(above, t.dof_begin, i, [&](int j) { to[j] -= entry * row[j]; });
+      row[i] = entry;
+    });
+  }
 }
 
-void solve_inertia(int dofs, const double* factor, double* x) {
-  const Eigen::Map<const RowMajor> lower(factor, dofs, dofs);
-  Eigen::Map<Eigen::VectorXd> solution(x, dofs);
-  lower.triangularView<Eigen::Lower>().solveInPlace(solution);
-  lower.transpose().triangularView<Eigen::Upper>().solveInPlace(solution);
+void solve_inertia(const Trees& trees, int tree, const double* factor, double* x) {
+  const Tree& t = trees.tree[tree];
+  const int n = t.dof_count;
+  const int* above = trees.above.data();
+  for (int k = n - 1; k >= 0; --k)
+    for_each_above(above, t.dof_begin, k, [&](int i) { x[i] -= factor[k * n + i] * x[k]; });
+  for (int k = 0; k < n; ++k) {
+    x[k] /= factor[k * n + k];
+    for_each_above(above, t.dof_begin, k, [&](int i) { x[k] -= factor[k * n + i] * x[i]; });
+  }
 }
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
-  thread_local std::vector<double> lower;  // kept by the thread: no allocation in a step
-  lower.resize(t.count * t.count);
-  invert(factor, t.dof_count, t.count, lower.data(), trees.inverse.data() + t.inverse);
+  invert(factor, trees.above.data(), t.dof_begin, t.dof_count, t.count,
+         trees.inverse.data() + t.inverse);
 }
 
 }  // namespace dashpot

@@ -13,6 +13,7 @@
 
 #include <vector>
 
+#include "dashpot/aligned.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/trees.hpp"
 
@@ -30,9 +31,13 @@ class CoupledSum {
   double take_bound(const Trees& trees, int tree);
 
  private:
-  std::vector<double> entry_;
-  std::vector<char> empty_;   // by tree
-  std::vector<double> room_;  // for the matrices of a bound
+  double bound_of_reached(const Tree& tree, const double* inverse);
+
+  AlignedDoubles entry_;
+  std::vector<char> empty_;    // by tree
+  std::vector<char> reaches_;  // by motion coordinate: a sparse row has it
+  std::vector<int> reached_;   // coordinates of one tree, from its first
+  AlignedDoubles room_;        // for the matrices of a bound
 };
 
 }  // namespace dashpot

@@ -35,7 +35,6 @@ struct SparseLanes {
   const int* column[kLanes];
   int width[kLanes];
 };
-inline constexpr int padded(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
 // Numbers that `dim` rows of `width` values take in both orders.
 inline constexpr int sparse_size(int dim, int width) {
   return dim * padded(width) + padded(dim) * width;

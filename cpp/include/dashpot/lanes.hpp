@@ -13,6 +13,9 @@ namespace dashpot {
 
 inline constexpr int kLanes = 4;
 
+// The next multiple of it.
+constexpr int padded(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
+
 // The alignment is spelled out: without it, it would depend on the instruction set compiled for.
 typedef double Lanes __attribute__((vector_size(kLanes * sizeof(double)), aligned(32)));
 typedef long long LaneMask __attribute__((vector_size(kLanes * sizeof(long long)), aligned(32)));

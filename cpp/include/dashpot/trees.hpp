@@ -44,19 +44,25 @@ struct Trees {
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
   AlignedDoubles inverse;
+  // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
+  // below it, and to no others.
+  std::vector<int> above;
 
-  // Appends a tree with room for its inverse inertia, of either form.
-  void append(int dof_begin, int dof_count, bool free_body);
+  // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
+  // freedom, in the numbers of all.
+  void append(int dof_begin, int dof_count, bool free_body, const int* above);
 };
 
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
 
-// Cholesky factor and solution of H x = f for trees that are not free bodies. `inertia` is
-// row-major, dof_count x dof_count, its lower triangle is used and replaced by the factor. Throws
-// std::runtime_error if it is not positive definite.
-void factor_inertia(int tree, int dofs, double* inertia);
-void solve_inertia(int dofs, const double* factor, double* x);
+// H = L' D L of a tree that is not a free body, L of unit diagonal and as sparse as H below it:
+// no entry fills in where rows are eliminated from the last one up (Featherstone, Rigid Body
+// Dynamics Algorithms, 6.3). `inertia` is row-major, dof_count wide, and keeps D on and L below its
+// diagonal. Throws std::runtime_error if H is not positive definite.
+void factor_inertia(const Trees& trees, int tree, double* inertia);
+// Solution of H x = f; x is f before.
+void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
 // Fills in inv(H) of a tree that is not a free body.
 void invert_inertia(Trees& trees, int tree, const double* factor);
 
