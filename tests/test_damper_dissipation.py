@@ -1,8 +1,8 @@
 """What dampers dissipate where rows act in the same step, and what is left to the rows.
 
-Rows act through M + H D, of which H D is the integrator's way to treat dampers implicitly and no
-inertia: a limit that stops a damped joint within a step is not to be booked more than the energy of
-the motion, and the damper not less than nothing.
+Rows act through M + H D, of which H D is a way to treat dampers implicitly and no inertia: a limit
+that stops a damped joint within a step is not to be booked more than the energy of the motion, and
+the damper not less than nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import dashpot
 
 SPEED = 20.0  # rad/s
 ROUNDING = 1e-12
-INTEGRATORS = ("Euler", "implicitfast")
+IMPLICIT = ("Euler", "implicitfast", "implicit")
+INTEGRATORS = (*IMPLICIT, "RK4")
 
 
 def rod(
@@ -104,6 +105,8 @@ PASSIVE = {
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 @pytest.mark.parametrize("scene", PASSIVE)
 def test_passive_dampers_never_give_energy(scene, integrator, timestep):
+    if (scene, integrator, timestep) == ("strong dampers at limits", "RK4", 0.004):
+        pytest.skip("H D / M is 14, where RK4 diverges by itself")
     model = mujoco.MjModel.from_xml_string(PASSIVE[scene])
     model.opt.timestep = timestep
     model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
@@ -127,7 +130,7 @@ def test_passive_dampers_never_give_energy(scene, integrator, timestep):
     assert rows >= -1e-3 * peak
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", IMPLICIT)
 @pytest.mark.parametrize("damping", [1.0, 5.0, 50.0])
 def test_a_limit_that_is_hit_at_once_takes_the_energy(damping, integrator):
     """At the limit, H D is 0.7, 3.6 and 36 times the inertia; a part of the energy is the damper's.
@@ -217,8 +220,11 @@ def test_a_limit_at_the_end_of_a_long_way_leaves_the_damper_its_closed_form():
     assert data.qpos[0] > -1.0
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("damping", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize(
+    ("integrator", "damping"),
+    [(name, damping) for name in IMPLICIT for damping in (0.0, 0.1, 1.0)]
+    + [("RK4", 0.0), ("RK4", 0.1)],
+)
 def test_dry_friction_beside_a_damper_takes_force_times_way(damping, integrator):
     """However strong the damper, here up to 0.7 times the inertia within a step."""
     engine, data = rod(0.002, f'frictionloss="0.2" damping="{damping}"', integrator=integrator)

@@ -55,7 +55,7 @@ struct Stepper::Impl {
   void run_islands();
   void update_complementarity_free(mjData_* d);
   void report_forces(mjData_* d);
-  void advance_state(mjData_* d);
+  void advance_state(mjData_* d, bool new_control);
   void account_smooth_work(mjData_* d);
   void remember(mjData_* d, const host::MocapMotion& mocap);
 
@@ -95,12 +95,16 @@ struct Stepper::Impl {
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
+  host::RungeKutta runge_kutta;
   host::SmoothWork smooth_work;
   EnergyLedger ledger;
 };
 
 Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
-    : model(m), parameters(p), motion(m, p.options.law != Law::kComFree) {
+    : model(m),
+      parameters(p),
+      motion(m, p.options.law != Law::kComFree),
+      runge_kutta(p.options.law == Law::kComFree) {
   host::check_supported(m, p.options.law);
   if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
     throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
@@ -143,7 +147,8 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   motion.start(d);
   mocap.begin(length);
-  host::smooth_stage(model, d, !parts.cut());
+  const bool new_control = !parts.cut();
+  host::smooth_stage(model, d, new_control);
   mocap.write_velocities();
   // A part that another will follow needs no more than directions for the search of its end.
   const bool rough = parts.cut() && cuts < kMaxCuts;
@@ -169,7 +174,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
     run_islands();
   }
   report_forces(d);
-  advance_state(d);
+  advance_state(d, new_control);
+  mocap.write_velocities();
   account_smooth_work(d);
   mocap.advance(length);
   remember(d, mocap);
@@ -320,17 +326,28 @@ void Stepper::Impl::report_forces(mjData_* d) {
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
-void Stepper::Impl::advance_state(mjData_* d) {
-  host::integrate(model, d);
-  if (parameters.options.law == Law::kComFree) return;
-  for (int index = 0; index < motion.tree_count(); ++index)
-    motion.advance(d, index, length, {touched[index] != 0, held[index] != 0, geometry_of_middle},
-                   data);
+// The complementarity-free law asks for contacts at the end of a step that goes all the way with
+// its velocity there, as other integrators of MuJoCo do.
+void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
+  host::integrate(model, d, new_control, runge_kutta);
+  const bool comfree = parameters.options.law == Law::kComFree;
+  if (comfree && !host::is_runge_kutta(model)) return;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!comfree)
+      motion.advance(d, index, length,
+                     {touched[index] != 0, held[index] != 0, geometry_of_middle,
+                      trapezoid.holds(index), trapezoid.added_velocity()},
+                     data);
+    else if (touched[index])
+      motion.advance_semi_implicitly(d, index, length);
+  }
 }
 
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
-// change of kinetic energy of all others goes with their mean velocity.
+// change of kinetic energy of all others goes with their mean velocity, with RK4 also that of trees
+// which dry friction alone slows.
 void Stepper::Impl::account_smooth_work(mjData_* d) {
+  const std::vector<char>& moved = host::is_runge_kutta(model) ? held : touched;
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   mean_displacement.resize(start_velocity.size());
@@ -339,7 +356,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   if (parameters.options.law != Law::kComFree) {
     recovered.assign(start_velocity.size(), 0.0);
     for (int index = 0; index < motion.tree_count(); ++index) {
-      if (!touched[index]) continue;
+      if (!moved[index]) continue;
       const Tree& tree = motion.trees().tree[index];
       double* mean = mean_displacement.data() + tree.dof_begin;
       double* shift = recovered.data() + tree.dof_begin;
@@ -349,9 +366,10 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
     }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   }
-  smooth_work.find(model, d, motion.trees(),
-                   {start_velocity.data(), mean_displacement.data(),
-                    motion.smooth_acceleration().data(), &touched});
+  smooth_work.find(
+      model, d, motion.trees(),
+      {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
+       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated()});
   ledger.dissipated_damping -= smooth_work.damping;
   ledger.work += smooth_work.applied;
   book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);

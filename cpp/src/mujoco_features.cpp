@@ -17,6 +17,11 @@ bool any_nonzero(const mjtNum* values, int count) {
   return std::any_of(values, values + count, [](mjtNum value) { return value != 0.0; });
 }
 
+bool is_known_integrator(const mjModel* m) {
+  return m->opt.integrator == mjINT_EULER || m->opt.integrator == mjINT_RK4 ||
+         m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+}
+
 struct Report {
   bool comfree() const { return law == Law::kComFree; }
   void add(const std::string& name, Treatment treatment, const std::string& note) {
@@ -53,11 +58,17 @@ void report_options(const mjModel* m, Report& report) {
                                              "discrete"};
   const std::string integrator =
       o.integrator >= 0 && o.integrator < 5 ? kIntegrators[o.integrator] : "unknown";
-  if (o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST)
-    report.add("option integrator=" + integrator, Treatment::kHonoured,
-               "trees without contact are stepped by MuJoCo's own integrator");
+  if (!is_known_integrator(m))
+    report.add("option integrator=" + integrator, Treatment::kRefused,
+               "use Euler, implicitfast, implicit or RK4");
+  else if (is_runge_kutta(m) && has_adhesion(m))
+    report.add("option integrator=RK4 with adhesion", Treatment::kRefused,
+               "adhesion pulls at the contacts of the start of a step; use Euler or implicitfast");
   else
-    report.add("option integrator=" + integrator, Treatment::kRefused, "use Euler or implicitfast");
+    report.add("option integrator=" + integrator, Treatment::kHonoured,
+               is_runge_kutta(m) ? "trees without contact are stepped by MuJoCo's own integrator; "
+                                   "mean forces of contacts act in all of its stages"
+                                 : "trees without contact are stepped by MuJoCo's own integrator");
   if (o.enableflags & mjENBL_SLEEP)
     report.add("flag sleep", Treatment::kRefused, "sleeping islands carry no contact memory");
   if (o.enableflags & mjENBL_OVERRIDE)
@@ -195,8 +206,9 @@ void check_options(const mjModel_* m, Law law) {
                                 "; it must be finite and > 0 s");
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
-  const bool integrator_known = o.integrator == mjINT_EULER || o.integrator == mjINT_IMPLICITFAST;
-  if (!integrator_known || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
+  const bool adheres_in_stages = is_runge_kutta(m) && has_adhesion(m);
+  if (!is_known_integrator(m) || adheres_in_stages ||
+      o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m, law);
 }
 

@@ -32,11 +32,6 @@ void check_finite(const char* field, const mjtNum* values, mjtSize count) {
       check_finite(std::string(field) + "[" + std::to_string(i) + "]", values[i]);
 }
 
-bool damps_implicitly(const mjModel* m) {
-  return m->opt.integrator != mjINT_IMPLICITFAST &&
-         !(m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER));
-}
-
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
 // armature, and without forces that the integrator treats implicitly.
 bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
@@ -44,8 +39,8 @@ bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
   const int begin = m->tree_dofadr[tree];
   for (int dof = begin; dof < begin + m->tree_dofnum[tree]; ++dof) {
     if (m->dof_armature[dof] != 0.0) return false;
-    if (damps_implicitly(m) && euler_damping(m, dof, d->qvel[dof]) != 0.0) return false;
-    if (m->opt.integrator == mjINT_IMPLICITFAST)
+    if (joint_damping_weight(m) > 0.0 && joint_damping(m, dof, d->qvel[dof]) != 0.0) return false;
+    if (takes_derivatives(m))
       for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
         if (d->qDeriv[k] != 0.0) return false;
   }
@@ -71,21 +66,22 @@ void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* in
   }
 }
 
-// Factor of M + H D, row-major and dof_count wide.
+// Factor of the effective inertia, row-major and dof_count wide.
 void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double* factor) {
   const Tree& t = trees.tree[tree];
   const double h = m->opt.timestep;
-  const bool fast = m->opt.integrator == mjINT_IMPLICITFAST;
-  const bool damped = damps_implicitly(m);
+  const bool derived = takes_derivatives(m);
+  const double weight = joint_damping_weight(m);
   std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
     for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
       double& entry = factor[i * t.dof_count + m->M_colind[k] - t.dof_begin];
       entry = d->M[k];
-      if (fast) entry -= h * d->qDeriv[m->mapD2M[k]];
+      if (derived) entry -= h * d->qDeriv[m->mapD2M[k]];
     }
-    if (damped) factor[i * t.dof_count + i] += h * euler_damping(m, dof, d->qvel[dof]);
+    if (weight > 0.0)
+      factor[i * t.dof_count + i] += weight * h * joint_damping(m, dof, d->qvel[dof]);
   }
   factor_inertia(trees, tree, factor);
 }
@@ -209,14 +205,10 @@ double* memory(const mjModel_* m, mjData_* d, int size) {
   return d->userdata + (m->nuserdata - size);
 }
 
-namespace {
-
-bool has_adhesion(const mjModel* m) {
+bool has_adhesion(const mjModel_* m) {
   const int* types = m->actuator_trntype;
   return m->flg_adhesion || std::count(types, types + m->nactuator, mjTRN_BODY) > 0;
 }
-
-}  // namespace
 
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
   const bool adhesive = has_adhesion(m);
@@ -249,7 +241,7 @@ Trees make_trees(const mjModel_* m) {
 }
 
 void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
-  if (m->opt.integrator == mjINT_IMPLICITFAST) mjd_smooth_vel(m, d, 0);
+  if (takes_derivatives(m)) mjd_smooth_vel(m, d, 0);
 }
 
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
@@ -340,8 +332,24 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
   call_with_callbacks(mj_sensorAcc, m, d);
 }
 
-void integrate(const mjModel_* m, mjData_* d) {
-  if (m->opt.integrator == mjINT_IMPLICITFAST)
+bool takes_derivatives(const mjModel_* m) {
+  return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+}
+
+double joint_damping_weight(const mjModel_* m) {
+  if (takes_derivatives(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
+  if (is_runge_kutta(m)) return 0.5;
+  return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
+}
+
+bool adds_to_smooth_motion(const mjModel_* m) {
+  return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
+}
+
+void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta) {
+  if (is_runge_kutta(m))
+    runge_kutta.advance(m, d, new_control);
+  else if (takes_derivatives(m))
     mj_implicit(m, d);
   else
     mj_Euler(m, d);

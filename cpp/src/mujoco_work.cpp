@@ -1,7 +1,8 @@
 // Work of the smooth forces over a step. Part of the mujoco_host room.
 //
 // A step solves (M + H D) dv = f dt + J'dp with f the smooth forces at its start, D what the
-// integrator treats implicitly and p the impulses of the rows, which may come at any time in it. So
+// effective inertia has of dampers and actuators (mujoco_host.hpp) and p the impulses of the rows,
+// which may come at any time in it. So
 //
 //     v(t) = v0 + a t + u(t),    a = inv(M + H D) f,    u = inv(M + H D) J'p,
 //     change of v'M v / 2 = f'x + (work of the rows) - H (v1' D v1 - v0' D v0) / 2
@@ -28,6 +29,10 @@
 // within the step is not known here; of a damper that would stop the motion within a step it can be
 // more than there is energy. But passive dampers dissipate no less than nothing, and no more than
 // what they and the rows took from the motion together.
+//
+// With RK4, D is half of the joint damping, so that dampers brake at the mean velocity: w - v0 is
+// 2 (x / H - v0). Instead of f stands the mean of the smooth forces at both ends of the step, that
+// of dampers without what D accounts for.
 
 #include <mujoco/mujoco.h>
 
@@ -67,18 +72,17 @@ double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const d
   return sum;
 }
 
-// The same with the D of dampers, of either integrator; Euler takes it at the start of the step.
+// The same with the D of dampers, whatever it comes from; that of joints at the start of the step.
 double damping_form(const mjModel* m, const mjData* d, const Tree& t, const double* start_velocity,
                     const double* u, const double* v) {
-  if (m->opt.integrator == mjINT_IMPLICITFAST) return derivative_form(m, d, t, u, v);
-  if (m->opt.disableflags & (mjDSBL_EULERDAMP | mjDSBL_DAMPER)) return 0.0;
+  if (takes_derivatives(m)) return derivative_form(m, d, t, u, v);
+  const double weight = joint_damping_weight(m);
+  if (weight == 0.0) return 0.0;
   double sum = 0.0;
   for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-    sum += euler_damping(m, i, start_velocity[i]) * u[i] * v[i];
-  return sum;
+    sum += joint_damping(m, i, start_velocity[i]) * u[i] * v[i];
+  return weight * sum;
 }
-
-double damping_force(const mjData* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
 
 // Whether the integrator treats any force on a tree implicitly.
 bool brakes(const Tree& t) { return !t.free_body; }
@@ -127,7 +131,7 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
 
 }  // namespace
 
-double euler_damping(const mjModel_* m, int dof, double velocity) {
+double joint_damping(const mjModel_* m, int dof, double velocity) {
   double damping =
       damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);
   const int actuator = m->jnt_actuatorid[m->dof_jntid[dof]];
@@ -140,9 +144,8 @@ double euler_damping(const mjModel_* m, int dof, double velocity) {
 
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
-  for (int i = 0; i < m->nv; ++i)
-    applied += (d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping_force(d, i)) *
-               motion.displacement[i];
+  find_mean_forces(m, d, motion);
+  for (int i = 0; i < m->nv; ++i) applied += driving_force_[i] * motion.displacement[i];
   const int count = static_cast<int>(trees.tree.size());
   group_trees(m, count, group);
   left_to_rows.assign(count, 0.0);
@@ -170,6 +173,23 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
   }
 }
 
+void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion) {
+  for (auto* array : {&undamped_force_, &driving_force_, &damping_force_}) array->resize(m->nv);
+  for (int i = 0; i < m->nv; ++i) {
+    damping_force_[i] = damping_force(d, i);
+    driving_force_[i] = driving_force(d, i);
+    undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
+    if (!motion.end || !(*motion.integrated)[m->dof_treeid[i]]) continue;
+    const SmoothForces& end = *motion.end;
+    const double drag = joint_damping(m, i, motion.start_velocity[i]);
+    const double accounted =
+        joint_damping_weight(m) * 2.0 * drag * (end.velocity[i] - motion.start_velocity[i]);
+    damping_force_[i] += 0.5 * (end.damping[i] + accounted - damping_force_[i]);
+    driving_force_[i] += 0.5 * (end.driving[i] - driving_force_[i]);
+    undamped_force_[i] += 0.5 * (end.all[i] - end.damping[i] - undamped_force_[i]);
+  }
+}
+
 void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
                               const StepMotion& motion) {
   const int count = static_cast<int>(trees.tree.size());
@@ -183,10 +203,19 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
     mean_change_[i] = motion.displacement[i] / m->opt.timestep - motion.start_velocity[i];
     unevenness_[i] = mean_change_[i] - 0.5 * change_[i];
     const int tree = m->dof_treeid[i];
-    const double at_start = -damping_force(d, i) * motion.displacement[i];
-    dampers_[group[tree]] += {at_start, at_start};
+    const double explicit_part = -damping_force_[i] * motion.displacement[i];
+    dampers_[group[tree]] += {explicit_part, explicit_part};
     if ((*motion.touched)[tree]) touched_[group[tree]] = 1;
   }
+  const auto derive_at_start = [&](const auto& derive) {
+    end_velocity_.assign(d->qvel, d->qvel + m->nv);
+    std::copy_n(motion.start_velocity, m->nv, d->qvel);
+    derive();
+    std::copy(end_velocity_.begin(), end_velocity_.end(), d->qvel);
+  };
+  // There MuJoCo has left derivatives of the bias too.
+  if (m->opt.integrator == mjINT_IMPLICIT)
+    derive_at_start([&] { prepare_effective_inertia(m, d); });
   for (int index = 0; index < count; ++index)
     if ((*motion.touched)[index] && brakes(trees.tree[index]))
       kept_[index] = kept_change(m, d, trees.tree[index], motion);
@@ -195,16 +224,14 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
       if (brakes(trees.tree[index]))
         to[group[index]] += implicit_braking(m, d, trees.tree[index], kept_[index], sign, motion);
   };
-  if (m->opt.integrator != mjINT_IMPLICITFAST || m->nu == 0 ||
-      (m->opt.disableflags & mjDSBL_ACTUATION))
+  if (!takes_derivatives(m) || m->nu == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
     return add_braking(dampers_, 1.0);
-  // Of actuators: all less that of dampers, which is asked for at the velocity of the start.
+  // Of actuators: all less that of dampers.
   add_braking(actuators_, 1.0);
-  end_velocity_.assign(d->qvel, d->qvel + m->nv);
-  std::copy_n(motion.start_velocity, m->nv, d->qvel);
-  mju_zero(d->qDeriv, m->nD);
-  mjd_passive_vel(m, d);
-  std::copy(end_velocity_.begin(), end_velocity_.end(), d->qvel);
+  derive_at_start([&] {
+    mju_zero(d->qDeriv, m->nD);
+    mjd_passive_vel(m, d);
+  });
   add_braking(actuators_, -1.0);
   add_braking(dampers_, 1.0);
 }
@@ -233,8 +260,9 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
   const double integrated =
       m->opt.timestep * (form(change, motion.start_velocity) + 0.5 * form(change, change));
   if (!(*motion.touched)[tree]) return {integrated, integrated};
-  return {integrated, form(motion.displacement, mean_change_.data()) +
-                          0.5 * kept * form(motion.displacement, change)};
+  const double mean = form(motion.displacement, mean_change_.data());
+  if (motion.end) return {integrated, 2.0 * mean};
+  return {integrated, mean + 0.5 * kept * form(motion.displacement, change)};
 }
 
 // Work of all other smooth forces less the gain of kinetic energy: what dampers and rows took.
@@ -248,12 +276,18 @@ void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& t
     double& lost = lost_[group[index]];
     lost -= actuators_[index].integrated;
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-      lost += (d->qfrc_smooth[i] - damping_force(d, i)) * motion.displacement[i] -
+      lost += undamped_force_[i] * motion.displacement[i] -
               (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];
   }
 }
 
 double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
+
+double damping_force(const mjData_* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+
+double driving_force(const mjData_* d, int dof) {
+  return d->qfrc_smooth[dof] + d->qfrc_bias[dof] - d->qfrc_spring[dof] - damping_force(d, dof);
+}
 
 double positional_force(const mjData_* d, int dof) {
   return d->qfrc_spring[dof] + d->qfrc_gravcomp[dof] - d->qfrc_bias[dof];

@@ -18,6 +18,11 @@ constexpr double kResidual = 1e-6;
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
 
+// Whether the smooth motion of a tree already knows of its forces at the end of a step.
+bool moves_accurately(const mjModel_* model, int tree) {
+  return host::is_free_body(model, tree) || host::is_runge_kutta(model);
+}
+
 }  // namespace
 
 // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, at turning points of the
@@ -57,6 +62,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
                                  const std::vector<ConstraintInput>& constraints,
                                  const TreeMotion& motion, Rows& rows, RowData& data,
                                  EnergyLedger& ledger) {
+  added_.clear();
   const HeldMotion before = memory.held_motion();
   if (!before.length) return;
   const Trees& trees = motion.trees();
@@ -77,11 +83,15 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     coupled.turns = coupled.scale != 0.0;
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }
+  added_.assign(trees.coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (first_[index] < 0) continue;
     const double scale = coupled_[first_[index]].scale;
     const Tree& t = trees.tree[index];
-    for (int i = t.begin; i < t.begin + t.count; ++i) data.velocity[i] += scale * second_half_[i];
+    for (int i = t.begin; i < t.begin + t.count; ++i) {
+      added_[i] = scale * second_half_[i];
+      data.velocity[i] += added_[i];
+    }
   }
   stop_fast_turns(length, rows);
 }
@@ -104,7 +114,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     coupled.wanted += before.energy[index];
     double* force = wrench_.data() + t.begin;
     for (int i = 0; i < t.count; ++i) force[i] += before.other_force[t.begin + i];
-    for (int i = 0; i < t.dof_count && !host::is_free_body(model, index); ++i) {
+    for (int i = 0; i < t.dof_count && !moves_accurately(model, index); ++i) {
       const int dof = t.dof_begin + i;
       force[i] += host::positional_force(d, dof);
       coupled.wanted += 0.5 * host::potential_force(model, d, dof) * before.displacement[dof];
@@ -134,7 +144,7 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, const Tre
       coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
     }
     coupled.kinetic += kinetic;
-    if (!left_half_[index] || host::is_free_body(model, index)) coupled.wanted += kinetic;
+    if (!left_half_[index] || moves_accurately(model, index)) coupled.wanted += kinetic;
   }
   for (Coupled& coupled : coupled_) coupled.wanted += coupled.turning_work;
 }
@@ -186,7 +196,7 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     double& energy = now.energy[index];
     std::fill_n(acceleration, t.count, 0.0);
     energy = 0.0;
-    if (host::is_free_body(model, index)) {
+    if (moves_accurately(model, index)) {
       for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
       continue;
     }

@@ -293,9 +293,12 @@ void check_restored_middle() {
 int main() {
   mjModel* m = compile(scene());
   const dashpot::Parameters p = parameters(m);
-  check_steps(m, p);
-  check_allocations(m, p);
-  check_rollouts(m, p);
+  for (const int integrator : {mjINT_EULER, mjINT_RK4, mjINT_IMPLICIT, mjINT_IMPLICITFAST}) {
+    m->opt.integrator = integrator;
+    check_steps(m, p);
+    check_allocations(m, p);
+    check_rollouts(m, p);
+  }
   check_queries(m);
   check_height_field();
   check_restored_middle();

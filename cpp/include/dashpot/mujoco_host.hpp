@@ -14,6 +14,7 @@
 #include "dashpot/law.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/runge_kutta.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -108,6 +109,7 @@ inline constexpr int kMostCoupledDofs = 600;
 int contact_site_count(const mjModel_* m);
 bool has_flexes(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
+bool has_adhesion(const mjModel_* m);  // of actuators or of geoms
 int mocap_count(const mjModel_* m);
 
 // Contact memory lives behind the model's own user data: `size` doubles.
@@ -193,17 +195,26 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
 // The layout of trees in motion coordinates.
 Trees make_trees(const mjModel_* m);
 
-// What MuJoCo's Euler integrator treats implicitly at `velocity`: the derivative of the damping of
-// a joint and of the actuator that lends it damping, N s/m or N m s/rad.
-double euler_damping(const mjModel_* m, int dof, double velocity);
+// The effective inertia M + H D, through which rows act, has D by integrator:
+//     Euler          joint damping, as MuJoCo's Euler treats it implicitly
+//     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
+//     implicit       the same; the derivative of the bias, which is not symmetric, is left out
+//     RK4            half of the joint damping: the trapezoidal rule, of second order.
+// Whether it comes from derivatives.
+bool takes_derivatives(const mjModel_* m);
+// Otherwise: the weight of joint damping in D.
+double joint_damping_weight(const mjModel_* m);
+// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
+// damping, N s/m or N m s/rad.
+double joint_damping(const mjModel_* m, int dof, double velocity);
 
-// Computes the derivatives that implicitfast needs; nothing for Euler.
+// Computes the derivatives where they are needed.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others a Cholesky
 // factor in `factor`, at the tree's `inverse` offset and dof_count wide.
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
                             std::vector<double>& factor);
-// The smooth generalized acceleration of a tree, implicit in velocity as the integrator is.
+// The smooth generalized acceleration of a tree through the effective inertia.
 void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
                          const std::vector<double>& factor, double* acceleration);
 
@@ -238,10 +249,13 @@ void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& bo
 
 const double* velocity(const mjData_* d);
 
-// Smooth force on a degree of freedom at the start of the last step, N or N m: all of it, and what
-// follows from positions and velocities alone: bias, springs and gravity compensation.
+// Smooth force on a degree of freedom at the start of the last step, N or N m: all of it; what
+// follows from positions and velocities alone: bias, springs and gravity compensation; that of
+// dampers and fluids; that of actuators, applied forces and gravity compensation.
 double smooth_force(const mjData_* d, int dof);
 double positional_force(const mjData_* d, int dof);
+double damping_force(const mjData_* d, int dof);
+double driving_force(const mjData_* d, int dof);
 // The part of these that has a potential, from gravity, springs and gravity compensation.
 double potential_force(const mjModel_* m, const mjData_* d, int dof);
 // M x in generalized coordinates (nv), with the inertia last computed.
@@ -254,8 +268,11 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
                    const std::vector<double>& row_force);
 
-// MuJoCo's own integrator: advances everything (time, activations, plugins, trees without contact).
-void integrate(const mjModel_* m, mjData_* d);
+// MuJoCo's own integrator, under the mean forces that report_forces has set: advances everything
+// (time, activations, plugins, trees without contact). `new_control` as in smooth_stage.
+void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta);
+// Whether it takes smooth forces otherwise than through the effective inertia.
+bool adds_to_smooth_motion(const mjModel_* m);
 
 // Replaces the state of one tree by `velocity`, and by positions moved from `start_position` (nq)
 // by `displacement`; both are generalized, one entry per degree of freedom of the tree.
@@ -267,10 +284,14 @@ int position_count(const mjModel_* m);
 
 // How a step moved: generalized velocity at its start, displacement that the change of kinetic
 // energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
-// the tree), smooth acceleration (nv each), and by tree whether rows moved it.
+// the tree), smooth acceleration (nv each), and by tree whether rows moved it. `end`: smooth forces
+// at the end of the step, null where the integrator does not ask for them, and by tree whether it
+// moved under them.
 struct StepMotion {
   const double *start_velocity, *displacement, *acceleration;
   const std::vector<char>* touched;
+  const SmoothForces* end;
+  const std::vector<char>* integrated;
 };
 
 // Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
@@ -302,6 +323,7 @@ class SmoothWork {
                            double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
+  void find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion);
 
   // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
   // whether rows moved any of the trees.
@@ -311,6 +333,9 @@ class SmoothWork {
   std::vector<double> kept_;  // s, by tree
   // By degree of freedom: v1 - v0, x / H - v0, x / H - (v0 + v1) / 2, M (v1 - v0), v1.
   std::vector<double> change_, mean_change_, unevenness_, momentum_, end_velocity_;
+  // By degree of freedom, means over the step: of smooth forces but those of dampers; of driving
+  // forces; of dampers, less what the effective inertia takes of them.
+  std::vector<double> undamped_force_, driving_force_, damping_force_;
 };
 
 // Work (J) of gravity and passive springs over a displacement (nv) from where the step started.

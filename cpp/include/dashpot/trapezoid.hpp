@@ -11,7 +11,7 @@
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
 // forces; lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective
 // inertia. The smooth motion of a free body is exact, and rows change its momentum: there, a' - a
-// is inv(H1) (J1 - J0)' lambda.
+// is inv(H1) (J1 - J0)' lambda. So it is with RK4, whose stages see how smooth forces change.
 //
 // s is 1 to first order in H, and such that energy is conserved:
 //
@@ -55,6 +55,11 @@ class Trapezoid {
             const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
             const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
 
+  // Of this step: whether equalities hold a tree, and what was added to velocities, by motion
+  // coordinate; null where nothing was.
+  bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
+  const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
+
  private:
   // Of the trees that equalities couple, J: v'M v / 2, v'M k and k'M k / 2 with k the whole second
   // half, the kinetic energy that there ought to be, and the work that rows did because they
@@ -76,7 +81,7 @@ class Trapezoid {
   std::vector<int> first_;        // by tree: the first one that equalities couple it to, -1 if none
   std::vector<char> left_half_;   // by tree
   std::vector<Coupled> coupled_;  // by first tree
-  std::vector<double> wrench_, second_half_;                       // by motion coordinate
+  std::vector<double> wrench_, second_half_, added_;               // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
 };
 

@@ -2,8 +2,14 @@
 // from, and its state at the end of the step, with what the rows added.
 //
 // Free bodies follow the accurate motion of free_body.hpp. Of the other trees those that rows hold
-// take the integral of their micro-step velocities; MuJoCo's semi-implicit update has all others,
-// and those that dry friction alone slows.
+// take the integral of their micro-step velocities; MuJoCo's integrator has all others, and those
+// that dry friction alone slows.
+//
+// Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
+// of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
+// take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
+// that dry friction alone slows its position too. Where rows hold a tree whose joint dampers RK4
+// does not resolve, the velocity of the micro-steps stays.
 
 #pragma once
 
@@ -24,6 +30,9 @@ struct RowsOnTree {
   bool touched = false;      // moved it
   bool held = false;         // so did rows that have a position, which dry friction has not
   bool from_middle = false;  // in the geometry of the middle of the part
+  bool coupled = false;      // so did equalities (trapezoid.hpp)
+  // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
+  const double* added_velocity = nullptr;
 };
 
 class TreeMotion {
@@ -48,6 +57,10 @@ class TreeMotion {
 
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   void advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, const RowData& data);
+  // By tree, of the last step: it has its velocity from MuJoCo's integrator.
+  const std::vector<char>& integrated() const { return integrated_; }
+  // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
+  void advance_semi_implicitly(mjData_* d, int tree, double length);
 
   const Trees& trees() const { return trees_; }
   int tree_count() const { return static_cast<int>(trees_.tree.size()); }
@@ -58,6 +71,8 @@ class TreeMotion {
  private:
   bool is_accurate(int tree) const;
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
+  bool is_integrated(int tree, double length, const RowsOnTree& by_rows) const;
+  bool resolves_dampers(int tree, double length) const;
   double contact_work(int tree, double length, const RowData& data) const;
   void advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                          const RowData& data);
@@ -71,7 +86,8 @@ class TreeMotion {
   std::vector<FreeMotion> free_motion_;  // by tree; meaningful for free bodies
   std::vector<double> inertia_factor_;   // of trees that are not free bodies
   std::vector<char> inverted_;           // by tree: its inverse inertia is filled in
-  std::vector<double> displacement_;     // generalized, of one tree
+  std::vector<char> integrated_;
+  std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
 };
 
 }  // namespace dashpot

@@ -1,0 +1,170 @@
+#include "dashpot/runge_kutta.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Where in the step a stage lies, as a part of it, which is also the weight of the slope that leads
+// there; and the weights of all slopes.
+constexpr double kPlace[] = {0.0, 0.5, 0.5, 1.0};
+constexpr double kWeight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
+
+constexpr int kInputs = mjSTATE_CTRL | mjSTATE_QFRC_APPLIED | mjSTATE_XFRC_APPLIED;
+constexpr int kState = mjSTATE_TIME | mjSTATE_QPOS | mjSTATE_QVEL | mjSTATE_ACT | kInputs;
+
+void get_state(const mjModel* m, const mjData* d, int kind, std::vector<double>& state) {
+  state.resize(mj_stateSize(m, kind));
+  mj_getState(m, d, state.data(), kind);
+}
+
+}  // namespace
+
+bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
+
+// At its end `d` has the state, contacts and flags that it had when this was made. Contacts and
+// rows themselves lie in an arena that the stages leave alone.
+class RungeKutta::Start {
+ public:
+  Start(const mjModel* m, mjData* d, std::vector<double>& state)
+      : model_(m),
+        data_(d),
+        state_(state),
+        count_{d->ncon, d->ne, d->nf, d->nl, d->nefc},
+        flag_{d->flg_energypos, d->flg_energyvel, d->flg_subtreevel, d->flg_rnepost} {
+    get_state(m, d, kState, state);
+  }
+  ~Start() {
+    restore_state();
+    data_->ncon = count_[0];
+    data_->ne = count_[1];
+    data_->nf = count_[2];
+    data_->nl = count_[3];
+    data_->nefc = count_[4];
+    data_->flg_energypos = flag_[0];
+    data_->flg_energyvel = flag_[1];
+    data_->flg_subtreevel = flag_[2];
+    data_->flg_rnepost = flag_[3];
+  }
+  Start(const Start&) = delete;
+  Start& operator=(const Start&) = delete;
+
+  void restore_state() { mj_setState(model_, data_, state_.data(), kState); }
+
+ private:
+  const mjModel* model_;
+  mjData* data_;
+  const std::vector<double>& state_;
+  const std::array<int, 5> count_;
+  const std::array<mjtBool, 4> flag_;
+};
+
+void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
+  constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
+  constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
+                             [](double force) { return force != 0.0; });
+  position_.assign(d->qpos, d->qpos + m->nq);
+  activation_.assign(d->act, d->act + m->na);
+  velocity_[0].assign(d->qvel, d->qvel + m->nv);
+  acceleration_[0].assign(d->qacc, d->qacc + m->nv);
+  activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
+  {
+    Start start(m, d, state_);
+    for (int stage = 1; stage < kStages; ++stage) {
+      go_to_stage(m, d, stage);
+      smooth_stage(m, d, new_control);
+      read_slope(m, d, stage);
+    }
+    read_end(m, d);
+    get_state(m, d, kInputs, inputs_);
+    start.restore_state();
+    smooth_stage(m, d, false);
+  }
+  find_mean_slope();
+  check_mean_slope(m);
+  mj_setState(m, d, inputs_.data(), kInputs);
+  // Time, plugins and activations are as with Euler, under the mean slope.
+  std::copy(acceleration_[0].begin(), acceleration_[0].end(), d->qacc);
+  std::copy(mean_activation_rate_.begin(), mean_activation_rate_.end(), d->act_dot);
+  mj_Euler(m, d);
+  std::copy(activation_rate_[0].begin(), activation_rate_[0].end(), d->act_dot);
+  std::copy(acceleration_.back().begin(), acceleration_.back().end(), d->qacc_warmstart);
+  std::copy(velocity_[0].begin(), velocity_[0].end(), d->qvel);
+  mju_addToScl(d->qvel, mean_acceleration_.data(), m->opt.timestep, static_cast<int>(m->nv));
+  std::copy(position_.begin(), position_.end(), d->qpos);
+  mj_integratePos(m, d->qpos, mean_velocity_.data(), m->opt.timestep);
+}
+
+void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
+  const double part = kPlace[stage], h = m->opt.timestep;
+  const auto move = [&](double* x, const std::vector<double>& start,
+                        const std::vector<double>& slope, std::vector<double>& scaled) {
+    scaled.assign(slope.size(), 0.0);
+    mju_addToScl(scaled.data(), slope.data(), part, static_cast<int>(slope.size()));
+    std::copy(start.begin(), start.end(), x);
+    mju_addToScl(x, scaled.data(), h, static_cast<int>(slope.size()));
+  };
+  mean_velocity_.assign(m->nv, 0.0);
+  mju_addToScl(mean_velocity_.data(), velocity_[stage - 1].data(), part, static_cast<int>(m->nv));
+  std::copy(position_.begin(), position_.end(), d->qpos);
+  mj_integratePos(m, d->qpos, mean_velocity_.data(), h);
+  move(d->qvel, velocity_[0], acceleration_[stage - 1], mean_acceleration_);
+  move(d->act, activation_, activation_rate_[stage - 1], mean_activation_rate_);
+  d->time = state_[0] + part * h;
+}
+
+void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage) {
+  if (constrained_) {
+    mj_solveM(m, d, d->qacc, constraint_force_.data(), 1);
+    mju_addTo(d->qacc, d->qacc_smooth, static_cast<int>(m->nv));
+  } else {
+    std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
+  }
+  velocity_[stage].assign(d->qvel, d->qvel + m->nv);
+  acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
+  activation_rate_[stage].assign(d->act_dot, d->act_dot + m->na);
+}
+
+void RungeKutta::find_mean_slope() {
+  const auto average = [](const std::array<std::vector<double>, kStages>& slope,
+                          std::vector<double>& mean) {
+    mean.assign(slope[0].size(), 0.0);
+    for (int stage = 0; stage < kStages; ++stage)
+      mju_addToScl(mean.data(), slope[stage].data(), kWeight[stage], static_cast<int>(mean.size()));
+  };
+  average(velocity_, mean_velocity_);
+  average(acceleration_, mean_acceleration_);
+  average(activation_rate_, mean_activation_rate_);
+}
+
+void RungeKutta::check_mean_slope(const mjModel* m) const {
+  for (int i = 0; i < m->nv; ++i) {
+    if (!moves_free_bodies_ && is_free_body(m, m->dof_treeid[i])) continue;
+    if (!(std::abs(mean_velocity_[i]) <= kLargestValue &&
+          std::abs(mean_acceleration_[i]) <= kLargestValue))
+      throw std::runtime_error("motion of degree of freedom " + std::to_string(i) +
+                               " diverged between the stages of RK4; data are as they were before "
+                               "the step");
+  }
+}
+
+void RungeKutta::read_end(const mjModel* m, const mjData* d) {
+  for (auto* array : {&end_.all, &end_.driving, &end_.damping, &end_.velocity})
+    array->resize(m->nv);
+  for (int i = 0; i < m->nv; ++i) {
+    end_.all[i] = d->qfrc_smooth[i];
+    end_.driving[i] = driving_force(d, i);
+    end_.damping[i] = damping_force(d, i);
+    end_.velocity[i] = d->qvel[i];
+  }
+}
+
+}  // namespace dashpot::host
