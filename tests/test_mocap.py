@@ -61,8 +61,7 @@ def test_lift_carries_a_box_at_its_speed(speed, timeconst):
 
 
 def test_lift_does_the_work_that_the_box_gains():
-    # MuJoCo counts the potential energy of the plate, too.
-    engine, data = make(PLATE.replace('0.05"/>', '0.05" mass="0"/>'))
+    engine, data = make(PLATE)  # MuJoCo counts the potential energy of the plate, too
     start = engine.energy(data)
     drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 2), 0.5 * t), seconds=0.5)
     end = engine.energy(data)
@@ -116,6 +115,75 @@ def test_pusher_pushes_at_its_speed_without_going_in():
     # 9.81 N of friction on rigid contacts.
     assert data.contact.dist[: data.ncon].min() > -2e-5
     assert data.qpos[0] == pytest.approx(0.5 * (1.0 - late(0.02)), abs=1e-3)
+
+
+FINGER = """<mujoco><option timestep="0.002"/><worldbody>
+  <body name="hand" mocap="true" pos="0 0 1"><geom type="box" size="0.05 0.02 0.02"/>
+    <body name="finger" pos="0.1 0 0"><joint type="hinge" axis="0 1 0" {joint}/>
+      <geom name="tip" type="box" size="0.02 0.05 0.1" pos="0 0 -0.1" mass="0.2"/></body></body>
+  {more}
+</worldbody></mujoco>"""
+BALL = """<body name="ball" pos="0.3 0 0.9"><freejoint/><geom size="0.04" mass="0.1"/></body>"""
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+@pytest.mark.parametrize("speed", [0.1, 0.5, 2.0])
+def test_finger_on_a_moving_hand_pushes_at_its_speed(speed, impact):
+    # It would pass through the ball if its contacts saw the joint's velocity alone.
+    xml = FINGER.format(joint='stiffness="20" damping="0.5"', more=BALL)
+    engine, data = make(xml.replace("<option", '<option gravity="0 0 0"'), impact=impact)
+    depth = 0.0
+    rates = []  # of the gap, where the contact pushes
+    for k in range(round(0.6 / speed / 0.002)):
+        data.mocap_pos[0, 0] = speed * k * 0.002
+        depth = max(depth, engine.step(data).max_penetration)
+        contacts = engine.contacts(data)
+        rates += list(contacts.velocity[contacts.force[:, 0] > 0.0, 0])
+    # The springy finger may throw the ball ahead, never leave it behind.
+    assert data.qvel[1] > 0.95 * speed
+    # Sags of the rigid contact, and what it gives way by in an impact at this speed.
+    assert depth < 1e-4 * max(1.0, speed)
+    assert rates
+    assert abs(rates[-1]) < 0.1 * speed
+
+
+def test_finger_against_a_stop_on_its_hand_does_not_feel_the_hand_move():
+    # Tip and stop go as one: what carries them along leaves their contact alone.
+    stop = '<geom name="stop" type="box" size="0.02 0.02 0.02" pos="0.06 0 -0.15"/>'
+    xml = FINGER.replace('<body name="finger"', stop + '<body name="finger"')
+    # A pair, since parent and child do not collide otherwise.
+    pair = '<contact><pair geom1="stop" geom2="tip"/></contact>'
+    xml = xml.format(joint='springref="45" stiffness="0.3"', more="")
+    xml = xml.replace("</worldbody>", "</worldbody>" + pair)
+    forces = []
+    for speed in (0.0, 1.0):
+        engine, data = make(xml)
+        for k in range(500):
+            data.mocap_pos[0, 0] = speed * k * 0.002
+            engine.step(data)
+        contacts = engine.contacts(data)
+        forces.append(contacts.force[:, 0].sum())
+        # Differences of velocities of 1 m/s.
+        assert np.abs(contacts.velocity).max() < 1e-12
+    assert forces[0] > 0.5
+    # Collision knows boxes a metre away to about 1e-8 of their size.
+    assert forces[1] == pytest.approx(forces[0], rel=1e-6)
+
+
+def test_carrying_a_pendulum_does_the_work_that_its_weight_asks_for():
+    engine, data = make(FINGER.format(joint="", more=""))
+    data.qpos[0] = 0.3
+    start = engine.energy(data)
+    for k in range(500):
+        angle = 0.5 * min(k * 0.002, 0.6)
+        data.mocap_pos[0, 2] = 1.0 + min(k * 0.001, 0.3)
+        data.mocap_quat[0] = [np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0]
+        engine.step(data)
+    end = engine.energy(data)
+    # Hand (0.16 kg) and finger (0.2 kg) went up 0.3 m; the finger's pivot was also turned down.
+    assert end.work == pytest.approx((0.36 * 0.3 - 0.2 * 0.1 * np.sin(0.3)) * 9.81, rel=0.1)
+    # Of first order: swing and turn of one step.
+    assert end.total == pytest.approx(start.total, abs=1e-4)
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])

@@ -96,7 +96,7 @@ py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
 py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t scratch) {
   const EnergyLedger ledger = read_ledger(model_at(model), data_at(data));
   const auto [kinetic, potential] =
-      host::mechanical_energy(model_at(model), data_at(data), data_at(scratch));
+      mechanical_energy(model_at(model), data_at(data), data_at(scratch));
   py::dict result;
   result["kinetic"] = kinetic;
   result["potential"] = potential;

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot {
@@ -83,6 +84,14 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
     report.sticking.push_back(memory_slot.sticking != 0.0);
   }
   return report;
+}
+
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch) {
+  host::copy_state(m, d, scratch);
+  host::MocapBuffers buffers;
+  host::MocapMotion mocap(m, scratch, true, 0.0, memory_of(m, scratch), buffers);
+  mocap.show(0.0);
+  return host::mechanical_energy(m, scratch);
 }
 
 }  // namespace dashpot

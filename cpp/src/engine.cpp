@@ -177,6 +177,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   advance_state(d, new_control);
   mocap.write_velocities();
   account_smooth_work(d);
+  ledger.work += mocap.work_against_gravity(length);
   mocap.advance(length);
   remember(d, mocap);
   proven_apart.forget(touched);

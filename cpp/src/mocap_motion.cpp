@@ -97,6 +97,11 @@ bool is_mocap(const mjModel_* m, int body) {
   return m->body_treeid[body] < 0 && m->body_mocapid[m->body_rootid[body]] >= 0;
 }
 
+const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
+  const int root = m->body_rootid[body];
+  return m->body_mocapid[root] >= 0 ? d->cvel + 6 * root : nullptr;
+}
+
 bool is_held_by_mocap(const mjModel_* m, int equality) {
   const int type = m->eq_type[equality];
   if (m->nmocap == 0 || (type != mjEQ_CONNECT && type != mjEQ_WELD)) return false;
@@ -107,7 +112,7 @@ bool is_held_by_mocap(const mjModel_* m, int equality) {
 
 MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant,
                          const Memory& memory, MocapBuffers& buffers)
-    : model_(m), data_(d), time_constant_(time_constant), buffers_(buffers) {
+    : model_(m), data_(d), moves_(moves), time_constant_(time_constant), buffers_(buffers) {
   buffers.body.resize(m->nmocap);
   for (int id = 0; m->nmocap > 0 && id < m->nbody; ++id) {
     const int index = m->body_mocapid[id];
@@ -217,6 +222,23 @@ void MocapMotion::drive(std::vector<ConstraintInput>& constraints) {
   for (ConstraintInput& c : constraints) c.drive = buffers_.drive[c.memory];
 }
 
+double MocapMotion::work_against_gravity(double length) const {
+  double work = 0.0;
+  if (!anything_moves() || model_->opt.disableflags & mjDSBL_GRAVITY) return work;
+  for (int id = 0; id < model_->nbody; ++id) {
+    if (model_->body_mocapid[id] < 0) continue;
+    const MocapBody& body = buffers_.body[model_->body_mocapid[id]];
+    mjtNum arm[3], turned[3], turn[4] = {1, 0, 0, 0};
+    mju_sub3(arm, data_->subtree_com + 3 * id, data_->xpos + 3 * id);
+    rotate(turn, times(length, body.angular));
+    mju_rotVecQuat(turned, arm, turn);
+    for (int i = 0; i < 3; ++i)
+      work -= model_->body_subtreemass[id] * model_->opt.gravity[i] *
+              (length * body.velocity[i] + turned[i] - arm[i]);
+  }
+  return work;
+}
+
 void MocapMotion::advance(double length) {
   for (MocapBody& body : buffers_.body) {
     RememberedMocap& now = body.now;
@@ -231,7 +253,7 @@ void MocapMotion::advance(double length) {
 
 void MocapMotion::remember(Memory& memory) const {
   for (size_t i = 0; i < buffers_.body.size(); ++i)
-    memory.set_mocap(static_cast<int>(i), buffers_.body[i].now);
+    memory.set_mocap(static_cast<int>(i), moves_ ? buffers_.body[i].now : RememberedMocap{});
 }
 
 }  // namespace dashpot::host

@@ -382,15 +382,18 @@ void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* star
   }
 }
 
-std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch) {
-  mj_copyState(m, d, scratch, mjSTATE_INTEGRATION);
-  scratch->flg_energypos = scratch->flg_energyvel = 0;
-  mj_fwdKinematics(m, scratch);
-  mj_makeM(m, scratch);
-  mj_comVel(m, scratch);
-  mj_energyPos(m, scratch);
-  mj_energyVel(m, scratch);
-  return {scratch->energy[1], scratch->energy[0]};
+void copy_state(const mjModel_* m, const mjData_* d, mjData_* to) {
+  mj_copyState(m, d, to, mjSTATE_INTEGRATION);
+}
+
+std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d) {
+  d->flg_energypos = d->flg_energyvel = 0;
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_comVel(m, d);
+  mj_energyPos(m, d);
+  mj_energyVel(m, d);
+  return {d->energy[1], d->energy[0]};
 }
 
 }  // namespace dashpot::host

@@ -23,19 +23,19 @@ bool has_surface_motion(const mjModel* m, const ContactInput& input) {
   });
 }
 
-void velocity_of_point(const mjModel* m, const mjData* d, int body, const double* point,
-                       mjtNum* velocity) {
-  const mjtNum* rate = d->cvel + 6 * body;
+// At a point of the body whose tree's centre of mass a twist is about.
+void velocity_of_point(const mjModel* m, const mjData* d, int body, const mjtNum* twist,
+                       const double* point, mjtNum* velocity) {
   mjtNum arm[3];
   mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
-  mju_cross(velocity, rate, arm);
-  mju_addTo3(velocity, rate + 3);
+  mju_cross(velocity, twist, arm);
+  mju_addTo3(velocity, twist + 3);
 }
 
 bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   if (geom < 0) return false;
-  const int body = m->geom_bodyid[geom];
-  return is_mocap(m, body) && any_nonzero(d->cvel + 6 * body);
+  const mjtNum* twist = mocap_twist(m, d, m->geom_bodyid[geom]);
+  return twist && any_nonzero(twist);
 }
 
 // Adds what mocap bodies add to the rates of a contact's rows by their motion.
@@ -45,13 +45,13 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
   for (int side = 0; side < 2; ++side) {
     if (!is_on_moving_mocap(m, d, input.geom[side])) continue;
     const int body = m->geom_bodyid[input.geom[side]];
-    const mjtNum* turning = d->cvel + 6 * body;
+    const mjtNum* twist = mocap_twist(m, d, body);
     mjtNum velocity[3];
-    velocity_of_point(m, d, body, input.position.data(), velocity);
+    velocity_of_point(m, d, body, twist, input.position.data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {
       rate[i] += sign * mju_dot3(frame + 3 * i, velocity);
-      rate[3 + i] += sign * mju_dot3(frame + 3 * i, turning);
+      rate[3 + i] += sign * mju_dot3(frame + 3 * i, twist);
     }
   }
 }
@@ -208,9 +208,16 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   }
   mjtNum relative[3] = {0, 0, 0};
   for (int side = 0; side < 2; ++side) {
-    mjtNum velocity[3];
-    velocity_of_point(m, d, m->geom_bodyid[input.geom[side]], input.position.data(), velocity);
-    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
+    const int body = m->geom_bodyid[input.geom[side]];
+    const auto add = [&](const mjtNum* twist) {
+      mjtNum velocity[3];
+      velocity_of_point(m, d, body, twist, input.position.data(), velocity);
+      mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
+    };
+    add(d->cvel + 6 * body);
+    // A mocap body's own is in cvel, that of what hangs on it relative to it.
+    const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
+    if (carrier) add(carrier);
   }
   std::array<double, 3> result;
   mju_mulMatVec3(result.data(), input.frame.data(), relative);

@@ -75,9 +75,10 @@ class Energy:
     given up where geometry left a spring behind, less what the recovery of unstressed overlap put
     in; it can be negative. ``dissipated_damping`` went to the dampers of joints and tendons and to
     fluids; in steps with impacts on damped joints, its split from what the rows dissipated is of
-    first order in the time step. ``work`` is what actuators, applied forces and gravity
-    compensation did, its negative what they took. Scenes whose springs or masses the user moves by
-    hand (mocap bodies, edits of the model) gain or lose what that does.
+    first order in the time step. ``work`` is what actuators, applied forces, gravity compensation
+    and the motion of mocap bodies did, its negative what they took. Where the user moves springs or
+    masses in jumps (states, far jumps of mocap bodies, edits of the model), energy changes by what
+    that does.
     """
 
     kinetic: float

@@ -62,10 +62,12 @@ class Engine:
     mocap_timeconst
         Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a
         critically damped follower, x'' = -2 x' / T - x / T^2, whose velocity contacts (friction
-        too), welds, connects and tendons see. 20 ms is the time constant of MuJoCo's default
-        ``solref``, with which a mocap weld moves there. With 0 the body goes straight to the pose
-        within the step: exact for poses set in every step, jerky for others. A jump of more than
-        0.1 m or 0.5 rad in one step, and the first pose, takes the body there without any motion.
+        too), welds, connects and tendons see, of the bodies and of what hangs on them by joints
+        (whose inertia does not feel it, as in MuJoCo). 20 ms is the time constant of MuJoCo's
+        default ``solref``, with which a mocap weld moves there. With 0 the body goes straight to
+        the pose within the step: exact for poses set in every step, jerky for others. A jump of
+        more than 0.1 m or 0.5 rad in one step, and the first pose, takes the body there without any
+        motion.
         During a step mocap bodies are where they are, not yet where they are told to be; ``xpos``
         and sensors say so.
     impact

@@ -32,6 +32,10 @@ struct ContactReport {
 ContactReport report_contacts(const mjModel_* m, mjData_* d);
 
 EnergyLedger read_ledger(const mjModel_* m, mjData_* d);
+// Kinetic and potential energy of the present state, J, with mocap bodies where they are on the way
+// to their commands. Evaluated in `scratch`, other data of the same model, so that what the last
+// step computed in `d` stays.
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch);
 
 // Room that memory takes in the user data of this model.
 MemoryLayout memory_layout(const mjModel_* m);

@@ -9,7 +9,8 @@
 
 namespace dashpot {
 
-// Twice as many additions as a processor has under way fill its adders; more need registers.
+// Two additions a cycle that take three or four cycles each ask for six to eight sums; six and what
+// goes into them fit into sixteen registers.
 inline constexpr int kMostLanesOfBlock = 6;
 
 // Calls visit(first, width) for blocks of width() lanes that cover `count` numbers, a multiple of

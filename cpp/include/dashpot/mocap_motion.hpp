@@ -54,13 +54,17 @@ class MocapMotion {
   // Begins a part of the step of at most `length` (s): finds how the bodies move in it, and what of
   // it scalar constraints see, and puts the bodies where they are at its start.
   void begin(double length);
-  // Writes the velocities to d->cvel, which mj_comVel has left at zero.
+  // Writes the velocities of bodies without joints to d->cvel, which mj_comVel has left at zero.
+  // What hangs on them by joints keeps MuJoCo's, relative to them.
   void write_velocities() const;
   // Sets the rates at which the motion drives constraints: from their positions at the first call
   // of a part, where they are at its start, and the same at others.
   void drive(std::vector<ConstraintInput>& constraints);
   // Puts the bodies where they are a time (s) after the start of the part.
   void show(double time);
+  // Work (J) that taking the bodies, and what hangs on them, through the part of `length` does
+  // against gravity.
+  double work_against_gravity(double length) const;
   // Ends the part, of `length`.
   void advance(double length);
   void remember(Memory& memory) const;
@@ -72,12 +76,16 @@ class MocapMotion {
 
   const mjModel_* model_;
   mjData_* data_;
+  bool moves_;
   double time_constant_, searched_ = 0.0;  // s, the latter the length that begin() was given
   MocapBuffers& buffers_;
 };
 
 // Whether a body is a mocap body or fixed to one.
 bool is_mocap(const mjModel_* m, int body);
+// Rotation and translation (6, as in cvel and about the same point) by which a mocap body takes a
+// body along that is fixed to it or hangs on it by joints; null for all others.
+const double* mocap_twist(const mjModel_* m, const mjData_* d, int body);
 // Whether a connect or weld holds something to a mocap body. What it pulls at may not be able to
 // follow, and a rigid row would tear at it: such rows are as soft as their solref says, MuJoCo's
 // default too.

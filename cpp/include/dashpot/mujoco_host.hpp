@@ -341,8 +341,9 @@ class SmoothWork {
 // Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
 double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
 
-// Kinetic and potential energy of the present state of `d`, J, evaluated in `scratch`, other data
-// of the same model, so that what the last step computed in `d` stays.
-std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch);
+// Copies everything that steps go on from.
+void copy_state(const mjModel_* m, const mjData_* d, mjData_* to);
+// Kinetic and potential energy of the present state, J. Overwrites what the last step computed.
+std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d);
 
 }  // namespace dashpot::host
