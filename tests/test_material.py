@@ -177,6 +177,8 @@ def test_values_are_normalised():
         ("damping_ratio", [-0.1, math.inf, math.nan]),
         ("restitution", [-0.1, 1.1, math.nan]),
         ("friction", [-0.1, math.inf, (0.5, -1.0, 0.0), (0.5, 0.1), (0.5, math.nan, 0.0)]),
+        ("loaded_friction", [0.0, -0.1, 1.1, math.nan]),
+        ("friction_load", [0.0, -1.0, math.inf]),
         ("tangential_ratio", [0.0, -1.0, math.inf]),
         ("tangential_damping_ratio", [-1.0, math.nan]),
     ],

@@ -23,6 +23,8 @@ FIELDS = [
     "added_damping",
     "has_friction",
     "friction",
+    "loaded_friction",
+    "friction_load",
     "tangential_ratio",
     "tangential_damping_ratio",
 ]
@@ -50,12 +52,20 @@ dampings = st.one_of(
 )
 frictions = st.tuples(st.floats(0, 2), st.floats(0, 0.1), st.floats(0, 0.01))
 materials = st.builds(
-    lambda k, d, f, t, z: Material(
-        k, **d, friction=f, tangential_ratio=t, tangential_damping_ratio=z
+    lambda k, d, f, s, load, t, z: Material(
+        k,
+        **d,
+        friction=f,
+        loaded_friction=s,
+        friction_load=load,
+        tangential_ratio=t,
+        tangential_damping_ratio=z,
     ),
     st.one_of(st.none(), positive),
     dampings,
     frictions,
+    st.floats(0.01, 1),
+    st.floats(0.1, 100),
     st.floats(0.1, 2),
     st.floats(0, 5),
 )
@@ -89,6 +99,8 @@ def test_a_material_with_itself_keeps_its_ratios(a, rules):
     if a.stiffness is not None:
         assert pair.stiffness == a.stiffness / (2 if rules["stiffness"] == "series" else 1)
     assert tuple(pair.friction) == a.friction
+    assert pair.loaded_friction == a.loaded_friction
+    assert pair.friction_load == a.friction_load
     assert pair.tangential_ratio == a.tangential_ratio
     assert pair.tangential_damping_ratio == a.tangential_damping_ratio
     assert pair.added_damping == 0.0

@@ -183,6 +183,8 @@ void bind_law(py::module_& module) {
       .def_readwrite("added_damping", &Material::added_damping)
       .def_readwrite("has_friction", &Material::has_friction)
       .def_readwrite("friction", &Material::friction)
+      .def_readwrite("loaded_friction", &Material::loaded_friction)
+      .def_readwrite("friction_load", &Material::friction_load)
       .def_readwrite("tangential_ratio", &Material::tangential_ratio)
       .def_readwrite("tangential_damping_ratio", &Material::tangential_damping_ratio);
   py::class_<CombinationRules>(module, "CombinationRules", "Core form of dashpot.CombinationRules.")

@@ -53,12 +53,13 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
       side[i] = parameters.geom_material[input.geom[i]];
   }
   const bool overridden = side[0].has_friction || side[1].has_friction;
-  if (overridden)
+  const bool load_dependent = side[0].loaded_friction < 1.0 || side[1].loaded_friction < 1.0;
+  if (overridden || load_dependent)
     for (int i = 0; i < 2; ++i) {
       const std::array<double, 3> own = host::geom_friction(model, input.geom[i]);
       for (size_t j = 0; j < own.size(); ++j)
         if (!side[i].has_friction || std::isnan(side[i].friction[j])) side[i].friction[j] = own[j];
-      side[i].has_friction = true;
+      side[i].has_friction = overridden;
     }
   // A side that nobody set has no damping of its own to mix in.
   for (int i = 0; i < 2; ++i)
@@ -75,7 +76,12 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   }
   const int priority[2] = {host::geom_priority(model, input.geom[0]),
                            host::geom_priority(model, input.geom[1])};
-  if (priority[0] != priority[1]) combined.friction = side[priority[1] > priority[0]].friction;
+  if (priority[0] != priority[1]) {
+    const Material& prior = side[priority[1] > priority[0]];
+    combined.friction = prior.friction;
+    combined.loaded_friction = prior.loaded_friction;
+    combined.friction_load = prior.friction_load;
+  }
   return {combined};
 }
 

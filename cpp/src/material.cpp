@@ -78,6 +78,24 @@ double combine_friction(FrictionRule rule, double x, double y) {
   }
 }
 
+// The sliding friction under heavy load combines as that under light load does; where only one side
+// has a load at which it changes, that load is the pair's.
+void combine_load(const Material& a, const Material& b, FrictionRule rule, Material& pair) {
+  double mu_a = a.friction[0], mu_b = b.friction[0];
+  if (std::isnan(mu_a)) mu_a = std::isnan(mu_b) ? 1.0 : mu_b;
+  if (std::isnan(mu_b)) mu_b = mu_a;
+  const double light = combine_friction(rule, mu_a, mu_b);
+  const double heavy = combine_friction(rule, mu_a * a.loaded_friction, mu_b * b.loaded_friction);
+  const auto [low, high] = std::minmax(a.loaded_friction, b.loaded_friction);
+  pair.loaded_friction = light > 0.0 ? std::min(std::max(heavy / light, low), high) : high;
+  const double loss_a = mu_a * (1.0 - a.loaded_friction);
+  const double loss_b = mu_b * (1.0 - b.loaded_friction);
+  const double loss = loss_a + loss_b;
+  pair.friction_load = loss > 0.0
+                           ? blend(a.friction_load, b.friction_load, loss_a / loss, loss_b / loss)
+                           : mean_of(a.friction_load, b.friction_load);
+}
+
 void combine_stiffness(const Material& a, const Material& b, StiffnessRule rule, Material& pair) {
   const double ka = a.rigid ? kInfinity : a.stiffness;
   const double kb = b.rigid ? kInfinity : b.stiffness;
@@ -197,6 +215,8 @@ Material combine(const Material& a, const Material& b, const CombinationRules& r
       pair.friction[i] = combine_friction(rules.friction, a.friction[i], b.friction[i]);
     }
   }
+
+  combine_load(a, b, rules.friction, pair);
 
   // Tangential springs in series too; their damping is weighted by their own elastic energy.
   const double compliance_a = share_a / a.tangential_ratio;

@@ -115,6 +115,9 @@ double MicrostepLoop::Impl::relaxation(int row) const {
 
 template <int Dim>
 void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const {
+  law.loaded_friction[lane] = c.loaded_friction;
+  law.inverse_friction_load[lane] = 1.0 / c.friction_load;
+  law.load_dependent = law.load_dependent || c.loaded_friction < 1.0;
   for (int i = 1; i < Dim; ++i) {
     const double mu = rows->friction[c.row + i];
     if (mu > 0.0) {

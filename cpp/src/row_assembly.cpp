@@ -64,7 +64,10 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     // ground.
     materials.push_back(material_of(model, parameters, input, typical * weight));
     if (!materials.back().rigid()) c.soft_load = kSoftLoad * weight;
-    const std::array<double, 5> friction = friction_of(input, materials.back().material);
+    const Material& material = materials.back().material;
+    c.loaded_friction = material.loaded_friction;
+    c.friction_load = material.friction_load;
+    const std::array<double, 5> friction = friction_of(input, material);
     std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);

@@ -56,6 +56,14 @@ class Material:
         Which of them act is up to the ``condim`` of the contact, the larger of the geoms' or that
         of the higher priority: sliding from 3 on (MuJoCo's default), torsional from 4 on, rolling
         at 6. The others have no effect.
+    loaded_friction : float
+        Share s of the friction coefficients that is left under heavy load, in (0, 1]; 1 for
+        friction that does not depend on load. At a normal force f coefficients count
+        ``s + (1 - s) / (1 + f / friction_load)`` times: surfaces that adhere lightly, or plastics,
+        rub less per newton in an impact than when they slide at rest weight. Friction itself still
+        grows with load.
+    friction_load : float
+        Normal force at one contact point, N, > 0, at which half of that loss is reached.
     tangential_ratio : float
         Tangential over normal stiffness, > 0.
     tangential_damping_ratio : float
@@ -75,6 +83,8 @@ class Material:
     damping_ratio: float | None = None
     restitution: float | None = None
     friction: float | tuple[float, float, float] | None = None
+    loaded_friction: float = 1.0
+    friction_load: float = 10.0
     tangential_ratio: float = 1.0
     tangential_damping_ratio: float = 1.0
 
@@ -99,6 +109,15 @@ class Material:
             normalise(field, _number("Material", field, value, upper=upper))
         if self.friction is not None:
             normalise("friction", _friction(self.friction))
+        share = _number("Material", "loaded_friction", self.loaded_friction, upper=1.0)
+        if share == 0.0:
+            raise ValueError(
+                f"Material: loaded_friction must be above 0, got {self.loaded_friction!r}"
+            )
+        normalise("loaded_friction", share)
+        normalise(
+            "friction_load", _number("Material", "friction_load", self.friction_load, positive=True)
+        )
         normalise(
             "tangential_ratio",
             _number("Material", "tangential_ratio", self.tangential_ratio, positive=True),
@@ -127,6 +146,8 @@ class Material:
             core.friction = (self.friction, math.nan, math.nan)
         else:
             core.friction = (math.nan, math.nan, math.nan)
+        core.loaded_friction = self.loaded_friction
+        core.friction_load = self.friction_load
         core.tangential_ratio = self.tangential_ratio
         core.tangential_damping_ratio = self.tangential_damping_ratio
         return core
@@ -168,7 +189,8 @@ class CombinationRules:
         Against a rigid side the soft side's damping is taken whole under every rule, unless both
         are in N s/m. "min" and "max" need both in the same form.
     friction : {"max", "min", "mean", "geometric_mean"}
-        Element by element; "max" is MuJoCo's.
+        Element by element; "max" is MuJoCo's. Sliding friction under heavy load combines by the
+        same rule, and the load at which it falls is the mean of both, by how much of it each loses.
 
     Raises
     ------

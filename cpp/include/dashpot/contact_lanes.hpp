@@ -47,6 +47,8 @@ struct ContactLanes : RowLanes<Dim> {
   SpringCoefficients spring[kFrictionRows];
   Lanes inverse_friction[kFrictionRows];
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
+  Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
+  bool load_dependent = false;                   // s < 1 in any lane
 };
 
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
@@ -186,22 +188,27 @@ template <int Dim>
 }
 
 // Returns friction impulses or forces, behind the normal one, to the limit surface: return_to_limit
-// of friction.hpp. `inside`: the lanes in which nothing slips. Lanes without pressure carry
-// nothing.
+// of friction.hpp. `inside`: the lanes in which nothing slips. `duration` is that of an impulse, 1
+// for forces. Lanes without pressure carry nothing.
 template <int Dim>
 [[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
-                                                   LaneMask& inside) {
+                                                   LaneMask& inside, double duration) {
   const Lanes zero{}, one = all_lanes(1.0);
   const LaneMask pressed = impulse[0] > zero;
+  Lanes pressure = impulse[0];
+  if (c.load_dependent) {
+    const Lanes load = max_lanes(impulse[0], zero) * c.inverse_friction_load / duration;
+    pressure *= c.loaded_friction + (one - c.loaded_friction) / (one + load);
+  }
   Lanes z[Dim], square{};
   for (int i = 1; i < Dim; ++i) {
     impulse[i] = pressed ? impulse[i] : zero;
     z[i] = impulse[i] * c.inverse_friction[i - 1];
     square += z[i] * z[i];
   }
-  inside = square <= impulse[0] * impulse[0];
+  inside = square <= pressure * pressure;
   if (all_of(inside)) return;
-  const Lanes inverse_normal = one / (pressed ? impulse[0] : one);
+  const Lanes inverse_normal = one / (pressed ? pressure : one);
   Lanes gamma{}, shrink[Dim];
   for (int i = 1; i < Dim; ++i) z[i] *= inverse_normal;
   for (int round = 0;; ++round) {
@@ -238,7 +245,7 @@ template <int Dim>
   c.force[0] = max_lanes(c.force[0] + c.damping[0] * c.surface, zero);
   c.force[0] = c.deformation[0] < zero ? c.force[0] : zero;
   LaneMask inside;
-  if (Dim > 1) return_friction(c, c.force, inside);
+  if (Dim > 1) return_friction(c, c.force, inside, 1.0);
 }
 
 [[gnu::always_inline]] inline void find_present_force(SpringLanes& c) {
@@ -313,7 +320,7 @@ template <int Dim>
     for (int i = 1; i < Dim; ++i)
       flow_spring(c, i, c.spring[i - 1], c.rate[i], motion[i] - c.inverse_mass[i] * c.force[i]);
     LaneMask inside;
-    return_friction(c, c.impulse, inside);
+    return_friction(c, c.impulse, inside, h);
     const LaneMask pressed = c.impulse[0] > zero;
     c.sticking = inside & pressed;
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.

@@ -15,6 +15,15 @@
 // and gamma is where p meets the surface. Where all c_i / mu_i^2 agree this scales t back along the
 // ray to the origin. Sliding then opposes the slip velocity whatever the apparent masses, and a
 // wheel whose rolling friction slips still rolls.
+//
+// The coefficients may be lower under load: p_n above is then p_n m(f), of the normal force f, its
+// mean p_n / h over a micro-step, with
+//
+//     m(f) = s + (1 - s) / (1 + f / F) ,   0 < s <= 1 ,   F > 0 .
+//
+// From 1 at light load m falls to s at heavy load, half of the way at f = F. The limit mu f m(f)
+// grows with f all the same: it is Coulomb friction s mu f and a part that saturates at
+// (1 - s) mu F, as that of adhesion does (Derjaguin's law).
 
 #pragma once
 

@@ -24,8 +24,10 @@ struct Material {
   double added_damping = 0.0;  // N s/m on top, >= 0: set by combine() for a mixed pair only
   bool has_friction = false;   // overrides the MJCF friction
   std::array<double, 3> friction{1.0, 0.005, 0.0001};  // sliding (1), torsional (m), rolling (m)
-  double tangential_ratio = 1.0;                       // tangential over normal stiffness, > 0
-  double tangential_damping_ratio = 1.0;               // zeta of the friction springs, >= 0
+  double loaded_friction = 1.0;   // share of friction left under heavy load, in (0, 1]
+  double friction_load = 10.0;    // N, > 0, where half of the loss is reached (friction.hpp)
+  double tangential_ratio = 1.0;  // tangential over normal stiffness, > 0
+  double tangential_damping_ratio = 1.0;  // zeta of the friction springs, >= 0
 };
 
 // Rules by which two materials make one contact.

@@ -87,6 +87,7 @@ struct RowGroup {
   int value = 0;                 // first in Rows::value; rows are `width()` apart
   // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
   double soft_load = 0.0;
+  double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
 
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }

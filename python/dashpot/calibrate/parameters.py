@@ -24,6 +24,8 @@ MaterialField = Literal[
     "sliding_friction",
     "torsional_friction",
     "rolling_friction",
+    "loaded_friction",
+    "friction_load",
     "tangential_ratio",
     "tangential_damping_ratio",
 ]
@@ -132,7 +134,8 @@ class Parameter:
         quantity
             ``stiffness`` (N/m), ``damping`` (N s/m), ``damping_ratio``, ``restitution``,
             ``sliding_friction``, ``torsional_friction`` (m), ``rolling_friction`` (m),
-            ``tangential_ratio`` or ``tangential_damping_ratio``. What is not varied stays as the
+            ``loaded_friction``, ``friction_load`` (N), ``tangential_ratio`` or
+            ``tangential_damping_ratio``. What is not varied stays as the
             engine's material has it.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
