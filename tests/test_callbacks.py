@@ -22,6 +22,7 @@ MODEL = """<mujoco><worldbody>
 <sensor>
   <user dim="1" needstage="pos"/><user dim="1" needstage="vel"/><user dim="1" needstage="acc"/>
 </sensor></mujoco>"""
+RK4 = mujoco.mjtIntegrator.mjINT_RK4
 CALLBACKS = ("control", "passive", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 
 
@@ -50,8 +51,13 @@ def state_of(engine, data):
 
 @pytest.mark.parametrize("name", CALLBACKS)
 @pytest.mark.parametrize("impact", ["none", "cut"])
-def test_an_exception_of_a_callback_leaves_the_step_and_the_state_alone(install, name, impact):
-    engine = Engine(mujoco.MjModel.from_xml_string(MODEL), impact=impact)
+@pytest.mark.parametrize("integrator", [mujoco.mjtIntegrator.mjINT_EULER, RK4])
+def test_an_exception_of_a_callback_leaves_the_step_and_the_state_alone(
+    install, name, impact, integrator
+):
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    model.opt.integrator = integrator
+    engine = Engine(model, impact=impact)
     data, undisturbed = engine.make_data(), engine.make_data()
     calls = 0
 

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -26,7 +27,16 @@ void get_state(const mjModel* m, const mjData* d, int kind, std::vector<double>&
   mj_getState(m, d, state.data(), kind);
 }
 
+// Whether others than MuJoCo may look at the data of a stage, or leave something there.
+bool others_look_at_data(const mjModel* m) {
+  return m->nplugin > 0 || mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain ||
+         mjcb_act_bias;
+}
+
 }  // namespace
+
+RungeKutta::RungeKutta(bool moves_free_bodies)
+    : moves_free_bodies_(moves_free_bodies), beside_(nullptr, mj_deleteData) {}
 
 bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
 
@@ -76,21 +86,20 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
   acceleration_[0].assign(d->qacc, d->qacc + m->nv);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
-  {
+  time_ = d->time;
+  const bool others_look = others_look_at_data(m);
+  if (others_look) {
     Start start(m, d, state_);
-    for (int stage = 1; stage < kStages; ++stage) {
-      go_to_stage(m, d, stage);
-      smooth_stage(m, d, new_control);
-      read_slope(m, d, stage);
-    }
-    read_end(m, d);
+    find_slopes(m, d, new_control);
     get_state(m, d, kInputs, inputs_);
     start.restore_state();
     smooth_stage(m, d, false);
+  } else {
+    find_slopes(m, copy_state(m, d), new_control);
   }
   find_mean_slope();
   check_mean_slope(m);
-  mj_setState(m, d, inputs_.data(), kInputs);
+  if (others_look) mj_setState(m, d, inputs_.data(), kInputs);
   // Time, plugins and activations are as with Euler, under the mean slope.
   std::copy(acceleration_[0].begin(), acceleration_[0].end(), d->qacc);
   std::copy(mean_activation_rate_.begin(), mean_activation_rate_.end(), d->act_dot);
@@ -101,6 +110,23 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
   mju_addToScl(d->qvel, mean_acceleration_.data(), m->opt.timestep, static_cast<int>(m->nv));
   std::copy(position_.begin(), position_.end(), d->qpos);
   mj_integratePos(m, d->qpos, mean_velocity_.data(), m->opt.timestep);
+}
+
+mjData* RungeKutta::copy_state(const mjModel* m, const mjData* d) {
+  if (!beside_) beside_.reset(mj_makeData(m));
+  if (!beside_) throw std::runtime_error("MuJoCo could not make data for the model");
+  mj_copyState(m, d, beside_.get(), mjSTATE_INTEGRATION & ~(mjSTATE_USERDATA | mjSTATE_WARMSTART));
+  return beside_.get();
+}
+
+void RungeKutta::find_slopes(const mjModel* m, mjData* d, bool new_control) {
+  const ErrorGuard guard(d);
+  for (int stage = 1; stage < kStages; ++stage) {
+    go_to_stage(m, d, stage);
+    smooth_stage(m, d, new_control);
+    read_slope(m, d, stage);
+  }
+  read_end(m, d);
 }
 
 void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
@@ -118,7 +144,7 @@ void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
   mj_integratePos(m, d->qpos, mean_velocity_.data(), h);
   move(d->qvel, velocity_[0], acceleration_[stage - 1], mean_acceleration_);
   move(d->act, activation_, activation_rate_[stage - 1], mean_activation_rate_);
-  d->time = state_[0] + part * h;
+  d->time = time_ + part * h;
 }
 
 void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage) {

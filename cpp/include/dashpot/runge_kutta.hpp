@@ -13,6 +13,7 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <vector>
 
 struct mjModel_;
@@ -34,7 +35,7 @@ struct SmoothForces {
 class RungeKutta {
  public:
   // Unless it `moves_free_bodies`, what comes out for trees that are one free body is not used.
-  explicit RungeKutta(bool moves_free_bodies) : moves_free_bodies_(moves_free_bodies) {}
+  explicit RungeKutta(bool moves_free_bodies);
 
   // Advances everything by the model's time step: `d` has been computed for its present state, up
   // to qacc and qfrc_constraint. What was computed stays that of the start. `new_control` false:
@@ -50,6 +51,8 @@ class RungeKutta {
   static constexpr int kStages = 4;
   class Start;
 
+  mjData_* copy_state(const mjModel_* m, const mjData_* d);
+  void find_slopes(const mjModel_* m, mjData_* d, bool new_control);
   void go_to_stage(const mjModel_* m, mjData_* d, int stage);
   void read_slope(const mjModel_* m, mjData_* d, int stage);
   void find_mean_slope();
@@ -57,6 +60,10 @@ class RungeKutta {
   void read_end(const mjModel_* m, const mjData_* d);
 
   bool moves_free_bodies_;
+  // Where stages are computed, unless callbacks or plugins look at them: those know but the data of
+  // the step.
+  std::unique_ptr<mjData_, void (*)(mjData_*)> beside_;
+  double time_ = 0.0;
   bool constrained_ = false;
   std::vector<double> constraint_force_;
   std::vector<double> state_, inputs_;  // at the start; as callbacks left them
