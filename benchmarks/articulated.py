@@ -4,6 +4,7 @@
 
 No controls; after 300 steps, the least time of chunks of 100 steps, the two in turn. Shadow hand
 and block have 24 rows of dry friction, some 24 of limits and a few of contacts, Panda next to none.
+The last five are Gymnasium's, with RK4, whose stages mj_step solves contacts in one by one.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ MODELS = {
     "Panda": ("robosuite", "models/assets/robots/panda/robot.xml"),
     "UR5e": ("robosuite", "models/assets/robots/ur5e/robot.xml"),
     "GR1": ("robosuite", "models/assets/robots/gr1/robot.xml"),
+    **{
+        name: ("gymnasium_robotics", f"envs/mujoco/assets/{name.lower()}.xml")
+        for name in ("Ant", "Hopper", "Humanoid", "Swimmer", "Walker2d")
+    },
 }
 WARM_UP, CHUNK, REPEATS = 300, 100, 20
 
