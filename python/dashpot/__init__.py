@@ -46,6 +46,7 @@ __all__ = [
     "data",
     "distance",
     "distances",
+    "gymnasium",
     "law",
     "rollout",
     "time_of_impact",
@@ -53,10 +54,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate, compare, data, law
+    from dashpot import calibrate, compare, data, gymnasium, law
 
 # Imported on first use: some need scipy or matplotlib.
-_LAZY = ("calibrate", "compare", "data", "law")
+_LAZY = ("calibrate", "compare", "data", "gymnasium", "law")
 
 
 def __getattr__(name: str) -> ModuleType:

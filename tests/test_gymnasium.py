@@ -1,0 +1,133 @@
+"""Gymnasium's environments step with dashpot and stay what they are otherwise."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from dashpot import Engine, Material
+from dashpot.gymnasium import with_dashpot
+
+pytest.importorskip("gymnasium")
+pytest.importorskip("imageio")  # gymnasium's renderer needs it
+
+from gymnasium.envs.mujoco.ant_v5 import AntEnv
+from gymnasium.envs.mujoco.hopper_v5 import HopperEnv
+from gymnasium.envs.mujoco.inverted_pendulum_v5 import InvertedPendulumEnv
+from gymnasium.envs.mujoco.reacher_v5 import ReacherEnv
+
+
+def play(env, *, steps, seed=0, scale=1.0):
+    """Return the observations of an episode with random actions."""
+    rng = np.random.default_rng(seed)
+    space = env.action_space
+    observations = [env.reset(seed=seed)[0]]
+    for _ in range(steps):
+        observation, *_ = env.step(scale * rng.uniform(space.low, space.high))
+        observations.append(observation)
+    return np.array(observations)
+
+
+def test_pendulum_that_touches_nothing_moves_as_in_gymnasium_bit_for_bit():
+    theirs = play(InvertedPendulumEnv(), steps=20, scale=0.1)
+    ours = play(with_dashpot(InvertedPendulumEnv)(), steps=20, scale=0.1)
+    assert np.ptp(theirs[:, 1]) > 1e-3
+    assert np.array_equal(ours, theirs)
+
+
+def test_arm_that_touches_nothing_reaches_as_in_gymnasium_bit_for_bit():
+    theirs = play(ReacherEnv(), steps=50, scale=0.1)
+    ours = play(with_dashpot(ReacherEnv)(), steps=50, scale=0.1)
+    # Joints, the target (drawn in the reset), and joint velocities.
+    assert np.array_equal(ours[:, :8], theirs[:, :8])
+    # From the finger to the target: poses of bodies are one time step older.
+    step_of_finger = 0.01 * 0.2 * np.abs(theirs[:, 6:8]).sum(axis=1).max()
+    assert np.abs(ours[:, 8:] - theirs[:, 8:]).max() < step_of_finger
+
+
+def test_ant_rests_on_its_legs_and_observes_the_forces_that_carry_it():
+    env = with_dashpot(AntEnv)()
+    env.reset(seed=1)
+    for _ in range(100):
+        observation, *_ = env.step(np.zeros(8))
+    # In v5 contact forces (clipped to +-1) follow positions and velocities, and torso by torso:
+    # unclipped they carry the weight.
+    weight = 9.81 * mujoco.mj_getTotalmass(env.model)
+    assert env.data.cfrc_ext[1:, 5].sum() == pytest.approx(weight, rel=1e-3)
+    assert np.abs(observation[27:]).max() == 1.0
+    assert env.dashpot_engine.contacts(env.data).gap.min() > -1e-4
+
+
+def test_hopper_episodes_repeat_after_resets():
+    env = with_dashpot(HopperEnv)()
+    first = play(env, steps=60)
+    assert np.array_equal(play(env, steps=60), first)
+    assert not np.array_equal(play(env, steps=60, seed=1), first)
+
+
+def test_engine_is_the_one_that_is_asked_for():
+    def make_engine(model):
+        engine = Engine(model, impact="cut")
+        engine.set_material("floor", Material(stiffness=1e4, damping_ratio=1.0))
+        return engine
+
+    env = with_dashpot(HopperEnv, make_engine=make_engine)(frame_skip=2)
+    assert env.frame_skip == 2
+    assert env.dashpot_engine.impact == "cut"
+    assert env.model is env.dashpot_engine.model
+    assert len(env.dashpot_engine.materials) == 1
+    assert type(env).__name__ == "HopperEnvWithDashpot"
+    assert isinstance(env, HopperEnv)
+
+
+class BallRobot:
+    """What with_dashpot uses of gymnasium-robotics' MujocoRobotEnv."""
+
+    n_substeps = 10
+
+    def __init__(self):
+        self._initialize_simulation()
+
+    def _initialize_simulation(self):
+        self.model = mujoco.MjModel.from_xml_string(
+            "<mujoco><size nuserdata='2'/><worldbody><geom type='plane' size='1 1 1'/>"
+            "<body pos='0 0 .1'><freejoint/><geom size='.1' mass='1'/></body></worldbody></mujoco>"
+        )
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[0] = 0.25  # as _env_setup does
+        self.data.userdata[:] = 3.0, 4.0
+
+    def _mujoco_step(self, action):
+        mujoco.mj_step(self.model, self.data, nstep=self.n_substeps)
+
+    def step(self, action):
+        self._mujoco_step(action)
+
+
+def test_robot_environments_keep_what_they_set_up():
+    robot = with_dashpot(BallRobot)()
+    assert robot.data.qpos[0] == 0.25
+    assert list(robot.data.userdata[:2]) == [3.0, 4.0]
+    robot.step(None)
+    assert robot.data.time == pytest.approx(0.02)
+    for _ in range(50):
+        robot.step(None)
+    # mj_step lets it sag 0.1 mm and more, dashpot's rigid contact by less than a micrometre.
+    assert robot.data.qpos[2] == pytest.approx(0.1, abs=1e-6)
+    assert robot.dashpot_engine.contacts(robot.data).force[0, 0] == pytest.approx(9.81, rel=1e-6)
+
+
+@pytest.mark.parametrize("bad", [dict, HopperEnv.__init__, "hopper"])
+def test_what_is_no_class_of_environments_is_refused(bad):
+    with pytest.raises(TypeError, match="env_class is"):
+        with_dashpot(bad)
+
+
+def test_what_makes_no_engine_is_refused():
+    env_class = with_dashpot(HopperEnv, make_engine=lambda model: model)
+    with pytest.raises(TypeError, match=r"make_engine returned MjModel; it must be Engine"):
+        env_class()
+
+
+def test_package_offers_it():
+    assert dashpot.gymnasium.with_dashpot is with_dashpot
