@@ -132,6 +132,10 @@ def test_results_read_well(noisy_ball):
     table = result.table(TRUTH)
     assert table.row_count == 3
     assert result.noise_explains
+    assert "the stated noise explains" in str(result)
+    assert "sliding_friction" in str(result)
+    assert repr(result).startswith("Fit(")
+    assert len(repr(result)) < 300
     doubted = fit(replace(noisy_ball, position_sigma=0.5e-4))  # half the true noise
     assert not doubted.noise_explains
     assert "more than noise is in the residuals" in str(doubted.table().caption)

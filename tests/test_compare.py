@@ -253,6 +253,11 @@ def test_comparison_can_be_shown_and_stored(tmp_path):
     assert len(stored["runs"][1]["time"]) == len(comparison.runs[1].time)
     with pytest.raises(KeyError, match="elliptic"):
         comparison["elliptic"]
+    for heading in ("mujoco-default", "settled", "[mm]"):
+        assert heading in str(comparison).split()
+    assert repr(comparison).startswith("Comparison('ball', 0.6 s at ")
+    for line in (repr(comparison), repr(comparison.runs[0])):
+        assert len(line) < 200
 
 
 @pytest.mark.parametrize("name", list(compare.SCENES))

@@ -401,3 +401,35 @@ def test_a_friction_reference_of_its_own_is_reported_as_mapped():
       <pair name="p" geom1="floor" geom2="ball" solreffriction="0.01 1"/></contact></mujoco>""")
     mapped = [feature.name for feature in dashpot.Engine(model).report().of("mapped")]
     assert "pair 'p' solreffriction" in mapped
+
+
+# A solref of mixed signs, which MuJoCo replaces by its default with a warning on stderr.
+LIMITED = """<mujoco><option timestep="0.01"/><worldbody><body>
+  <joint name="knee" axis="0 1 0" range="-1 1" limited="true" {joint}/>
+  <geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" mass="1"/><site name="tip" pos=".5 0 0"/>
+  </body><site name="anchor" pos="0 0 1"/></worldbody>
+  <tendon><spatial name="cord" range="0 1.2" limited="true" {tendon}>
+    <site site="tip"/><site site="anchor"/></spatial></tendon>
+  <equality><joint name="lock" joint1="knee" {equality}/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("part", "attribute", "name"),
+    [
+        ("joint", 'solreflimit="-5000 50"', "limit of joint 'knee'"),
+        ("joint", 'frictionloss=".1" solreffriction="0 1"', "dry friction of joint 'knee'"),
+        ("tendon", 'solreflimit="-5000 50"', "limit of tendon 'cord'"),
+        ("tendon", 'frictionloss=".1" solreffriction="1 0"', "dry friction of tendon 'cord'"),
+        ("equality", 'solref="5000 -50"', "equality 'lock'"),
+    ],
+)
+def test_a_solref_without_a_meaning_names_what_has_it(part, attribute, name):
+    parts = {"joint": "", "tendon": "", "equality": "active='false'", part: attribute}
+    model = mujoco.MjModel.from_xml_string(LIMITED.format(**parts))
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qpos[0] = 1.1
+    with pytest.raises(ValueError, match=f"{name}: solref must be two positive numbers"):
+        engine.step(data)
+    assert data.qpos[0] == 1.1
+    assert data.time == 0.0

@@ -5,6 +5,7 @@
 namespace dashpot::bindings {
 void bind_law(pybind11::module_& module);
 void bind_engine(pybind11::module_& module);
+void bind_contact_material(pybind11::module_& module);
 void bind_query(pybind11::module_& module);
 void bind_rollout(pybind11::module_& module);
 void bind_residuals(pybind11::module_& module);
@@ -17,6 +18,7 @@ PYBIND11_MODULE(_core, module) {
   module.attr("__mujoco_version__") = DASHPOT_MUJOCO_VERSION;
   bind_law(module);
   bind_engine(module);
+  bind_contact_material(module);
   bind_query(module);
   bind_rollout(module);
   bind_residuals(module);

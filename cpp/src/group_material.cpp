@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_names.hpp"
 #include "dashpot/solref.hpp"
 
 namespace dashpot {
@@ -85,8 +86,24 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   return {combined};
 }
 
-GroupMaterial material_of(const ConstraintInput& input) {
-  return from_solref(input, std::numeric_limits<double>::infinity());
+GroupMaterial material_of(const mjModel_* model, const mjData_* data,
+                          const ConstraintInput& input) {
+  try {
+    return from_solref(input, std::numeric_limits<double>::infinity());
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(host::constraint_name(model, data, input) + ": " + error.what());
+  }
+}
+
+std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {
+  std::array<double, 5> friction = input.friction;
+  if (!material.has_friction) return friction;
+  const int coefficient[5] = {0, 0, 1, 2, 2};
+  for (int i = 0; i < 5; ++i) {
+    const double overriding = material.friction[coefficient[i]];
+    if (!std::isnan(overriding)) friction[i] = overriding;
+  }
+  return friction;
 }
 
 }  // namespace dashpot

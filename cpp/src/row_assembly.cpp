@@ -15,18 +15,6 @@ constexpr double kStandardGravity = 9.80665;  // m/s^2
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
 
-// The friction coefficients of a contact: the model's, unless its material has its own.
-std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {
-  std::array<double, 5> friction = input.friction;
-  if (!material.has_friction) return friction;
-  const int coefficient[5] = {0, 0, 1, 2, 2};
-  for (int i = 0; i < 5; ++i) {
-    const double overriding = material.friction[coefficient[i]];
-    if (!std::isnan(overriding)) friction[i] = overriding;
-  }
-  return friction;
-}
-
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
   const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : kStandardGravity;
@@ -49,7 +37,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     const RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
     rows.friction[c.row] = input.limit;
     host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
-    materials.push_back(material_of(input));
+    materials.push_back(material_of(model, data, input));
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());

@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from dashpot._load import __version__  # first: it loads MuJoCo, then the extension
+from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
@@ -28,6 +29,7 @@ from dashpot.rollouts import rollout
 __all__ = [
     "Closest",
     "CombinationRules",
+    "ContactMaterial",
     "Contacts",
     "Distance",
     "Distances",

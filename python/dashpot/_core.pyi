@@ -31,6 +31,7 @@ __all__: list[str] = [
     "check_supported",
     "close_geoms",
     "combine",
+    "contact_material",
     "contacts",
     "damping_of",
     "damping_ratio_to_restitution",
@@ -429,6 +430,12 @@ def combine(a: Material, b: Material, rules: CombinationRules) -> Material:
     Combines two materials; equations at the top of material.cpp.
     """
 
+def contact_material(
+    model_address: typing.SupportsInt | typing.SupportsIndex,
+    parameters: Parameters,
+    geom1: typing.SupportsInt | typing.SupportsIndex,
+    geom2: typing.SupportsInt | typing.SupportsIndex,
+) -> dict: ...
 def contacts(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     data_address: typing.SupportsInt | typing.SupportsIndex,

@@ -10,6 +10,7 @@ import numpy as np
 
 from dashpot import _core
 from dashpot.checks import is_data_of, positive_count
+from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine_options import EngineOptions
 from dashpot.features import Feature, Report
@@ -31,7 +32,10 @@ class Engine:
     simulation state it is. The private model may be edited between steps (time step, masses,
     gravity); sizes are fixed. Edits of masses, inertias, positions or joints need
     ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in MuJoCo (which resets
-    the state of the data that it is given). Threads may share an engine: steps, each on data of
+    the state of the data that it is given), and a geom that grows needs its ``geom_rbound`` and
+    ``geom_aabb`` too. Save the model that you gave, not :attr:`model`, to make an engine of it
+    later: an engine of an engine's model reserves contact memory once more, and its states are of
+    another size. Threads may share an engine: steps, each on data of
     its own, take turns, and rollouts and copies of the engine see its model as it is between steps.
 
     Parameters
@@ -52,7 +56,8 @@ class Engine:
         stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
-        are lowered, and counted in ``StepStats.clipped``.
+        are lowered, and counted in ``StepStats.clipped``: such contacts are softer, and rebound
+        otherwise than their material says.
     recovery_speed
         Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
         is pushed out, unless a force keeps it in that is beyond a hundred weights or, of rigid
@@ -196,8 +201,37 @@ class Engine:
         return self._geom_material.get(self.geom_id(geom), Material())
 
     def pair_material(self, geom1: str | int, geom2: str | int) -> Material | None:
-        """Material set for a pair of geoms, or None where the combination applies."""
+        """Material set for a pair of geoms, or None where the combination applies.
+
+        What applies then is :meth:`contact_material`.
+        """
         return self._pair_material.get(self._geom_pair(geom1, geom2))
+
+    def contact_material(self, geom1: str | int, geom2: str | int) -> ContactMaterial:
+        """Say what contacts between two geoms have, after combination and overrides.
+
+        Any two geoms will do, also those that the model keeps from touching.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a geom is unknown, both are the same, the law is ``"comfree"``, the materials do not
+            combine by :attr:`rules`, or the model's ``solref`` for the pair means nothing.
+        """
+        self._check_takes_materials()
+        pair = self._geom_pair(geom1, geom2)
+        if pair[0] == pair[1]:
+            raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
+        found = _core.contact_material(self.model._address, self._parameters(), *pair)
+        of_solref = found.pop("of_solref")
+        source: Literal["pair", "geoms", "solref", "rigid"]
+        if pair in self._pair_material:
+            source = "pair"
+        elif not self._geom_material.keys().isdisjoint(pair):
+            source = "geoms"
+        else:
+            source = "solref" if of_solref else "rigid"
+        return ContactMaterial(source=source, **found)
 
     def make_data(self) -> mujoco.MjData:
         """Make data for :attr:`model`, with empty contact memory."""

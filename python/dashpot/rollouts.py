@@ -71,7 +71,8 @@ def rollout(
     if states.ndim != 2 or states.shape[0] == 0 or states.shape[1] not in sizes.values():
         known = " or ".join(f"{size} ({name})" for name, size in sizes.items())
         raise ValueError(
-            f"initial_state must be (nbatch, nstate) with nstate {known}, got shape {states.shape}"
+            f"initial_state must be (nbatch, nstate) with nstate {known} of engine.model, "
+            f"got shape {states.shape}"
         )
     controls = None if control is None else finite_array("control", control)
     if controls is not None:

@@ -2,11 +2,15 @@
 
 #pragma once
 
+#include <array>
+#include <cmath>
+
 #include "dashpot/material.hpp"
 #include "dashpot/parameters.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
+struct mjData_;
 
 namespace dashpot {
 
@@ -21,6 +25,11 @@ struct GroupMaterial {
   double normalised_damping = 0.0;    // delta, 1/s
 
   bool rigid() const { return from_solref || material.rigid; }
+  // Of a contact of its own on a model's solref, whatever its mass and load.
+  double damping_ratio() const {
+    return normalised_damping > 0.0 ? 0.5 * normalised_damping / std::sqrt(normalised_stiffness)
+                                    : 0.0;
+  }
 };
 
 // That of a contact: of its pair, else combined from its geoms, else what the model's own solref
@@ -28,7 +37,12 @@ struct GroupMaterial {
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
                           const ContactInput& contact, double load);
 // That of a limit, an equality or dry friction: what the model's own solref means where its
-// impedance has grown to the full, else rigid.
-GroupMaterial material_of(const ConstraintInput& constraint);
+// impedance has grown to the full, else rigid. Throws std::invalid_argument that names the joint,
+// tendon or equality whose solref means nothing.
+GroupMaterial material_of(const mjModel_* model, const mjData_* data,
+                          const ConstraintInput& constraint);
+
+// The friction coefficients of a contact: the model's, unless its material has its own.
+std::array<double, 5> friction_of(const ContactInput& contact, const Material& material);
 
 }  // namespace dashpot

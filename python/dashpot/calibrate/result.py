@@ -11,6 +11,7 @@ from rich.table import Table
 
 from dashpot.calibrate.identifiability import Estimate
 from dashpot.calibrate.problem import Problem
+from dashpot.tables import table_text
 
 Array = NDArray[np.float64]
 
@@ -73,6 +74,18 @@ class Fit:
                 return estimate
         known = ", ".join(e.name for e in self.estimates)
         raise ValueError(f"no parameter named {name!r}; there are {known}")
+
+    def __str__(self) -> str:
+        """Return the table as text."""
+        return table_text(self.table())
+
+    def __repr__(self) -> str:
+        """Return estimates and how the search ended, without the arrays."""
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.values.items())
+        return (
+            f"Fit({values}, residual_variance={self.residual_variance:.3g}, "
+            f"converged={self.converged})"
+        )
 
     @property
     def values(self) -> dict[str, float]:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.tables import table_text
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.table import Table
@@ -76,6 +78,11 @@ class Run:
     wall_time: float
     unstable_at: float | None = None
     warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return what was run and for how long, without the arrays."""
+        end = "" if self.unstable_at is None else f", diverged at {self.unstable_at:.3g} s"
+        return f"Run({self.name!r}, {len(self.time)} instants to {self.time[-1]:.6g} s{end})"
 
     @property
     def energy(self) -> NDArray[np.float64]:
@@ -145,6 +152,17 @@ class Comparison:
             if candidate.name == name:
                 return candidate
         raise KeyError(f"{name!r} is none of the runs {[r.name for r in self.runs]}")
+
+    def __str__(self) -> str:
+        """Return the table as text."""
+        return table_text(self.table())
+
+    def __repr__(self) -> str:
+        """Return the scene and its runs, without the arrays."""
+        runs = ", ".join(run.name for run in self.runs)
+        return (
+            f"Comparison({self.scene!r}, {self.duration:g} s at {1e3 * self.timestep:g} ms: {runs})"
+        )
 
     def statistics(self) -> dict[str, Statistics]:
         """Summarise every run, by setting."""

@@ -1,0 +1,90 @@
+"""The spring and damper that a MuJoCo ``solref`` means."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dashpot import _core
+from dashpot.law.arguments import real_array
+
+
+def _solref_pair(solref: ArrayLike) -> Any:
+    pair = real_array("solref", solref)
+    if pair.shape != (2,):
+        raise ValueError(f"solref must have shape (2,), got {pair.shape}")
+    return pair
+
+
+def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tuple[float, float]:
+    """Return mass-normalised stiffness (1/s^2) and damping (1/s) of a MuJoCo solref pair.
+
+    Parameters
+    ----------
+    solref : array_like, shape (2,)
+        (timeconst, dampratio), both > 0, or (-stiffness, -damping), both <= 0.
+    impedance_width : float
+        ``d_width`` of solimp, in (0, 1].
+
+    Returns
+    -------
+    tuple
+        (1 / (d_width timeconst dampratio)^2, 2 / (d_width timeconst)) or (stiffness / d_width^2,
+        damping / d_width), as in MuJoCo's documentation, "Solver parameters".
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, of a wrong shape or out of range.
+    """
+    pair = _solref_pair(solref)
+    width = real_array("impedance_width", impedance_width)
+    stiffness, damping = _core.solref_to_spring(pair[0], pair[1], float(width))
+    return stiffness, damping
+
+
+def solref_to_spring_at_rest(
+    solref: ArrayLike,
+    *,
+    solimp: ArrayLike = (0.9, 0.95, 0.001, 0.5, 2.0),
+    load: float | None = None,
+) -> tuple[float, float]:
+    """Return the mass-normalised spring and damper that the engine takes a MuJoCo row for.
+
+    At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d), d being its impedance
+    at that deformation and k that of :func:`solref_to_spring`; in free motion it swings with d^2 k,
+    as if its mass were 1 / (1 - d) times as large. The spring and damper deform as far at rest and
+    have the same damping ratio, hence the same restitution.
+
+    Parameters
+    ----------
+    solref : array_like, shape (2,)
+        (timeconst, dampratio), both > 0, or (-stiffness, -damping), both <= 0.
+    solimp : array_like, shape (5,)
+        (d_0, d_width, width, midpoint, power); width in m or rad.
+    load : float, optional
+        Acceleration (m/s^2 or rad/s^2, > 0) that the row has to balance, for which d is found;
+        without it d is d_width. The engine takes the weight of the lighter tree for contacts, which
+        is g for a free body, and d_width for limits, equalities and friction loss.
+
+    Returns
+    -------
+    tuple
+        (d^2 k / (1 - d), d b / sqrt(1 - d)), in 1/s^2 and 1/s. Over MuJoCo's estimate A of the
+        inverse mass (``efc_diagApprox``) and over sqrt(A w), w being the apparent inverse mass,
+        they are the stiffness (N/m) and damping (N s/m) of the engine's row.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is not real, of a wrong shape or out of range.
+    """
+    pair = _solref_pair(solref)
+    impedance = real_array("solimp", solimp, lower=0.0)
+    if impedance.shape != (5,):
+        raise ValueError(f"solimp must have shape (5,), got {impedance.shape}")
+    value = np.inf if load is None else float(real_array("load", load, lower=0.0, strict=True))
+    stiffness, damping = _core.solref_to_spring_at_rest(pair, impedance, value)
+    return stiffness, damping

@@ -1,0 +1,21 @@
+"""Tables as plain text."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+# Wide enough for every table of the package without folding a column.
+_WIDTH = 100
+
+
+def table_text(table: Table) -> str:
+    """Return a rich table as lines of plain text."""
+    from rich.console import Console
+
+    text = io.StringIO()
+    Console(file=text, width=_WIDTH, color_system=None).print(table)
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines())

@@ -1,0 +1,126 @@
+"""What Engine.contact_material says of a pair, against contacts that MuJoCo detects and bounces."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from dashpot import CombinationRules, Engine, Material, law
+
+PAIR = """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1" {floor}/>
+  <body name="b" pos="0 0 .0999"><freejoint/><geom name="ball" size=".1" mass="2" {ball}/></body>
+</worldbody>{more}</mujoco>"""
+
+
+def engine_of(floor="", ball="", more="", **options):
+    xml = PAIR.format(floor=floor, ball=ball, more=more)
+    return Engine(mujoco.MjModel.from_xml_string(xml), **options)
+
+
+@pytest.mark.parametrize(
+    ("floor", "ball", "more"),
+    [
+        ("", "", ""),
+        ('friction=".3 .02 .003"', 'friction=".7 .01 .001" condim="4"', ""),
+        ('solref=".03 .8" solmix="3"', 'solref=".01 1.2" solimp=".5 .8 .01 .4 3"', ""),
+        ('solref=".03 .8" solmix="0"', 'solref=".01 1.2"', ""),
+        ('solref=".04 .8" solmix="0"', 'solref=".01 1.2" solmix="0"', ""),
+        ('solref="-900 -20"', 'solref="-400 -30"', ""),
+        ('solref="-900 -20"', "", ""),
+        ('priority="1" friction=".3" condim="1" solref=".1 .5"', 'friction=".7" condim="6"', ""),
+        (
+            'friction=".3"',
+            "",
+            '<contact><pair geom1="ball" geom2="floor" condim="6" solref=".04 .9" '
+            'solimp=".1 .2 .3 .4 2" friction="1 2 .3 .4 .5"/></contact>',
+        ),
+    ],
+)
+def test_what_the_model_says_is_what_mujoco_gives_its_contacts(floor, ball, more):
+    engine = engine_of(floor, ball, more)
+    data = engine.make_data()
+    mujoco.mj_forward(engine.model, data)
+    (detected,) = data.contact
+    found = engine.contact_material("floor", "ball")
+    assert found == engine.contact_material(1, 0)
+    assert found.condim == detected.dim
+    assert found.friction == pytest.approx(detected.friction, rel=1e-14)
+    assert found.solref == pytest.approx(detected.solref, rel=1e-14)
+    assert found.solimp == pytest.approx(detected.solimp, rel=1e-14)
+    assert found.stiffness is None
+    own = "solref" in floor + ball + more
+    assert found.source == ("solref" if own else "rigid")
+    if own:
+        k, d = law.solref_to_spring(found.solref, impedance_width=found.solimp[1])
+        assert found.damping_ratio == pytest.approx(d / (2 * math.sqrt(k)), rel=1e-12)
+
+
+def test_coefficients_are_no_less_than_mujoco_takes():
+    found = engine_of('friction="0 0 0"', 'friction="0 0 0"').contact_material("floor", "ball")
+    assert found.friction == (mujoco.mjMINMU,) * 5
+
+
+def test_springs_in_series_and_overrides():
+    engine = engine_of('friction=".4 .02 .003"', 'friction=".1 .01 .001"')
+    engine.set_material("ball", Material(stiffness=3e4, damping_ratio=0.1, friction=0.2))
+    soft = engine.contact_material("ball", "floor")
+    assert (soft.source, soft.stiffness, soft.damping, soft.damping_ratio) == ("geoms", 3e4, 0, 0.1)
+    assert soft.friction == (0.4, 0.4, 0.02, 0.003, 0.003)
+    engine.set_material("floor", Material(stiffness=6e4, damping=50.0, friction=0.1))
+    mixed = engine.contact_material("ball", "floor")
+    assert mixed.stiffness == pytest.approx(2e4, rel=1e-14)
+    # Shares of elastic energy: 2/3 of the ball's damping ratio, (1/3)^2 of the floor's dashpot.
+    assert mixed.damping_ratio == pytest.approx(0.1 * 2 / 3, rel=1e-14)
+    assert mixed.damping == pytest.approx(50.0 / 9, rel=1e-14)
+    assert mixed.restitution is None
+    assert mixed.friction == (0.2, 0.2, 0.02, 0.003, 0.003)
+    engine.set_pair_material("ball", "floor", Material(stiffness=7e3, friction=(0.9, 0.1, 0.2)))
+    pair = engine.contact_material("floor", "ball")
+    assert (pair.source, pair.stiffness, pair.damping_ratio) == ("pair", 7e3, 1.0)
+    assert pair.friction == (0.9, 0.9, 0.1, 0.2, 0.2)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, None])
+def test_restitution_is_that_of_the_bounce(stiffness):
+    engine = engine_of()
+    engine.model.opt.gravity[:] = 0.0
+    engine.set_material("ball", Material(stiffness=stiffness, restitution=0.7))
+    if stiffness is None:
+        engine.set_material("floor", Material(restitution=0.7))
+    found = engine.contact_material("ball", "floor")
+    assert found.stiffness == stiffness
+    assert found.damping_ratio == pytest.approx(law.restitution_to_damping_ratio(0.7), rel=1e-12)
+    assert found.restitution == pytest.approx(0.7, rel=1e-12)
+    data = engine.make_data()
+    data.qpos[2], data.qvel[2] = 0.101, -1.0
+    engine.step(data, 50)
+    assert data.qvel[2] == pytest.approx(found.restitution, rel=1e-9)
+
+
+def test_questions_without_an_answer_are_errors():
+    engine = engine_of('solref="-1 2"')
+    with pytest.raises(ValueError, match="contact of geom 'floor' and geom 'ball': solref"):
+        engine.contact_material("ball", "floor")
+    with pytest.raises(ValueError, match="same geom"):
+        engine.contact_material("ball", 1)
+    with pytest.raises(ValueError, match="did you mean 'ball'"):
+        engine.contact_material("bal", "floor")
+    with pytest.raises(ValueError, match="takes no materials"):
+        engine_of(law="comfree").contact_material("ball", "floor")
+    engine = engine_of(rules=CombinationRules(damping="min"))
+    engine.set_material("ball", Material(stiffness=1e4, damping=1.0))
+    engine.set_material("floor", Material(stiffness=1e4, damping_ratio=1.0))
+    with pytest.raises(ValueError, match="same form"):
+        engine.contact_material("ball", "floor")
+
+
+def test_asking_leaves_the_motion_as_it_is():
+    engine, other = engine_of(), engine_of()
+    data, same = engine.make_data(), other.make_data()
+    for _ in range(20):
+        assert isinstance(engine.contact_material("ball", "floor"), dashpot.ContactMaterial)
+        engine.step(data)
+        other.step(same)
+    assert np.array_equal(data.qpos, same.qpos)
