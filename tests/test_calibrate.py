@@ -139,6 +139,9 @@ def test_results_read_well(noisy_ball):
     doubted = fit(replace(noisy_ball, position_sigma=0.5e-4))  # half the true noise
     assert not doubted.noise_explains
     assert "more than noise is in the residuals" in str(doubted.table().caption)
+    for estimate in doubted.estimates:
+        assert "noise does not explain the residuals" in estimate.statement
+    assert not any("noise" in estimate.statement for estimate in result.estimates)
     assert [residual.shape for residual in result.residuals] == [(40, 1, 6)] * 2
     metrics = result.metrics()
     # Three axes at 0.1 mm and at 1 mrad.

@@ -155,6 +155,24 @@ def make_problem(**changes):
         ({"trajectories": []}, "at least one trajectory"),
         ({"parameters": []}, "at least one parameter"),
         ({"parameters": ball_parameters()[:1] * 2}, "two parameter entries .* 'stiffness'"),
+        (
+            {
+                "parameters": [
+                    Parameter.material("ball", "restitution", start=0.5, bounds=(0.1, 0.9)),
+                    Parameter.material("ball", "damping", start=10.0, bounds=(1.0, 99.0)),
+                ]
+            },
+            "'restitution' and 'damping' both set the damping of geom 'ball'",
+        ),
+        (
+            {
+                "parameters": [
+                    Parameter.pair("a", "b", "stiffness", start=5.0, bounds=(1, 9), name="k"),
+                    Parameter.pair("b", "a", "stiffness", start=5.0, bounds=(1, 9), name="l"),
+                ]
+            },
+            "'k' and 'l' both set the stiffness of the pair 'a', 'b'",
+        ),
         ({"trajectories": [make_trajectory(initial_qvel=None)]}, "'throw 7' has no initial_qvel"),
         (
             {"trajectories": [make_trajectory(initial_qvel=np.zeros(5))]},

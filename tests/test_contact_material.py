@@ -76,10 +76,13 @@ def test_springs_in_series_and_overrides():
     assert mixed.damping == pytest.approx(50.0 / 9, rel=1e-14)
     assert mixed.restitution is None
     assert mixed.friction == (0.2, 0.2, 0.02, 0.003, 0.003)
-    engine.set_pair_material("ball", "floor", Material(stiffness=7e3, friction=(0.9, 0.1, 0.2)))
+    own = Material(7e3, friction=(0.9, 0.1, 0.2), loaded_friction=0.6, friction_load=3.0)
+    engine.set_pair_material("ball", "floor", own)
     pair = engine.contact_material("floor", "ball")
     assert (pair.source, pair.stiffness, pair.damping_ratio) == ("pair", 7e3, 1.0)
     assert pair.friction == (0.9, 0.9, 0.1, 0.2, 0.2)
+    assert (pair.loaded_friction, pair.friction_load) == (0.6, 3.0)
+    assert (mixed.loaded_friction, mixed.friction_load) == (1.0, 10.0)
 
 
 @pytest.mark.parametrize("stiffness", [1e5, None])

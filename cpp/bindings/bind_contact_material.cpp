@@ -58,6 +58,8 @@ py::dict contact_material(std::uintptr_t address, const Parameters& parameters, 
   result["restitution"] = restitution_of_pair(given, damping);
   result["friction"] = tuple(friction_of(input, given.material));
   result["condim"] = input.dim;
+  result["loaded_friction"] = given.material.loaded_friction;
+  result["friction_load"] = given.material.friction_load;
   result["tangential_ratio"] = given.material.tangential_ratio;
   result["tangential_damping_ratio"] = given.material.tangential_damping_ratio;
   result["solref"] = tuple(input.solref);

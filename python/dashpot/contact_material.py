@@ -35,10 +35,11 @@ class ContactMaterial:
         depends on the masses (`damping`), and of rigid contacts that were not given a restitution,
         whose ratio is that of all rigid contacts together.
     friction
-        Two sliding coefficients, one torsional and two rolling ones (m), as in ``mjContact``.
+        At light load: two sliding coefficients, one torsional and two rolling ones (m), as in
+        ``mjContact``.
     condim
         1, 3, 4 or 6: which of them act, as in ``mjContact.dim``.
-    tangential_ratio, tangential_damping_ratio
+    loaded_friction, friction_load, tangential_ratio, tangential_damping_ratio
         As in `Material`.
     solref, solimp
         What MuJoCo reads for the pair; without effect unless `source` is ``"solref"``.
@@ -51,6 +52,8 @@ class ContactMaterial:
     restitution: float | None
     friction: tuple[float, float, float, float, float]
     condim: int
+    loaded_friction: float
+    friction_load: float
     tangential_ratio: float
     tangential_damping_ratio: float
     solref: tuple[float, float]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from dashpot.calibrate.identifiability import judge
+from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, covariance
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
@@ -259,6 +259,7 @@ def _result(
     count = objective.parameters
     half_width = estimated.half_width(confidence)
     correlation = estimated.correlation[:count, :count]
+    explained = noise_explains(estimated.residual_variance, residuals.size)
     estimates = tuple(
         judge(
             parameter,
@@ -269,6 +270,7 @@ def _result(
             problem.names,
             confidence,
             None if search.converged else search.message,
+            None if explained else estimated.residual_variance,
         )
         for i, parameter in enumerate(problem.parameters)
     )

@@ -11,7 +11,8 @@ A parameter is called *not identified* when
   known to within a factor of two either way.
 
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
-combination of the two much better than each.
+combination of the two much better than each. So is noise that does not explain the residuals: then
+the interval is that of a model that is not quite right, or of a bad valley of the cost.
 """
 
 from __future__ import annotations
@@ -62,6 +63,11 @@ class Estimate:
     statement: str
 
 
+def noise_explains(residual_variance: float, count: int) -> bool:
+    """Whether the variance of `count` weighted residuals is 1 to three sigma, or less."""
+    return bool(residual_variance <= 1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
 def judge(
     parameter: Parameter,
     z: float,
@@ -71,6 +77,7 @@ def judge(
     names: tuple[str, ...],
     confidence: float,
     unfinished: str | None = None,
+    unexplained: float | None = None,
 ) -> Estimate:
     """Return the estimate of one parameter with its statement.
 
@@ -86,6 +93,8 @@ def judge(
         Of the interval, for the sentence.
     unfinished
         Why the search ended before it converged; None where it did.
+    unexplained
+        Residual variance where the stated noise does not explain it, else None.
     """
     coordinate = parameter.coordinate
     value = coordinate.to_value(z)
@@ -109,6 +118,10 @@ def judge(
         statement = f"identified: {confidence:.0%} interval {lower:.4g} to {upper:.4g}"
         if partner:
             statement += f"; {partner}, so the data know their combination better than each"
+        if unexplained is not None:
+            statement += (
+                f"; but noise does not explain the residuals, whose variance is {unexplained:.3g}"
+            )
     else:
         statement = f"not identified: {reason}"
         if partner:

@@ -148,7 +148,7 @@ class Parameter:
             bounds=bounds,
             transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
             difference=difference,
-            apply=setters.material_setter(_names("geoms", geoms), quantity),
+            apply=setters.MaterialSetter(_names("geoms", geoms), quantity),
         )
         parameter._check_material_takes_bounds(quantity)
         return parameter
@@ -180,7 +180,7 @@ class Parameter:
             bounds=bounds,
             transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
             difference=difference,
-            apply=setters.pair_setter(geom1, geom2, quantity),
+            apply=setters.PairSetter(geom1, geom2, quantity),
         )
         parameter._check_material_takes_bounds(quantity)
         return parameter

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.setters import System, model_of
+from dashpot.calibrate.setters import MaterialSetter, PairSetter, System, model_of
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import number, positive_count, positive_number
 from dashpot.engine import Engine
@@ -90,6 +90,7 @@ class Problem:
             raise ValueError("a problem needs at least one trajectory")
         _check_unique("parameter", [p.name for p in self.parameters])
         _check_unique("trajectory", [t.name for t in self.trajectories])
+        _check_targets(self.parameters)
         for name in ("position_sigma", "rotation_sigma"):
             positive_number(name, getattr(self, name))
         if self.window is not None and not number("window", self.window) > 0:
@@ -253,6 +254,20 @@ def _check_unique(kind: str, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"two {kind} entries are named {name!r}")
+
+
+def _check_targets(parameters: Sequence[Parameter]) -> None:
+    """Raise ValueError where two parameters set the same quantity of the same material."""
+    setter_of: dict[str, str] = {}
+    for parameter in parameters:
+        if not isinstance(parameter.apply, MaterialSetter | PairSetter):
+            continue
+        for target in parameter.apply.targets:
+            if target in setter_of:
+                raise ValueError(
+                    f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
+                )
+            setter_of[target] = parameter.name
 
 
 def _free_joint(model: mujoco.MjModel, body: int) -> int | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from dashpot.calibrate.identifiability import Estimate
+from dashpot.calibrate.identifiability import Estimate, noise_explains
 from dashpot.calibrate.problem import Problem
 from dashpot.tables import table_text
 
@@ -100,8 +100,7 @@ class Fit:
         are too small: see ``errors`` of `fit`) or the search ended in a bad valley (try more
         ``starts``, or ``windows``).
         """
-        count = sum(r.size for r in self.residuals)
-        return bool(self.residual_variance <= 1.0 + 3.0 * np.sqrt(2.0 / count))
+        return noise_explains(self.residual_variance, sum(r.size for r in self.residuals))
 
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.

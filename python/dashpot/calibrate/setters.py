@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import mujoco
@@ -35,35 +35,53 @@ def model_of(system: System) -> mujoco.MjModel:
     return system if isinstance(system, mujoco.MjModel) else system.model
 
 
-def material_setter(geoms: tuple[str, ...], quantity: str) -> Setter:
-    """Return a setter of one quantity of the material of each of `geoms`."""
+@dataclass(frozen=True)
+class MaterialSetter:
+    """Sets one quantity of the material of each of some geoms."""
 
-    def apply(system: System, value: float) -> None:
-        engine = _engine(system, quantity)
-        for geom in geoms:
+    geoms: tuple[str, ...]
+    quantity: str
+
+    def __call__(self, system: System, value: float) -> None:
+        """Set the quantity in an engine."""
+        engine = _engine(system, self.quantity)
+        for geom in self.geoms:
             mjcf_friction = engine.model.geom_friction[_row(engine.model, "geom", geom)]
-            material = with_quantity(engine.material(geom), quantity, value, mjcf_friction)
+            material = with_quantity(engine.material(geom), self.quantity, value, mjcf_friction)
             engine.set_material(geom, material)
 
-    return apply
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """What it sets, in words."""
+        return tuple(f"{_target(self.quantity)} of geom '{geom}'" for geom in self.geoms)
 
 
-def pair_setter(geom1: str, geom2: str, quantity: str) -> Setter:
-    """Return a setter of one quantity of the material of a pair of geoms."""
+@dataclass(frozen=True)
+class PairSetter:
+    """Sets one quantity of the material of a pair of geoms."""
 
-    def apply(system: System, value: float) -> None:
-        engine = _engine(system, quantity)
+    geom1: str
+    geom2: str
+    quantity: str
+
+    def __call__(self, system: System, value: float) -> None:
+        """Set the quantity in an engine."""
+        engine = _engine(system, self.quantity)
         model = engine.model
         friction1, friction2 = (
-            model.geom_friction[_row(model, "geom", geom)] for geom in (geom1, geom2)
+            model.geom_friction[_row(model, "geom", geom)] for geom in (self.geom1, self.geom2)
         )
-        material = engine.pair_material(geom1, geom2) or Material()
+        material = engine.pair_material(self.geom1, self.geom2) or Material()
         mjcf_friction = np.maximum(friction1, friction2)
         engine.set_pair_material(
-            geom1, geom2, with_quantity(material, quantity, value, mjcf_friction)
+            self.geom1, self.geom2, with_quantity(material, self.quantity, value, mjcf_friction)
         )
 
-    return apply
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """What it sets, in words."""
+        first, second = sorted((self.geom1, self.geom2))
+        return (f"{_target(self.quantity)} of the pair '{first}', '{second}'",)
 
 
 def model_setter(
@@ -118,6 +136,11 @@ def with_quantity(
         friction[_FRICTION_INDEX[quantity]] = value
         return replace(material, friction=(friction[0], friction[1], friction[2]))
     return replace(material, **{quantity: value})  # type: ignore[arg-type]
+
+
+def _target(quantity: str) -> str:
+    """Name what a quantity sets; the forms of damping replace each other."""
+    return "damping" if quantity in _DAMPING_FORMS else quantity
 
 
 def _engine(system: System, quantity: str) -> Engine:
