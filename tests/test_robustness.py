@@ -11,6 +11,10 @@ def test_random_free_bodies(seed):
     assert check(random_scene(seed, steps=300)) == []
 
 
-@pytest.mark.parametrize("seed", range(30))
-def test_random_trees_with_limits_dry_friction_and_equalities(seed):
-    assert check(random_articulated_scene(seed, steps=300)) == []
+@pytest.mark.parametrize(
+    ("integrator", "seed"),
+    [("implicitfast", seed) for seed in range(30)]
+    + [(integrator, seed) for integrator in ("implicit", "RK4") for seed in range(12)],
+)
+def test_random_trees_with_limits_dry_friction_and_equalities(integrator, seed):
+    assert check(random_articulated_scene(seed, steps=300, integrator=integrator)) == []

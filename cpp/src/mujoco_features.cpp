@@ -61,9 +61,6 @@ void report_options(const mjModel* m, Report& report) {
   if (!is_known_integrator(m))
     report.add("option integrator=" + integrator, Treatment::kRefused,
                "use Euler, implicitfast, implicit or RK4");
-  else if (is_runge_kutta(m) && has_adhesion(m))
-    report.add("option integrator=RK4 with adhesion", Treatment::kRefused,
-               "adhesion pulls at the contacts of the start of a step; use Euler or implicitfast");
   else
     report.add("option integrator=" + integrator, Treatment::kHonoured,
                is_runge_kutta(m) ? "trees without contact are stepped by MuJoCo's own integrator; "
@@ -206,9 +203,7 @@ void check_options(const mjModel_* m, Law law) {
                                 "; it must be finite and > 0 s");
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
-  const bool adheres_in_stages = is_runge_kutta(m) && has_adhesion(m);
-  if (!is_known_integrator(m) || adheres_in_stages ||
-      o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
+  if (!is_known_integrator(m) || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m, law);
 }
 

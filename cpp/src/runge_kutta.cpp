@@ -89,6 +89,11 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
   time_ = d->time;
   const bool others_look = others_look_at_data(m);
   if (others_look) {
+    // It would need the contacts of every stage, in the place of those of the step.
+    if (has_adhesion(m))
+      throw std::runtime_error(
+          "adhesion is not stepped with integrator RK4 where callbacks or plugins are asked in its "
+          "stages; use Euler or implicitfast");
     Start start(m, d, state_);
     find_slopes(m, d, new_control);
     get_state(m, d, kInputs, inputs_);

@@ -40,8 +40,8 @@ class RungeKutta {
   // Advances everything by the model's time step: `d` has been computed for its present state, up
   // to qacc and qfrc_constraint. What was computed stays that of the start. `new_control` false:
   // within the step the control callback is not asked. Where a callback raises, and with
-  // std::runtime_error where the motion diverges, state, controls and applied forces are those of
-  // the start again.
+  // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
+  // of a model with adhesion, state, controls and applied forces are those of the start again.
   void advance(const mjModel_* m, mjData_* d, bool new_control);
 
   // At the end of the last step, as its fourth stage saw it.
