@@ -345,10 +345,13 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
 }
 
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
-// change of kinetic energy of all others goes with their mean velocity, with RK4 also that of trees
-// which dry friction alone slows.
+// change of kinetic energy of all others goes with their mean velocity, also that of trees which
+// dry friction alone slows where RK4 integrates them.
 void Stepper::Impl::account_smooth_work(mjData_* d) {
-  const std::vector<char>& moved = host::is_runge_kutta(model) ? held : touched;
+  const auto moved = [&](int tree) {
+    return touched[tree] &&
+           (held[tree] || !host::is_runge_kutta(model) || !motion.integrated()[tree]);
+  };
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   mean_displacement.resize(start_velocity.size());
@@ -357,7 +360,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   if (parameters.options.law != Law::kComFree) {
     recovered.assign(start_velocity.size(), 0.0);
     for (int index = 0; index < motion.tree_count(); ++index) {
-      if (!moved[index]) continue;
+      if (!moved(index)) continue;
       const Tree& tree = motion.trees().tree[index];
       double* mean = mean_displacement.data() + tree.dof_begin;
       double* shift = recovered.data() + tree.dof_begin;

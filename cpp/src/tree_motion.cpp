@@ -151,12 +151,12 @@ void TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree&
 bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_rows) const {
   if (is_accurate(index)) return false;
   if (!by_rows.touched) return true;
-  if (host::is_runge_kutta(model_)) return !by_rows.held || resolves_dampers(index, length);
+  if (host::is_runge_kutta(model_)) return resolves_dampers(index, length);
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
   return host::adds_to_smooth_motion(model_) && !by_rows.coupled;
 }
 
-// Whether the joint dampers of a tree that rows hold take less than they could in a step: the
+// Whether the joint dampers of a tree that rows move take less than they could in a step: the
 // stages of RK4, which are explicit, turn round under the mean forces of an impact beyond H C / M
 // of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
 bool TreeMotion::resolves_dampers(int index, double length) const {

@@ -8,7 +8,7 @@
 // Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
 // of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
 // take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
-// that dry friction alone slows its position too. Where rows hold a tree whose joint dampers RK4
+// that dry friction alone slows its position too. Where rows move a tree whose joint dampers RK4
 // does not resolve, the velocity of the micro-steps stays.
 
 #pragma once
