@@ -54,8 +54,10 @@ def test_fits_recover_the_truth(noisy_ball, options):
         assert (np.diff(result.cost_history) <= 0).all()
 
 
-def test_cma_alone_comes_close(noisy_ball):
-    result = fit(noisy_ball, method="cma", max_evaluations=400, seed=3)
+@pytest.mark.parametrize("windows", [(), (0.15,)])
+def test_cma_alone_comes_close(noisy_ball, windows):
+    """Shorter windows take shares of the budget, and the last one goes on from their estimate."""
+    result = fit(noisy_ball, method="cma", windows=windows, max_evaluations=700, seed=3)
     assert result["stiffness"].value == pytest.approx(1e4, rel=0.05)
     assert result["sliding_friction"].value == pytest.approx(0.3, rel=0.05)
 

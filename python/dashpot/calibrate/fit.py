@@ -16,6 +16,8 @@ from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import (
+    FIRST_SIGMA,
+    LATER_SIGMA,
     Budget,
     LossName,
     Search,
@@ -170,22 +172,23 @@ def _search(
     seed: int,
 ) -> Search:
     """Run the searches that the options ask for; return that of the last window."""
-    final = Search(objectives[-1], loss, loss_scale, budget)
-    first = Search(objectives[0], loss, loss_scale, budget) if len(objectives) > 1 else final
+    searches = [Search(objective, loss, loss_scale, budget) for objective in objectives]
+    first, final = searches[0], searches[-1]
     begin = objectives[0].start()
+    if method == "cma":
+        point = spread_starts(first, begin, starts, seed, 1)[0]
+        for stage, search in enumerate(searches):
+            with budget.share(len(searches) - stage):
+                cma_es(search, point, seed, FIRST_SIGMA if stage == 0 else LATER_SIGMA)
+            point = search.best_point
+        return final
     if method == "least_squares":
         points = spread_starts(first, begin, starts, seed, local_searches)
     else:
-        with budget.share(2 if method == "cma+least_squares" else 1):
+        with budget.share(2):
             cma_es(first, spread_starts(first, begin, starts, seed, 1)[0], seed)
         points = [first.best_point]
-    if method == "cma":
-        if final is not first:
-            with budget.share(1):
-                cma_es(final, points[0], seed)
-        return final
-    earlier = [Search(objective, loss, loss_scale, budget) for objective in objectives[:-1]]
-    _descend([*earlier, final], points)
+    _descend(searches, points)
     return final
 
 

@@ -27,6 +27,11 @@ _HOLD = 1e-4
 _GRADIENT_TOLERANCE = float(np.finfo(np.float64).eps)
 _BUDGET_SPENT = "the budget of evaluations is spent"
 
+# First standard deviation of CMA-ES as a share of the ranges: from a start that says little, and
+# from the estimate of a shorter window.
+FIRST_SIGMA = 0.2
+LATER_SIGMA = 0.07
+
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
 
@@ -195,7 +200,7 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
     return np.asarray(result.x), float(result.cost)
 
 
-def cma_es(search: Search, start: Array, seed: int, sigma: float = 0.2) -> None:
+def cma_es(search: Search, start: Array, seed: int, sigma: float = FIRST_SIGMA) -> None:
     """Covariance-matrix-adaptation evolution strategy over the parameters' ranges.
 
     Initial states stay as in `start`. Each generation is one parallel batch. `sigma` is the first
