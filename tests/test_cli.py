@@ -366,7 +366,7 @@ def test_the_problem_format_shown_in_the_help_can_be_read(scene, tmp_path):
 
 
 def falling_cubes(count: int) -> CubeTosses:
-    """Tosses of an unturning cube that falls and stays: enough for the demo to have data."""
+    """Tosses of a turning cube that falls and stays: enough for the demo to have data."""
     made = []
     for index in range(count):
         time = np.arange(60) / 148
@@ -374,7 +374,10 @@ def falling_cubes(count: int) -> CubeTosses:
         position = np.zeros((60, 3))
         position[:, 0] = 0.3 * time
         position[:, 2] = np.maximum(height, 0.0524)
-        quaternion = np.tile([1.0, 0, 0, 0], (60, 1))
+        # One turn a second about another edge each time, in flight.
+        turn = np.pi * np.minimum(time, 0.1)
+        quaternion = np.zeros((60, 4))
+        quaternion[:, 0], quaternion[:, 1 + index % 3] = np.cos(turn), np.sin(turn)
         velocity = np.gradient(position, time, axis=0)
         made.append(make_toss(index, position, quaternion, velocity, np.zeros((60, 3))))
     return CubeTosses(tuple(made))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 
 BODY = "cube"
-# Corners of an ideal sharp cube; a corner radius replaces the box by spheres at its corners.
-_SIGNS = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+# Corners of a sharp cube of half width 1; a corner radius replaces the box by spheres in them.
+CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Cube:
             geoms = "".join(
                 f'<geom name="corner{i}" type="sphere" size="{radius}" '
                 f'pos="{x * inner} {y * inner} {z * inner}"/>'
-                for i, (x, y, z) in enumerate(_SIGNS)
+                for i, (x, y, z) in enumerate(CORNERS)
             )
         offset = " ".join(str(component) for component in self.offset)
         return mujoco.MjModel.from_xml_string(
