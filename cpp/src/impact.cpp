@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <iterator>
 
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/pair_motion.hpp"
 #include "dashpot/query.hpp"
 
 namespace dashpot {
@@ -16,105 +16,12 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kFast = 0.25;      // of the half-width: relative motion that needs a look
-constexpr double kStandoff = 0.01;  // of the half-width: where flight ends and contact begins
 constexpr double kTurn = 0.005;     // rad, in a part with contact
-constexpr double kFastTurn = 0.05;  // rad, in a step with contact, that needs a look
-// Below this turn (rad) in a part an arm's circle departs from its tangent by less than rounding of
-// the standoff, and the axis of the turn may be far away.
-constexpr double kSmallTurn = 1e-3;
-// Of a rigid contact under impact: sqrt(k / m) in units of the inverse length of the part, as it
-// begins and the largest that no more than 64 micro-steps resolve; and its largest damping ratio.
-constexpr double kImpactRate = 3.5;
-constexpr double kResolvedRate = 7.0;
-constexpr double kLargestRatio = 5.0;
 constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
 
-struct Side {
-  int geom = 0;
-  int tree = -1;
-  Motion velocity, acceleration;         // of its body; `centre` is unused in the latter
-  double offset = 0.0;                   // m, of the geom's centre from the body's centre of mass
-  double core_radius = 0.0;              // m, about the geom's centre
-  Vector3d symmetry = Vector3d::Zero();  // axis of a shape of revolution, unit; zero for others
-
-  Vector3d turn(double length) const {
-    return velocity.angular + 0.5 * length * acceleration.angular;
-  }
-  // The turn that moves the shape about its own centre.
-  Vector3d shape_turn(double length) const {
-    return turn(length) - symmetry * symmetry.dot(turn(length));
-  }
-
-  // Constant motion that covers what the body does in `length`: a free body (or a small turn)
-  // about its centre of mass, another about its instantaneous axis.
-  Motion mean_motion(double length, bool free) const {
-    Motion motion = velocity;
-    motion.linear += 0.5 * length * acceleration.linear;
-    motion.angular += 0.5 * length * acceleration.angular;
-    const double rate = motion.angular.norm();
-    if (free || rate * length < kSmallTurn) return motion;
-    const Vector3d axis = motion.angular / rate;
-    motion.centre += axis.cross(motion.linear) / rate;
-    motion.linear = axis * axis.dot(motion.linear);
-    return motion;
-  }
-};
-
-struct Pair {
-  std::array<Side, 2> side;
-  double half_width = 0.0;
-  double release_speed = 0.0;  // m/s, that its compressed contacts can give it
-  bool has_plane = false;
-  bool flies = false;  // both sides are free bodies or fixed
+struct FastPair : PairMotion {
   bool apart = false;  // from each other, proven for this part
   double clear = 0.0;  // s, how long it is proven
-
-  GeomPair geoms() const { return {side[0].geom, side[1].geom}; }
-  // Bound on the speed at which points of the two approach along `normal`, or in any direction.
-  double closing_speed(const Vector3d& normal, double length) const {
-    double speed = -normal.dot(relative_velocity(length));
-    speed = std::max(speed, 0.0);
-    for (const Side& s : side)
-      speed += normal.cross(s.turn(length)).norm() * s.offset +
-               normal.cross(s.shape_turn(length)).norm() * s.core_radius;
-    return speed;
-  }
-  double closing_speed(double length) const {
-    double speed = relative_velocity(length).norm();
-    for (const Side& s : side)
-      speed += s.turn(length).norm() * s.offset + s.shape_turn(length).norm() * s.core_radius;
-    return speed;
-  }
-  // Rate of turn of either side, with that which an impact at `speed` can give it.
-  double turn_rate(double speed, double length) const {
-    double rate = 0.0;
-    for (const Side& s : side) {
-      const double reach = s.offset + s.core_radius;
-      if (reach == 0.0 || s.tree < 0) continue;
-      const double moved =
-          s.turn(length).norm() * s.offset + s.shape_turn(length).norm() * s.core_radius;
-      rate = std::max(rate, (moved + speed) / reach);
-    }
-    return rate;
-  }
-  bool is_fast(double speed, double length, double step) const {
-    return speed * step > kFast * half_width || turn_rate(speed, length) * step > kFastTurn;
-  }
-  double standoff(double length) const {
-    double acceleration = (side[1].acceleration.linear - side[0].acceleration.linear).norm();
-    for (const Side& s : side)
-      acceleration += s.acceleration.angular.norm() * (s.offset + s.core_radius);
-    return kStandoff * half_width + acceleration * length * length / 8.0;
-  }
-
- private:
-  Vector3d relative_velocity(double length) const {
-    const auto linear = [&](const Side& s) -> Vector3d {
-      return s.velocity.linear + 0.5 * length * s.acceleration.linear;
-    };
-    return linear(side[1]) - linear(side[0]);
-  }
 };
 
 class ImpactSearch {
@@ -143,7 +50,7 @@ class ImpactSearch {
       if (!known) {
         if (is_slow(contact.geom)) continue;
         if (!has_shape(model_, contact.geom[0]) || !has_shape(model_, contact.geom[1])) continue;
-        const Pair pair = make_pair(contact);
+        const FastPair pair = make_pair(contact);
         if (!is_fast(pair, contact)) continue;
         pairs_.push_back(pair);
       }
@@ -155,11 +62,11 @@ class ImpactSearch {
   bool any() const { return !pairs_.empty(); }
   // Undisturbed pairs that an earlier part has proven apart need no look before that time.
   void recall(const ProvenApart& proven) {
-    for (Pair& pair : pairs_)
+    for (FastPair& pair : pairs_)
       if (pair.flies) pair.clear = proven.time_left(pair.geoms(), remaining_);
   }
   void remember(ProvenApart& proven) const {
-    for (const Pair& pair : pairs_)
+    for (const FastPair& pair : pairs_)
       if (pair.flies && pair.apart)
         proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, remaining_ - pair.clear);
   }
@@ -169,17 +76,17 @@ class ImpactSearch {
   double find_part(int cuts_left) {
     const double shortest_contact = remaining_ / (2.0 * cuts_left);
     double part = remaining_;
-    const auto look = [&](Pair& pair, double length) {
+    const auto look = [&](FastPair& pair, double length) {
       part = std::min(part, examine(pair, length, shortest_contact));
     };
-    for (Pair& pair : pairs_) {
+    for (FastPair& pair : pairs_) {
       pair.apart = pair.clear > 0.0;
       if (!pair.apart) look(pair, remaining_);
     }
-    for (Pair& pair : pairs_)
+    for (FastPair& pair : pairs_)
       if (pair.clear < part) look(pair, remaining_);
     const double length = part;
-    for (Pair& pair : pairs_)
+    for (FastPair& pair : pairs_)
       if (!pair.apart || pair.clear <= length) look(pair, length);
     part = std::max(part, kShortest * remaining_);
     return part > (1.0 - kShortest) * remaining_ ? remaining_ : part;
@@ -187,7 +94,7 @@ class ImpactSearch {
 
   std::vector<GeomPair> pairs_in_touch() const {
     std::vector<GeomPair> touching;
-    for (const Pair& pair : pairs_)
+    for (const FastPair& pair : pairs_)
       if (!pair.apart) touching.push_back(pair.geoms());
     std::sort(touching.begin(), touching.end());
     return touching;
@@ -206,10 +113,10 @@ class ImpactSearch {
     const auto is_disturbed = [&](int tree) { return tree >= 0 && disturbed[tree]; };
     for (const ConstraintInput& constraint : constraints)
       for (int tree : constraint.tree) disturb(tree);
-    for (const Pair& pair : pairs_)
+    for (const FastPair& pair : pairs_)
       if (!pair.apart)
-        for (const Side& side : pair.side) disturb(side.tree);
-    const auto drops = [&](const Pair& pair) {
+        for (const SideMotion& side : pair.side) disturb(side.tree);
+    const auto drops = [&](const FastPair& pair) {
       return pair.apart && pair.flies && !is_disturbed(pair.side[0].tree) &&
              !is_disturbed(pair.side[1].tree);
     };
@@ -225,7 +132,7 @@ class ImpactSearch {
       }
     } while (changed);
     std::vector<GeomPair> apart;
-    for (const Pair& pair : pairs_)
+    for (const FastPair& pair : pairs_)
       if (drops(pair)) apart.push_back(pair.geoms());
     std::sort(apart.begin(), apart.end());
     return apart;
@@ -247,7 +154,7 @@ class ImpactSearch {
     bound.half_width = size.half_width;
     if (std::isfinite(size.half_width))
       bound.radius = size.core_radius + geom_offset(data_, geom, velocity_[body].centre);
-    bound.calm_way = kFast * bound.half_width;
+    bound.calm_way = kFastMotion * bound.half_width;
     if (bound.radius > 0.0 && host::geom_tree(model_, geom) >= 0)
       bound.calm_way = std::min(bound.calm_way, kFastTurn * bound.radius);
     const auto mean = [&](const Vector3d& velocity, const Vector3d& acceleration) {
@@ -284,7 +191,7 @@ class ImpactSearch {
       const double rate_squared = contact.stiffness * inverse_mass;
       const double speed_squared = rate_squared * contact.compression * contact.compression *
                                    std::min(1.0, rate_squared * whole_ * whole_);
-      const double fast = kFast * half_width(geom);
+      const double fast = kFastMotion * half_width(geom);
       if (speed_squared * whole_ * whole_ <= fast * fast) continue;
       if (loaded_.empty() || loaded_.back().geom != geom) loaded_.push_back({geom, 0.0});
       loaded_.back().speed_squared += speed_squared;
@@ -300,10 +207,10 @@ class ImpactSearch {
 
   bool is_free(int tree) const { return tree < 0 || host::is_free_body(model_, tree); }
 
-  Pair make_pair(const ContactInput& contact) const {
-    Pair pair;
+  FastPair make_pair(const ContactInput& contact) const {
+    FastPair pair;
     for (int i = 0; i < 2; ++i) {
-      Side& side = pair.side[i];
+      SideMotion& side = pair.side[i];
       side.geom = contact.geom[i];
       side.tree = contact.tree[i];
       const int body = geom_body(model_, side.geom);
@@ -322,7 +229,7 @@ class ImpactSearch {
     return pair;
   }
 
-  bool is_fast(const Pair& pair, const ContactInput& contact) const {
+  bool is_fast(const FastPair& pair, const ContactInput& contact) const {
     const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
     const bool touches = contact.gap <= 2.0 * pair.standoff(remaining_);
     const double speed = pair.has_plane || touches ? pair.closing_speed(normal, remaining_)
@@ -331,12 +238,12 @@ class ImpactSearch {
   }
 
   // How long the pair allows the part to last, at most `length`.
-  double examine(Pair& pair, double length, double shortest_contact) const {
+  double examine(FastPair& pair, double length, double shortest_contact) const {
     Shape shape[2];
     Pose pose[2];
     Motion motion[2];
     for (int i = 0; i < 2; ++i) {
-      const Side& side = pair.side[i];
+      const SideMotion& side = pair.side[i];
       shape[i] = geom_shape(model_, side.geom);
       pose[i] = geom_pose(model_, data_, side.geom);
       motion[i] = side.mean_motion(length, is_free(side.tree));
@@ -359,7 +266,7 @@ class ImpactSearch {
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
     if (!pair.is_fast(speed, length, whole_)) return length;
     const double calm =
-        std::min(kFast * pair.half_width / speed, kTurn / pair.turn_rate(speed, length));
+        std::min(kFastMotion * pair.half_width / speed, kTurn / pair.turn_rate(speed, length));
     return std::min(length, std::max(calm, shortest_contact));
   }
 
@@ -369,7 +276,7 @@ class ImpactSearch {
   const std::vector<Motion> velocity_, acceleration_;
   std::vector<Bound> bound_;  // by geom
   std::vector<Loaded> loaded_;
-  std::vector<Pair> pairs_;
+  std::vector<FastPair> pairs_;
   std::vector<int> pair_of_contact_;
 };
 
@@ -394,39 +301,6 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
   part.length = length;
   part.apart = search.pairs_apart(constraints, contacts);
   return part;
-}
-
-double ProvenApart::time_left(const GeomPair& pair, double remaining) const {
-  const auto entry = entries_.find(pair);
-  return entry == entries_.end() ? 0.0 : std::max(0.0, remaining - entry->second.end);
-}
-
-void ProvenApart::add(const GeomPair& pair, const std::array<int, 2>& tree, double end) {
-  entries_[pair] = {tree, end};
-}
-
-void ProvenApart::forget(const std::vector<char>& disturbed) {
-  for (auto entry = entries_.begin(); entry != entries_.end();) {
-    const auto& tree = entry->second.tree;
-    const bool lost = (tree[0] >= 0 && disturbed[tree[0]]) || (tree[1] >= 0 && disturbed[tree[1]]);
-    entry = lost ? entries_.erase(entry) : std::next(entry);
-  }
-}
-
-void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness) {
-  if (inverse_mass == 0.0) return;
-  // At unit stiffness and mass the damping is twice its ratio.
-  const double ratio = std::min(0.5 * damping_of(material, 1.0, 1.0), kLargestRatio);
-  material.form = DampingForm::kRatio;
-  material.damping = ratio;
-  material.added_damping = 0.0;
-  material.rigid = false;
-  // Large damping must be resolved too: 2 zeta omega in place of omega.
-  const double rate = kImpactRate / (length * std::max(1.0, 2.0 * ratio));
-  material.stiffness = rate * rate / inverse_mass;
-  if (stiffness == 0.0) return;
-  const double stiffest = std::pow(kResolvedRate / kImpactRate, 2) * material.stiffness;
-  material.stiffness = std::min(stiffest, stiffness);
 }
 
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts) {

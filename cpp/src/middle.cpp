@@ -5,6 +5,8 @@
 #include <limits>
 #include <map>
 
+#include "dashpot/impact_spring.hpp"
+
 namespace dashpot {
 
 namespace {

@@ -28,8 +28,8 @@ class ContactMaterial:
     damping
         N s/m, of materials that were given in N s/m.
     damping_ratio
-        Of materials that were given by damping ratio or restitution, and of ``solref``. Not both
-        this and `damping` are 0 where materials of the two kinds meet.
+        Of materials that were given by damping ratio or restitution, and of ``solref``. Where one
+        of each kind meet, this and `damping` both act.
     restitution
         Of a contact without load, where its damping is fixed by the damping ratio; None where it
         depends on the masses (`damping`), and of rigid contacts that were not given a restitution,

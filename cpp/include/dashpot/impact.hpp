@@ -24,12 +24,10 @@
 
 #pragma once
 
-#include <array>
-#include <map>
 #include <vector>
 
-#include "dashpot/material.hpp"
 #include "dashpot/memory.hpp"
+#include "dashpot/proven_apart.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
@@ -39,33 +37,12 @@ namespace dashpot {
 
 inline constexpr int kMaxCuts = 96;
 
-using GeomPair = std::array<int, 2>;
-
 // The next part of a step.
 struct Part {
   double length = 0.0;  // s
   // Fast pairs in touch, and pairs proven apart during the part, whose contacts are to be left out.
   // Both are sorted.
   std::vector<GeomPair> impact, apart;
-};
-
-// Pairs of free or fixed bodies that earlier parts of a step have proven apart up to some time.
-// What disturbs neither of the two leaves that proof valid.
-class ProvenApart {
- public:
-  // How long (s) from now, `remaining` (s) before the end of the step, it holds; 0 if it does not.
-  double time_left(const GeomPair& pair, double remaining) const;
-  // It holds up to `end` (s) before the end of the step.
-  void add(const GeomPair& pair, const std::array<int, 2>& tree, double end);
-  void forget(const std::vector<char>& disturbed);  // by tree
-  void clear() { entries_.clear(); }
-
- private:
-  struct Entry {
-    std::array<int, 2> tree;
-    double end;
-  };
-  std::map<GeomPair, Entry> entries_;
 };
 
 // The next part of a step, at most `remaining`, which is its length where nothing is fast.
@@ -76,12 +53,6 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
                         const std::vector<ConstraintInput>& constraints,
                         const std::vector<ContactInput>& contacts, double whole, double remaining,
                         int cuts_left, ProvenApart& proven);
-
-// Turns a rigid material into the spring of an impact, seen by a contact of apparent inverse mass w
-// (1/kg) in a part of `length` (s): undamped contact would last pi sqrt(m / k) = 0.9 of the part. A
-// contact that is compressed with `stiffness` (N/m, 0 for none) keeps it as far as micro-steps of
-// the part resolve it. Nothing changes where w is zero.
-void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness);
 
 // Takes out the contacts of some sorted pairs.
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);

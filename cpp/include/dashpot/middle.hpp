@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "dashpot/group_material.hpp"
-#include "dashpot/impact.hpp"
 #include "dashpot/memory.hpp"
+#include "dashpot/proven_apart.hpp"
 #include "dashpot/row_data.hpp"
 
 namespace dashpot {
