@@ -294,3 +294,24 @@ def test_transforms_invert_and_have_their_slope(transform):
         assert transform.slope(z) == pytest.approx(slope, rel=1e-6)
     assert transform.to_value(1e3) == transform.upper
     assert transform.to_value(-1e3) == transform.lower
+
+
+def test_damping_and_dry_friction_of_joints_and_tendons_are_set_by_name():
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+        <body name="a"><joint name="swing" type="ball"/><geom size=".1"/>
+          <body name="b"><joint name="knee"/><geom size=".1"/></body></body></worldbody>
+        <tendon><fixed name="cord"><joint joint="knee" coef="1"/></fixed></tendon></mujoco>""")
+    at = {"start": 2.0, "bounds": (0.1, 10.0)}
+    parameters = [
+        Parameter.model("dof_damping", ["swing"], **at),
+        Parameter.model("dof_frictionloss", "knee", **at),
+        Parameter.model("tendon_damping", "cord", index=0, **at),
+    ]
+    trajectory = make_trajectory(bodies=("a",), initial_qpos=None, initial_qvel=np.zeros(4))
+    problem = Problem(model, parameters, [trajectory], 1e-3, 1e-2)
+    built = problem.build({"dof_damping": 3.0, "dof_frictionloss": 4.0, "tendon_damping": 5.0})
+    assert built.dof_damping.tolist() == [3.0, 3.0, 3.0, 0.0]
+    assert built.dof_frictionloss.tolist() == [0.0, 0.0, 0.0, 4.0]
+    assert built.tendon_damping.tolist() == [5.0]
+    with pytest.raises(ValueError, match="no joint named 'kne'; near: knee"):
+        Problem(model, [Parameter.model("dof_damping", "kne", **at)], [trajectory], 1e-3, 1e-2)

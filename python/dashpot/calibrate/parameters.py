@@ -203,11 +203,13 @@ class Parameter:
         Parameters
         ----------
         attribute
-            A float array of ``mujoco.MjModel`` with one row per body, geom, joint, site, pair or
-            actuator: ``body_mass``, ``body_inertia``, ``body_ipos``, ``geom_friction``,
-            ``geom_solref``, ``geom_size`` ...
+            A float array of ``mujoco.MjModel`` with one row per body, geom, joint, site, pair,
+            tendon, actuator or degree of freedom: ``body_mass``, ``body_inertia``, ``body_ipos``,
+            ``geom_friction``, ``geom_solref``, ``geom_size``, ``dof_damping``,
+            ``dof_frictionloss`` ...
         elements
-            Name or names of the body, geom ... whose row is set.
+            Name or names of the body, geom ... whose row is set; of the joint, for all of its
+            degrees of freedom.
         index
             Which columns of the row take the value; None: all of them.
         start, bounds, name, transform, difference

@@ -27,6 +27,15 @@ _ELEMENT_KIND = {
     "site": mujoco.mjtObj.mjOBJ_SITE,
     "pair": mujoco.mjtObj.mjOBJ_PAIR,
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "dof": mujoco.mjtObj.mjOBJ_JOINT,  # one row for each degree of freedom of the joint
+}
+
+_DOF_COUNT = {
+    mujoco.mjtJoint.mjJNT_FREE: 6,
+    mujoco.mjtJoint.mjJNT_BALL: 3,
+    mujoco.mjtJoint.mjJNT_SLIDE: 1,
+    mujoco.mjtJoint.mjJNT_HINGE: 1,
 }
 
 
@@ -99,20 +108,20 @@ def model_setter(
         model = model_of(system)
         array = _model_array(model, attribute)
         for element in elements:
-            row = _row(model, kind, element)
+            rows = _rows(model, kind, element)
             if array.ndim == 1:
-                array[row] = value
+                array[rows] = value
             elif columns is None:
-                array[row, :] = value
+                array[rows, :] = value
             elif max(columns) < array.shape[1] and min(columns) >= 0:
-                array[row, list(columns)] = value
+                array[rows, list(columns)] = value
             else:
                 raise ValueError(
                     f"index {columns} of {attribute} is out of range: rows have "
                     f"{array.shape[1]} columns"
                 )
             if attribute == "geom_size":
-                _update_extent(model, row)
+                _update_extent(model, rows.start)
 
     return apply
 
@@ -151,16 +160,26 @@ def _engine(system: System, quantity: str) -> Engine:
     return system
 
 
+def _rows(model: mujoco.MjModel, kind: str, name: str) -> slice:
+    """Return the rows of an element: one, but for the degrees of freedom of a joint."""
+    row = _row(model, kind, name)
+    if kind != "dof":
+        return slice(row, row + 1)
+    first = int(model.jnt_dofadr[row])
+    return slice(first, first + _DOF_COUNT[mujoco.mjtJoint(model.jnt_type[row])])
+
+
 def _row(model: mujoco.MjModel, kind: str, name: str) -> int:
     object_type = _ELEMENT_KIND[kind]
     row = int(mujoco.mj_name2id(model, object_type, name))
     if row < 0:
-        count = {"jnt": model.njnt, "pair": model.npair, "actuator": model.nu}.get(kind)
+        count = {"jnt": model.njnt, "dof": model.njnt, "actuator": model.nu}.get(kind)
         if count is None:
             count = getattr(model, f"n{kind}")
         known = [mujoco.mj_id2name(model, object_type, i) or "" for i in range(count)]
         near = difflib.get_close_matches(name, known) or [n for n in known if n][:5]
-        raise ValueError(f"the model has no {kind} named {name!r}; near: {', '.join(near)}")
+        noun = {"jnt": "joint", "dof": "joint"}.get(kind, kind)
+        raise ValueError(f"the model has no {noun} named {name!r}; near: {', '.join(near)}")
     return row
 
 
