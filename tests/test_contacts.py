@@ -35,6 +35,11 @@ def test_contacts_filtered_by_geom_body_and_pair():
     assert engine.contacts(data, geom="floor").force[:, 0].sum() == pytest.approx(
         2 * weight, rel=1e-3
     )
+    singles = list(between)
+    assert sum(contact.force[0] for contact in singles) == pytest.approx(weight, rel=1e-3)
+    assert between[0].position.shape == (3,)
+    with pytest.raises(TypeError, match="single contact"):
+        len(between[0])
     for bad in ({"geom": "flor"}, {"body": "mid"}, {"pair": ("low", "low")}, {"pair": ("low",)}):
         with pytest.raises(ValueError, match=r"did you mean|no body|same geom|two geoms"):
             engine.contacts(data, **bad)

@@ -58,10 +58,15 @@ class Contacts:
     sticking: NDArray[np.bool_]
 
     def __len__(self) -> int:
+        if np.ndim(self.gap) == 0:
+            raise TypeError("a single contact has no length")
         return len(self.gap)
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Contacts:
-        """Return the contacts that an index array, a mask or a slice chooses."""
+    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice | int) -> Contacts:
+        """Return the contacts that an index array, a mask or a slice chooses.
+
+        An integer, or iteration, gives single contacts: their fields have no first axis.
+        """
         return Contacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 

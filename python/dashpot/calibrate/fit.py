@@ -8,24 +8,15 @@ from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, covariance
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.search import (
-    FIRST_SIGMA,
-    LATER_SIGMA,
-    Budget,
-    LossName,
-    Search,
-    cma_es,
-    least_squares,
-    loss_weights,
-    spread_starts,
-)
+from dashpot.calibrate.search import Budget, LossName, Search, loss_weights
+from dashpot.calibrate.strategy import Method, run_searches
 from dashpot.checks import (
     number,
     number_array,
@@ -36,7 +27,6 @@ from dashpot.checks import (
 )
 
 Array = NDArray[np.float64]
-Method = Literal["least_squares", "cma", "cma+least_squares"]
 Errors = Literal["auto", "independent", "clustered"]
 
 # Clustered errors need many clusters to be estimated well; with fewer they are too small.
@@ -45,11 +35,6 @@ _MIN_CLUSTERS = 20
 # than the interval by this factor.
 _WIDEST_DIFFERENCE = 0.2
 _WIDTH_SLACK = 2.0
-# A minimum counts as explained by the stated noise, and no further start is searched from, when its
-# residual variance is below 1 plus this many standard deviations of the variance of normal noise.
-_EXPLAINED = 3.0
-# Of one local search; those that need more are lost in a bad valley.
-_MOST_ITERATIONS = 40
 
 
 def fit(
@@ -137,9 +122,11 @@ def fit(
     began = time.perf_counter()
     stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
-    with _Bar(progress, max_evaluations) as bar:
+    with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
-        search = _search(objectives, budget, loss, loss_scale, method, starts, local_searches, seed)
+        search = run_searches(
+            objectives, budget, loss, loss_scale, method, starts, local_searches, seed
+        )
         objective, point = objectives[-1], search.best_point
         residuals = objective.residuals(point)[0]
         errors_kind = _errors_kind(errors, problem, objective)
@@ -159,60 +146,6 @@ def fit(
         errors=errors_kind,
         confidence=confidence,
     )
-
-
-def _search(
-    objectives: list[Objective],
-    budget: Budget,
-    loss: LossName,
-    loss_scale: float,
-    method: Method,
-    starts: int,
-    local_searches: int,
-    seed: int,
-) -> Search:
-    """Run the searches that the options ask for; return that of the last window."""
-    searches = [Search(objective, loss, loss_scale, budget) for objective in objectives]
-    first, final = searches[0], searches[-1]
-    begin = objectives[0].start()
-    if method == "cma":
-        point = spread_starts(first, begin, starts, seed, 1)[0]
-        for stage, search in enumerate(searches):
-            with budget.share(len(searches) - stage):
-                cma_es(search, point, seed, FIRST_SIGMA if stage == 0 else LATER_SIGMA)
-            point = search.best_point
-        return final
-    if method == "least_squares":
-        points = spread_starts(first, begin, starts, seed, local_searches)
-    else:
-        with budget.share(2):
-            cma_es(first, spread_starts(first, begin, starts, seed, 1)[0], seed)
-        points = [first.best_point]
-    _descend(searches, points)
-    return final
-
-
-def _descend(searches: list[Search], points: list[Array]) -> None:
-    """Search all windows from one point after the other until noise explains what is left.
-
-    An end in the first window that noise does not explain is a bad valley, or the model is not
-    quite right: the next start is tried, and if none does better, the best such end goes on.
-    """
-    last = searches[-1]
-    unfinished: list[tuple[float, Array]] = []
-    for start in points:
-        point, cost = least_squares(searches[0], start, _MOST_ITERATIONS)
-        if len(searches) > 1 and not searches[0].explained(cost, _EXPLAINED):
-            unfinished.append((cost, point))
-        else:
-            for search in searches[1:]:
-                point, _ = least_squares(search, point, _MOST_ITERATIONS)
-        if last.explained(last.best_cost, _EXPLAINED) or last.budget.left == 0:
-            break
-    if unfinished and not last.explained(last.best_cost, _EXPLAINED):
-        point = min(unfinished, key=lambda end: end[0])[1]
-        for search in searches[1:]:
-            point, _ = least_squares(search, point, _MOST_ITERATIONS)
 
 
 def _covariance(
@@ -326,36 +259,3 @@ def _windows(windows: Sequence[float]) -> list[float]:
     if not (array > 0).all() or (np.diff(array) <= 0).any():
         raise ValueError(f"windows must be > 0 and ascend, got {tuple(windows)}")
     return [float(window) for window in array]
-
-
-class _Bar:
-    """A rich progress bar over the budget, or nothing."""
-
-    def __init__(self, shown: bool, total: int) -> None:
-        self._progress = (
-            Progress(
-                TextColumn("calibrating"),
-                BarColumn(),
-                TextColumn("{task.completed:.0f} simulations, cost {task.fields[cost]:.6g}"),
-                TimeElapsedColumn(),
-                transient=True,
-            )
-            if shown
-            else None
-        )
-        self._total = total
-
-    def __enter__(self) -> _Bar:
-        if self._progress:
-            self._progress.start()
-            self._task = self._progress.add_task("fit", total=self._total, cost=float("nan"))
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        if self._progress:
-            self._progress.stop()
-
-    def report(self, evaluations: int, cost: float) -> None:
-        """Show the evaluations spent and the lowest cost of the present search."""
-        if self._progress:
-            self._progress.update(self._task, completed=evaluations, cost=cost)
