@@ -42,10 +42,10 @@ def main() -> None:
     arguments = parser.parse_args()
 
     data = load_cube_tosses(arguments.data)
-    console = Console()
+    console = Console(width=100)
     table = Table(title=f"Cube tosses, fitted on {arguments.fitted} of {len(data)}")
     for column in ("", "seen", "unseen", "median", "from contact", "fit"):
-        table.add_column(column, justify="right" if column else "left", no_wrap=True)
+        table.add_column(column, justify="right" if column else "left")
     for model in arguments.models:
         for name, options in MODELS[model].items():
             study = tosses.study(
