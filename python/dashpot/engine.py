@@ -57,7 +57,8 @@ class Engine:
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
         are lowered, and counted in ``StepStats.clipped``: such contacts are softer, and rebound
-        otherwise than their material says.
+        otherwise than their material says (0.1 kg at 1e6 N/m and restitution 0.5, in steps of 10
+        ms: 0.7). A larger bound, shorter steps or, for fast impacts, ``impact="cut"`` help.
     recovery_speed
         Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
         is pushed out, unless a force keeps it in that is beyond a hundred weights or, of rigid
