@@ -123,6 +123,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
   read_contacts(m, d, contacts);
+  drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.seams, contacts);
   read_constraints(m, d, constraints);
   d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
   mj_referenceConstraint(m, d);

@@ -200,6 +200,17 @@ void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInpu
   }
 }
 
+void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
+                    double* velocity) {
+  velocity_of_point(m, d, body, d->cvel + 6 * body, point, velocity);
+  // A mocap body's own is in cvel, that of what hangs on it relative to it.
+  const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
+  if (!carrier) return;
+  mjtNum carried[3];
+  velocity_of_point(m, d, body, carrier, point, carried);
+  mju_addTo3(velocity, carried);
+}
+
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
                                        const ContactInput& input) {
   if (input.is_of_flex()) {
@@ -208,16 +219,9 @@ std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
   }
   mjtNum relative[3] = {0, 0, 0};
   for (int side = 0; side < 2; ++side) {
-    const int body = m->geom_bodyid[input.geom[side]];
-    const auto add = [&](const mjtNum* twist) {
-      mjtNum velocity[3];
-      velocity_of_point(m, d, body, twist, input.position.data(), velocity);
-      mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
-    };
-    add(d->cvel + 6 * body);
-    // A mocap body's own is in cvel, that of what hangs on it relative to it.
-    const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
-    if (carrier) add(carrier);
+    mjtNum velocity[3];
+    point_velocity(m, d, m->geom_bodyid[input.geom[side]], input.position.data(), velocity);
+    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
   }
   std::array<double, 3> result;
   mju_mulMatVec3(result.data(), input.frame.data(), relative);

@@ -83,13 +83,14 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   body_velocities(m, d, d->qvel, now);
   body_velocities(m, d, end_velocity.data(), later);
   reach.assign(m->ngeom, 0.0);
+  buffers.start_reach.assign(m->ngeom, 0.0);
   // All that may throw is done: where a constructor does, no destructor puts the model right.
   for (int geom = 0; geom < m->ngeom; ++geom) {
     const int body = m->geom_bodyid[geom];
     const bool moves = m->body_treeid[body] >= 0 || is_mocap(m, body);
     if (!moves || !may_collide(m, geom)) continue;
-    reach[geom] =
-        h * std::max(geom_speed(m, d, geom, now.data()), geom_speed(m, d, geom, later.data()));
+    buffers.start_reach[geom] = h * geom_speed(m, d, geom, now.data());
+    reach[geom] = std::max(buffers.start_reach[geom], h * geom_speed(m, d, geom, later.data()));
     m->geom_gap[geom] = std::max(buffers.geom_gap[geom], reach[geom]);
     // The broadphase goes by the largest of a body's geoms.
     mjtNum& margin = m->body_margin[body];

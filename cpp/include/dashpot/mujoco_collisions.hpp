@@ -1,7 +1,9 @@
 // Collisions of MuJoCo that detection replaces. Part of the mujoco_host room.
 //
 // Boxes: MuJoCo finds nothing between boxes that are apart and face each other with corners or
-// edges. Under a widened reach such contacts may start in the step.
+// edges, and one point between those that meet edge to edge. Under a widened reach such contacts
+// may start in the step: those of the nearest points, and of corners above faces, one of which may
+// come faster than the nearest point.
 //
 // Cylinder on plane: MuJoCo takes the lowest direction of the rim from the difference of nearly
 // equal vectors. Of a cylinder that stands flat, tilted by a, distances are off by about 1e-16 / a

@@ -13,6 +13,7 @@
 #include "dashpot/free_body.hpp"
 #include "dashpot/law.hpp"
 #include "dashpot/mujoco_reach.hpp"
+#include "dashpot/mujoco_seams.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/runge_kutta.hpp"
 
@@ -130,6 +131,7 @@ enum class ContactRows { kNone, kIfTheyFit, kRequired };
 struct Detection {
   ContactRows contact_rows = ContactRows::kRequired;
   ReachBuffers buffers;
+  SeamBuffers seams;
 };
 
 // Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
@@ -187,6 +189,9 @@ int detected_count(const mjData_* d);
 // Force and torque of a detected contact in its frame, N and N m. Throws std::runtime_error where
 // the last step has left no rows of contacts.
 std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index);
+// Velocity (3, world, m/s) of a body at a point (world), at the velocities last computed.
+void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
+                    double* velocity);
 // Velocity of geom 2 relative to geom 1 at the contact, in its frame (m/s), at the positions and
 // velocities last computed.
 std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,

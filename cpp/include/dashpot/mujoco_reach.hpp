@@ -18,6 +18,7 @@ struct ReachBuffers {
   std::vector<double> geom_gap, body_margin, pair_gap, flex_gap, joint_margin, tendon_margin;
   std::vector<double> now, later;           // spatial velocities of bodies at both ends of the step
   std::vector<double> end_velocity, reach;  // generalized; by geom, m
+  std::vector<double> start_reach;          // by geom, m: with the velocities of the start alone
 };
 
 // While it lives, collisions are replaced, and the detection distance of every geom, pair, flex,

@@ -1,0 +1,36 @@
+// Contacts at the seams between geoms. Part of the mujoco_host room.
+//
+// A body that slides from one tile of a floor to the next is pressed into the first a hair's
+// breadth deeper than the edge of the second begins, and detection ahead finds its front about to
+// run into the second one's side. MuJoCo looks once they overlap, by far the least along the normal
+// of the floor, and lets it pass. So where a geom's body rests on something with the normal m (into
+// it), depth s deep, a contact of the geom with another one is left out, unless its normal is m,
+// while both overlap along m by no more than the body is pressed in:
+//
+//     o = max of m x over the other - min of m x over the geom,
+//     o + H max(0, rate at which o grows) <= 1.5 s + tolerance .
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Kept from step to step: a step allocates nothing.
+struct SeamBuffers {
+  std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
+  std::vector<char> at_seam;     // by contact
+};
+
+// Drops such contacts of geoms that move. `start_reach` (m): how far each geom can move in the step
+// with the velocities of its start.
+void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
+                            const std::vector<double>& start_reach, SeamBuffers& buffers,
+                            std::vector<ContactInput>& contacts);
+
+}  // namespace dashpot::host
