@@ -92,19 +92,27 @@ void check_normals(Contact c, double h) {
   }
 }
 
-void check_friction(const Contact& c) {
+// With coefficients that fall under load, or not.
+void check_friction(Contact c, double h, bool load_dependent) {
   Lanes impulse[6];
+  c.load_dependent = load_dependent;
   for (int lane = 0; lane < kLanes; ++lane) {
     impulse[0][lane] = uniform(0.0, 1.0) < 0.1 ? 0.0 : log_uniform(1e-3, 10.0);
     for (int i = 1; i < 6; ++i)
       impulse[i][lane] = c.inverse_friction[i - 1][lane] == 0.0 ? 0.0 : uniform(-3.0, 3.0);
+    c.loaded_friction[lane] = uniform(0.1, 1.0);
+    c.inverse_friction_load[lane] = h / log_uniform(1e-3, 10.0);
   }
   Lanes returned[6];
   std::memcpy(returned, impulse, sizeof impulse);
   LaneMask inside;
-  return_friction(c, returned, inside);
+  return_friction(c, returned, inside, h);
   for (int lane = 0; lane < kLanes; ++lane) {
     double expected[5], mu[5], response[5], largest = 0.0;
+    const double share = c.loaded_friction[lane];
+    const double loads = impulse[0][lane] / h * c.inverse_friction_load[lane];
+    const double pressure =
+        impulse[0][lane] * (load_dependent ? share + (1.0 - share) / (1.0 + loads) : 1.0);
     for (int i = 0; i < 5; ++i) {
       expected[i] = impulse[i + 1][lane];
       const double inverse = c.inverse_friction[i][lane];
@@ -112,7 +120,7 @@ void check_friction(const Contact& c) {
       response[i] = c.slip[i][lane] * mu[i] * mu[i];
       largest = std::max(largest, mu[i] * impulse[0][lane]);
     }
-    const bool sticks = return_to_limit(expected, mu, response, 5, impulse[0][lane]);
+    const bool sticks = return_to_limit(expected, mu, response, 5, pressure);
     if (impulse[0][lane] > 0.0)
       check(sticks == (inside[lane] != 0), "sticking", inside[lane] != 0, sticks);
     // Either stops within 1e-9 of the surface, relative to its half axes.
@@ -316,7 +324,8 @@ int main() {
     prepare(c, h);
     check_propagators(c, h);
     check_normals(c, h);
-    check_friction(c);
+    check_friction(c, h, false);
+    check_friction(c, h, true);
   }
   for (int i = 0; i < 1000; ++i) check_joint_rows();
   for (int i = 0; i < 300; ++i) {
