@@ -16,6 +16,8 @@ namespace {
 
 // Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
+// And one in which corners may matter that are not nearest: they come in by less than this.
+constexpr double kFastReach = 0.05;
 constexpr int kMostOfBoxes = 8;  // contacts that MuJoCo takes from the collision of two boxes
 // Cosine between the normals of a corner and of the contact found: convex bodies meet along one.
 constexpr double kAlike = 0.85;
@@ -87,7 +89,7 @@ int collide_moving_boxes(const mjModel* m, mjData* d, mjPreContact* contact, int
     for (int i = 0; i < 3; ++i) half_width = std::min(half_width, m->geom_size[3 * geom + i]);
   if (margin <= kFarReach * half_width) return count;
   if (count == 0) count = mjc_Convex(m, d, contact, geom1, geom2, margin);
-  if (count == 0) return 0;
+  if (count == 0 || margin <= kFastReach * half_width) return count;
   count = add_corners(m, d, geom2, geom1, margin, 1.0, contact, count);
   return add_corners(m, d, geom1, geom2, margin, -1.0, contact, count);
 }

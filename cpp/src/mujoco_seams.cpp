@@ -11,8 +11,10 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of the smaller geom's radius: what tiles may differ by in height, and what counts as motion.
+// Parts of the smaller geom's radius: what tiles may differ by in height, and what counts as motion
+// in a step.
 constexpr double kTolerance = 1e-4;
+constexpr double kMotion = 1e-5;
 // Depths: those of one body under its load differ by less.
 constexpr double kDepths = 1.5;
 // Cosine between normals that are the same.
@@ -69,6 +71,23 @@ bool find_support(const mjModel* m, const mjData* d, int geom, const mjtNum* dir
   return true;
 }
 
+// A radius about its centre that a geom contains; 0 where none is known.
+double inner_radius(const mjModel* m, int geom) {
+  const mjtNum* size = m->geom_size + 3 * geom;
+  switch (m->geom_type[geom]) {
+    case mjGEOM_SPHERE:
+    case mjGEOM_CAPSULE:
+      return size[0];
+    case mjGEOM_CYLINDER:
+      return std::min(size[0], size[1]);
+    case mjGEOM_ELLIPSOID:
+    case mjGEOM_BOX:
+      return std::min({size[0], size[1], size[2]});
+    default:
+      return 0.0;
+  }
+}
+
 class Seams {
  public:
   Seams(const mjModel* m, const mjData* d, SeamBuffers& buffers,
@@ -91,6 +110,8 @@ class Seams {
   }
 
   bool is_at_seam(const ContactInput& contact) const {
+    const double way = -m_->opt.timestep * contact_velocity(m_, d_, contact)[0];
+    if (way <= std::max(contact.gap, kMotion * contact_radius(m_, contact))) return false;
     for (int side = 0; side < 2; ++side) {
       const int body = m_->geom_bodyid[contact.geom[side]];
       for (int at = buffers_.first[body]; at >= 0; at = buffers_.next[at])
@@ -112,6 +133,11 @@ class Seams {
     if ((side ? 1.0 : -1.0) * mju_dot3(contact.frame.data(), up) > kSameNormal) return false;
     const double allowed = kDepths * std::max(0.0, -rest.gap) + tolerance(contact);
     if (-contact.gap > allowed) return false;
+    // Most pairs overlap by more, as their centres tell.
+    mjtNum between[3];
+    mju_sub3(between, d_->geom_xpos + 3 * other, d_->geom_xpos + 3 * geom);
+    const double least = mju_dot3(up, between) + inner_radius(m_, other) + inner_radius(m_, geom);
+    if (least > allowed) return false;
     mjtNum highest[3], lowest[3], of_other[3], own[3];
     if (!find_support(m_, d_, other, up, highest) || !find_support(m_, d_, geom, down, lowest))
       return false;
@@ -134,8 +160,8 @@ void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
                             const std::vector<double>& start_reach, SeamBuffers& buffers,
                             std::vector<ContactInput>& contacts) {
   const auto moves = [&](const ContactInput& c) {
-    return !c.is_of_flex() &&
-           start_reach[c.geom[0]] + start_reach[c.geom[1]] > kTolerance * contact_radius(m, c);
+    return !c.is_of_flex() && start_reach[c.geom[0]] + start_reach[c.geom[1]] >
+                                  std::max(c.gap, kMotion * contact_radius(m, c));
   };
   if (std::none_of(contacts.begin(), contacts.end(), moves)) return;
   const Seams seams(m, d, buffers, contacts);
