@@ -27,8 +27,8 @@ struct SeamBuffers {
   std::vector<char> at_seam;     // by contact
 };
 
-// Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in the step
-// with the velocities of its start.
+// Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in
+// the step with the velocities of its start.
 void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
                             const std::vector<double>& start_reach, SeamBuffers& buffers,
                             std::vector<ContactInput>& contacts);
