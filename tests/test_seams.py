@@ -24,7 +24,7 @@ SHAPES = {
 }
 
 
-def slide(shape, *, timestep, speed, tile=BOX_TILE, height=-0.05, way=0.6):
+def slide(shape, *, timestep, speed, tile=BOX_TILE, height=-0.05, way=0.6, impact="none"):
     """Return velocities (steps, 3) and heights above rest of a body thrown along x."""
     xml = TILES.format(
         timestep=timestep,
@@ -33,7 +33,7 @@ def slide(shape, *, timestep, speed, tile=BOX_TILE, height=-0.05, way=0.6):
         shape=SHAPES[shape],
         attitude='euler="0 90 0"' if shape == "capsule" else "",
     )
-    engine = Engine(mujoco.MjModel.from_xml_string(xml))
+    engine = Engine(mujoco.MjModel.from_xml_string(xml), impact=impact)
     data = engine.make_data()
     data.qvel[0] = speed
     velocities, rises = [], []
@@ -47,8 +47,9 @@ def slide(shape, *, timestep, speed, tile=BOX_TILE, height=-0.05, way=0.6):
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 @pytest.mark.parametrize("speed", [1.5, 3.0])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_body_slides_over_the_seam_of_two_tiles(shape, speed, timestep):
-    velocities, rises, data = slide(shape, timestep=timestep, speed=speed)
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_body_slides_over_the_seam_of_two_tiles(shape, speed, timestep, impact):
+    velocities, rises, data = slide(shape, timestep=timestep, speed=speed, impact=impact)
     assert data.qpos[0] > 0.1
     # Friction of 0.1 slows it by 0.1 g; rocking and the edge itself by a thousandth of its speed.
     loss = -np.diff(velocities[:, 0]).min()

@@ -16,7 +16,7 @@ namespace {
 
 // Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
-// And one in which corners may matter that are not nearest: they come in by less than this.
+// The same above which corners that are not nearest count: below, they go in by less in a step.
 constexpr double kFastReach = 0.05;
 constexpr int kMostOfBoxes = 8;  // contacts that MuJoCo takes from the collision of two boxes
 // Cosine between the normals of a corner and of the contact found: convex bodies meet along one.

@@ -42,6 +42,19 @@ void report_solref(Report& report, const std::string& name, const mjtNum* solref
               "MuJoCo, at most as rigid as the micro-steps resolve; same damping ratio");
 }
 
+// The load of a limit or an equality is not known beforehand.
+void report_scalar_solref(Report& report, const std::string& name, const mjtNum* solref,
+                          const mjtNum* solimp, bool even_default = false) {
+  const char* const note =
+      "spring-damper as at the full impedance of solimp, at most as rigid as the micro-steps "
+      "resolve: a load at rest deforms it as far as in MuJoCo if that is solimp's width or more; "
+      "same damping ratio";
+  if (report.comfree())
+    report_solref(report, name, solref, solimp, even_default);
+  else if (even_default || !is_default_impedance(solref, solimp))
+    report.add(name + " solref/solimp", Treatment::kMapped, note);
+}
+
 // Dry friction loss of a joint or tendon.
 void report_friction_loss(Report& report, const std::string& name, const mjtNum* solref,
                           const mjtNum* solimp) {
@@ -49,7 +62,7 @@ void report_friction_loss(Report& report, const std::string& name, const mjtNum*
     report.add(name + " frictionloss", Treatment::kRefused,
                "law comfree pushes one way only; use law kelvin_voigt");
   else
-    report_solref(report, name + " frictionloss", solref, solimp);
+    report_scalar_solref(report, name + " frictionloss", solref, solimp);
 }
 
 void report_options(const mjModel* m, Report& report) {
@@ -140,8 +153,8 @@ void report_constraints(const mjModel* m, Report& report) {
                type == mjEQ_TENDON || type == mjEQ_FLEX || type == mjEQ_FLEXVERT ||
                type == mjEQ_FLEXSTRAIN) {
       report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
-      report_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i,
-                    is_held_by_mocap(m, i));
+      report_scalar_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i,
+                           is_held_by_mocap(m, i));
     } else {
       report.add(name, Treatment::kRefused, "equalities of this type are not stepped");
     }
@@ -149,8 +162,8 @@ void report_constraints(const mjModel* m, Report& report) {
   for (int i = 0; i < m->njnt; ++i) {
     const std::string name = "joint " + named(m, mjOBJ_JOINT, i);
     if (m->jnt_limited[i])
-      report_solref(report, name + " range", m->jnt_solref + mjNREF * i,
-                    m->jnt_solimp + mjNIMP * i);
+      report_scalar_solref(report, name + " range", m->jnt_solref + mjNREF * i,
+                           m->jnt_solimp + mjNIMP * i);
   }
   for (int dof = 0; dof < m->nv; ++dof)
     if (m->dof_frictionloss[dof] > 0)
@@ -161,10 +174,9 @@ void report_constraints(const mjModel* m, Report& report) {
     if (m->tendon_frictionloss[i] > 0)
       report_friction_loss(report, name, m->tendon_solref_fri + mjNREF * i,
                            m->tendon_solimp_fri + mjNIMP * i);
-    if (m->tendon_limited[i] || m->tendon_frictionloss[i] > 0) {
-      report_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
-                    m->tendon_solimp_lim + mjNIMP * i);
-    }
+    if (m->tendon_limited[i])
+      report_scalar_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
+                           m->tendon_solimp_lim + mjNIMP * i);
   }
   if (coupled_dof_count(m) > kMostCoupledDofs)
     report.add("bodies coupled by tendons or flexes", Treatment::kRefused,

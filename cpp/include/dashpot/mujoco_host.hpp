@@ -215,8 +215,8 @@ double joint_damping(const mjModel_* m, int dof, double velocity);
 
 // Computes the derivatives where they are needed.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
-// Finds the effective inertia of every tree: the inverse for free bodies, for others a Cholesky
-// factor in `factor`, at the tree's `inverse` offset and dof_count wide.
+// Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
+// factor_inertia in `factor`, at the tree's `inverse` offset and dof_count wide.
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
                             std::vector<double>& factor);
 // The smooth generalized acceleration of a tree through the effective inertia.
