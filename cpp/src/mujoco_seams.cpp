@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -19,57 +20,6 @@ constexpr double kMotion = 1e-5;
 constexpr double kDepths = 1.5;
 // Cosine between normals that are the same.
 constexpr double kSameNormal = 0.9999;
-
-double sign_of(double x) { return x < 0.0 ? -1.0 : 1.0; }
-
-// The point (world) of a geom that is farthest along a direction. False for geoms without a bound
-// and those without such a function.
-bool find_support(const mjModel* m, const mjData* d, int geom, const mjtNum* direction,
-                  mjtNum* point) {
-  const mjtNum* size = m->geom_size + 3 * geom;
-  mjtNum local[3], at[3] = {0, 0, 0};
-  mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);
-  switch (m->geom_type[geom]) {
-    case mjGEOM_SPHERE:
-      mju_scl3(at, local, size[0]);
-      break;
-    case mjGEOM_CAPSULE:
-      mju_scl3(at, local, size[0]);
-      at[2] += size[1] * sign_of(local[2]);
-      break;
-    case mjGEOM_CYLINDER: {
-      const double across = std::hypot(local[0], local[1]);
-      for (int i = 0; i < 2 && across > 0.0; ++i) at[i] = size[0] * local[i] / across;
-      at[2] = size[1] * sign_of(local[2]);
-      break;
-    }
-    case mjGEOM_ELLIPSOID: {
-      const double norm = std::hypot(size[0] * local[0], size[1] * local[1], size[2] * local[2]);
-      for (int i = 0; i < 3; ++i) at[i] = size[i] * size[i] * local[i] / norm;
-      break;
-    }
-    case mjGEOM_BOX:
-      for (int i = 0; i < 3; ++i) at[i] = size[i] * sign_of(local[i]);
-      break;
-    case mjGEOM_MESH: {
-      const int mesh = m->geom_dataid[geom];
-      const float* vertex = m->mesh_vert + 3 * m->mesh_vertadr[mesh];
-      double most = -mjMAXVAL;
-      for (int i = 0; i < m->mesh_vertnum[mesh]; ++i, vertex += 3) {
-        const double way = local[0] * vertex[0] + local[1] * vertex[1] + local[2] * vertex[2];
-        if (way <= most) continue;
-        most = way;
-        std::copy_n(vertex, 3, at);
-      }
-      break;
-    }
-    default:
-      return false;
-  }
-  mju_mulMatVec3(point, d->geom_xmat + 9 * geom, at);
-  mju_addTo3(point, d->geom_xpos + 3 * geom);
-  return true;
-}
 
 // A radius about its centre that a geom contains; 0 where none is known.
 double inner_radius(const mjModel* m, int geom) {
@@ -95,6 +45,7 @@ class Seams {
       : m_(m), d_(d), buffers_(buffers), contacts_(contacts) {
     buffers.first.assign(m->nbody, -1);
     buffers.next.resize(2 * contacts.size());
+    buffers.shape.resize(m->ngeom);
     for (size_t i = 0; i < contacts.size(); ++i)
       for (int side = 0; side < 2; ++side)
         if (!contacts[i].is_of_flex() && contacts[i].gap <= tolerance(contacts[i])) {
@@ -109,7 +60,7 @@ class Seams {
     return std::isinf(radius) ? 0.0 : kTolerance * radius;
   }
 
-  bool is_at_seam(const ContactInput& contact) const {
+  bool is_at_seam(const ContactInput& contact) {
     const double way = -m_->opt.timestep * contact_velocity(m_, d_, contact)[0];
     if (way <= std::max(contact.gap, kMotion * contact_radius(m_, contact))) return false;
     for (int side = 0; side < 2; ++side) {
@@ -121,36 +72,56 @@ class Seams {
   }
 
  private:
+  // Whether the geom has a bound in every direction.
+  bool is_bounded(int geom) const {
+    const int type = m_->geom_type[geom];
+    return type != mjGEOM_PLANE && type != mjGEOM_HFIELD && has_shape(m_, geom);
+  }
+
+  // The point (world) of a geom that is farthest along a unit direction.
+  Eigen::Vector3d support(int geom, const Eigen::Vector3d& direction) {
+    std::optional<Shape>& shape = buffers_.shape[geom];
+    if (!shape) shape = geom_shape(m_, geom);
+    // Sizes may be edited between steps.
+    shape->size = Eigen::Map<const Eigen::Vector3d>(m_->geom_size + 3 * geom);
+    using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const Pose pose{Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom),
+                    Eigen::Map<const RowMajor>(d_->geom_xmat + 9 * geom)};
+    return core_support(*shape, pose, direction) + sweep_radius(*shape) * direction;
+  }
+
+  // Velocity (m/s) along a direction of a geom's body at a point.
+  double rate_along(int geom, const Eigen::Vector3d& direction,
+                    const Eigen::Vector3d& point) const {
+    Eigen::Vector3d velocity;
+    point_velocity(m_, d_, m_->geom_bodyid[geom], point.data(), velocity.data());
+    return direction.dot(velocity);
+  }
+
   // Whether the geom on `side` passes over the other one, its body resting on what is across
   // `rest_side` of `rest`.
-  bool passes(const ContactInput& contact, int side, const ContactInput& rest,
-              int rest_side) const {
+  bool passes(const ContactInput& contact, int side, const ContactInput& rest, int rest_side) {
     const int geom = contact.geom[side], other = contact.geom[1 - side];
-    if (rest.geom[1 - rest_side] == other) return false;
-    mjtNum up[3], down[3];  // m and -m
-    mju_scl3(up, rest.frame.data(), rest_side ? 1.0 : -1.0);
-    mju_scl3(down, up, -1.0);
-    if ((side ? 1.0 : -1.0) * mju_dot3(contact.frame.data(), up) > kSameNormal) return false;
+    if (rest.geom[1 - rest_side] == other || !is_bounded(other) || !is_bounded(geom)) return false;
+    const Eigen::Vector3d up =  // m
+        (rest_side ? 1.0 : -1.0) * Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
+    const Eigen::Map<const Eigen::Vector3d> normal(contact.frame.data());
+    if ((side ? 1.0 : -1.0) * normal.dot(up) > kSameNormal) return false;
     const double allowed = kDepths * std::max(0.0, -rest.gap) + tolerance(contact);
     if (-contact.gap > allowed) return false;
     // Most pairs overlap by more, as their centres tell.
-    mjtNum between[3];
-    mju_sub3(between, d_->geom_xpos + 3 * other, d_->geom_xpos + 3 * geom);
-    const double least = mju_dot3(up, between) + inner_radius(m_, other) + inner_radius(m_, geom);
-    if (least > allowed) return false;
-    mjtNum highest[3], lowest[3], of_other[3], own[3];
-    if (!find_support(m_, d_, other, up, highest) || !find_support(m_, d_, geom, down, lowest))
-      return false;
-    point_velocity(m_, d_, m_->geom_bodyid[other], highest, of_other);
-    point_velocity(m_, d_, m_->geom_bodyid[geom], lowest, own);
-    const double overlap = mju_dot3(up, highest) - mju_dot3(up, lowest);
-    const double rate = mju_dot3(up, of_other) - mju_dot3(up, own);
+    const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
+                                    Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom);
+    if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > allowed) return false;
+    const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
+    const double overlap = up.dot(highest - lowest);
+    const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
     return overlap + m_->opt.timestep * std::max(0.0, rate) <= allowed;
   }
 
   const mjModel* m_;
   const mjData* d_;
-  const SeamBuffers& buffers_;
+  SeamBuffers& buffers_;
   const std::vector<ContactInput>& contacts_;
 };
 
@@ -164,7 +135,7 @@ void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
                                   std::max(c.gap, kMotion * contact_radius(m, c));
   };
   if (std::none_of(contacts.begin(), contacts.end(), moves)) return;
-  const Seams seams(m, d, buffers, contacts);
+  Seams seams(m, d, buffers, contacts);
   // Those to be dropped are found before any is: each may be what another body rests on.
   size_t kept = 0;
   std::vector<char>& at_seam = buffers.at_seam;

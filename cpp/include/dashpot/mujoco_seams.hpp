@@ -12,9 +12,11 @@
 
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "dashpot/rows.hpp"
+#include "dashpot/shape.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -25,6 +27,7 @@ namespace dashpot::host {
 struct SeamBuffers {
   std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
   std::vector<char> at_seam;     // by contact
+  std::vector<std::optional<Shape>> shape;  // by geom, of those that were asked for
 };
 
 // Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in
