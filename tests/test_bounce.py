@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import dashpot
 from exact import BouncingBall, damping_ratio_of, restitution_of
 from scenes import ball_drop
 from simulate import make_engine
@@ -106,3 +107,45 @@ def test_two_balls_in_flight_exchange_velocities():
     # One contact: exact up to rounding.
     assert data.qvel[0] == pytest.approx(-1.0, abs=1e-12)
     assert data.qvel[6] == pytest.approx(2.0, abs=1e-12)
+
+
+BALL_ABOVE_FLOOR = """<mujoco><option timestep="0.01"/><worldbody>
+  <geom type="plane" size="0 0 1"/>
+  <body pos="0 0 1.1"><freejoint/><geom name="ball" type="sphere" size="0.1" mass="0.1"/></body>
+  </worldbody></mujoco>"""
+BOX_ON_FLOOR = """<mujoco><option timestep="{timestep}"/><worldbody>
+  <geom type="plane" size="0 0 1"/><body pos="0 0 0.7" quat="{attitude}"><freejoint/>
+    <geom type="box" size="0.1 0.1 0.1" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("restitution", [0.8, 0.5, 0.2])
+@pytest.mark.parametrize("stiffness", [1e6, 1e8])
+def test_stiffness_beyond_the_micro_steps_keeps_the_restitution(stiffness, restitution):
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL_ABOVE_FLOOR))
+    engine.set_material("ball", dashpot.Material(stiffness, restitution=restitution))
+    data = engine.make_data()
+    height = data.qpos[2] - RADIUS
+    while data.qvel[2] <= 0.0:
+        engine.step(data)
+    engine.step(data)
+    speed = np.sqrt(data.qvel[2] ** 2 + 2 * GRAVITY * (data.qpos[2] - RADIUS))
+    # The contact, which 64 micro-steps resolve to a millisecond, feels gravity meanwhile.
+    assert speed / np.sqrt(2 * GRAVITY * height) == pytest.approx(restitution, abs=3e-3)
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3, 1e-2])
+@pytest.mark.parametrize("attitude", ["1 0 0 0", "0.924 0.383 0 0", "0.88 0.32 0.28 0.2"])
+def test_rigid_box_hardly_rebounds(attitude, timestep):
+    model = mujoco.MjModel.from_xml_string(
+        BOX_ON_FLOOR.format(attitude=attitude, timestep=timestep)
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    rebound, fall = 0.0, 0.0
+    for _ in range(round(1.0 / timestep)):
+        engine.step(data)
+        fall = max(fall, -data.qvel[2])
+        rebound = max(rebound, data.qvel[2])
+    # Critically damped each contact alone would rebound at exp(-2) = 0.14; four that land at once
+    # are damped by less, at a ratio of 0.6.
+    assert rebound <= 0.27 * fall

@@ -1,7 +1,10 @@
 """Stacks of boxes: exact sags, and heavy on light."""
 
+import mujoco
+import numpy as np
 import pytest
 
+import dashpot
 from scenes import stack
 from simulate import DASHPOT, measure
 
@@ -37,3 +40,27 @@ def test_rigid_boxes_under_a_heavy_one_do_not_sink(timestep):
     )
     # Half a millimetre per box, 0.5 % of its width; MuJoCo's default loses 0.1 mm at the bottom.
     assert numbers["height loss"] <= 5e-3
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
+def test_inelastic_boxes_do_not_sink(timestep):
+    """Of rigid contacts without restitution, which give way in stiffness to their damping."""
+    half, count = 0.1, 5
+    boxes = "".join(
+        f'<body pos="0 0 {half + 2 * half * i}"><freejoint/>'
+        f'<geom name="{i}" type="box" size="{half} {half} {half}" mass="1"/></body>'
+        for i in range(count)
+    )
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="{timestep}"/><worldbody><geom type="plane" size="0 0 1"/>'
+        f"{boxes}</worldbody></mujoco>"
+    )
+    engine = dashpot.Engine(model)
+    for i in range(count):
+        engine.set_material(str(i), dashpot.Material(restitution=0.0))
+    data = engine.make_data()
+    engine.step(data, nstep=round(2.0 / timestep))
+    sag = half + 2 * half * np.arange(count) - data.qpos.reshape(count, 7)[:, 2]
+    # One weight presses a body in by 1e-4 of its radius at most, the bottom one bears five.
+    assert 0.0 < sag[0] <= count * 1e-4 * np.sqrt(3.0) * half * (1.0 + 1e-6)
+    assert np.abs(data.qvel).max() < 1e-9

@@ -130,12 +130,12 @@ void CoupledSum::reset(const Trees& trees) {
   room_.resize(4 * largest * largest);
 }
 
-void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
+void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side, int dim,
                      const double* weight) {
   empty_[c.tree[side]] = 0;
   const Tree& t = trees.tree[c.tree[side]];
   double* sum = entry_.data() + t.inverse;
-  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, c.dim, weight, sum);
+  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, dim, weight, sum);
   const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
   const int* column = rows.column.data() + c.column + first;
   const double* value = rows.value.data() + c.value + first;
@@ -143,11 +143,11 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   for (int k = 0; k < count; ++k) {
     reaches_[column[k]] = 1;
     double scaled[kMaxRows];
-    for (int i = 0; i < c.dim; ++i) scaled[i] = weight[i] * value[i * width + k];
+    for (int i = 0; i < dim; ++i) scaled[i] = weight[i] * value[i * width + k];
     double* to = sum + (column[k] - t.begin) * t.count - t.begin;
     for (int l = 0; l < count; ++l) {
       double entry = to[column[l]];
-      for (int i = 0; i < c.dim; ++i) entry += scaled[i] * value[i * width + l];
+      for (int i = 0; i < dim; ++i) entry += scaled[i] * value[i * width + l];
       to[column[l]] = entry;
     }
   }

@@ -10,7 +10,7 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kRigidMaxRatio = 5;  // damping ratio standing for restitution 0 (e < 0.01)
+constexpr double kRigidMaxRatio = 3;  // damping ratio standing for restitution 0 (e < 0.03)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
 
 // Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
@@ -59,35 +59,65 @@ double stiffest_rigid(double bound) {
   return std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0);
 }
 
-// What a group's own solref asks of its first row: kappa (1/s^2) and delta (1/s).
-struct SolrefRate {
+// What is asked of a row: kappa (1/s^2) and delta (1/s).
+struct Rates {
   double stiffness = 0.0, damping = 0.0;
 };
 
-SolrefRate solref_rate(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
+// Of a group's first row: by its own solref, or by a material in SI units.
+Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
   const double w = loaded_inverse_mass(rows, c, c.row);
+  if (!given.from_solref) return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
   const double typical = rows.typical_inverse_mass[c.row];
   const double ratio = typical > 0.0 ? w / typical : 1.0;
   return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
 }
 
+// Whether stiffness gives way to a group's restitution.
+bool keeps_restitution(const GroupMaterial& given) {
+  return !given.from_solref && given.material.rigid &&
+         given.material.form == DampingForm::kRestitution;
+}
+
+// The damping ratio of a rigid material's contact alone.
+double damping_ratio(const Material& material) {
+  if (material.form != DampingForm::kRestitution) return material.damping;
+  return std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+}
+
+// Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
+// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `sag_time` is that of g;
+// the result is that of a.
+double loaded_sag_time(const Rows& rows, const RowGroup& c, double sag_time) {
+  const auto [heavy, light] =
+      std::minmax(rows.tree_inverse_mass[c.row][0], rows.tree_inverse_mass[c.row][1]);
+  return heavy > 0.0 ? sag_time * std::sqrt(heavy / light) : sag_time;
+}
+
+// delta of rigid rows whose coupled damping has the bound c, times h, see below.
+double most_damped_rigid(double bound) {
+  return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
+}
+
 // Rigid rows: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1
 // in these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
-//     kappa (c - 1) h^2 <= theta^2,   delta (c - 1) h <= theta,   kappa h^2 <= 1 .
-// A damping ratio is that of the stiffest coupled mode, delta = 2 zeta sqrt(kappa / c), as far as
-// the second bound allows; a restitution is that of the contact alone, delta = 2 zeta sqrt(kappa),
-// for which kappa gives way. A model's own solref is a kappa and a delta of the contact alone, as
-// far as the bounds allow. Returns whether they do.
-bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, double bound,
-                     double h) {
+//     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= 1,
+//     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
+// with c_n and c_t for the damping of normals and friction (RigidCoupling). A damping ratio is that
+// of the contact alone, delta = 2 zeta sqrt(kappa), as far as the bounds allow; for a restitution
+// kappa gives way as far as a weight sags no further than kInelasticSag. A model's own solref is a
+// kappa and a delta, as far as the bounds allow. A material in SI units that micro-steps do not
+// resolve is rigid, no stiffer than it says, and has its damping ratio as far as the bounds allow.
+// Returns whether nothing that was given was lowered.
+bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
+                     const RigidCoupling& coupling, double sag_time, double h) {
   const Material& material = given.material;
-  const SolrefRate own = solref_rate(rows, c, given);
-  const double coupling = std::max(0.0, bound - 1.0);
-  const double resolved = stiffest_rigid(bound) / (h * h);
-  const double stiffest = given.from_solref ? std::min(resolved, own.stiffness) : resolved;
-  const double most_damped =
-      coupling > 0.0 ? kRigidResolution / (h * coupling) : std::numeric_limits<double>::infinity();
+  const bool is_limited = !given.rigid() || given.from_solref;
+  const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
+  const double resolved = stiffest_rigid(coupling.stiffness) / (h * h);
+  const double stiffest = is_limited ? std::min(resolved, asked.stiffness) : resolved;
+  const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
   // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {
@@ -97,40 +127,54 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, 
     rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
     rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
   };
-  const double inverse_bound = 1.0 / bound;
-  const auto fill_coupled = [&](int row, double zeta, double kappa) {
-    fill(row, kappa, std::min(2.0 * zeta * std::sqrt(kappa * inverse_bound), most_damped));
-  };
-  if (given.from_solref) {
-    fill(c.row, stiffest, std::min(own.damping, most_damped));
-  } else if (material.form == DampingForm::kRestitution) {
-    const double zeta = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
-    const double kappa =
-        zeta > 0.0 ? std::min(stiffest, std::pow(most_damped / (2.0 * zeta), 2)) : stiffest;
-    fill(c.row, kappa, 2.0 * zeta * std::sqrt(kappa));
-  } else {
-    fill_coupled(c.row, material.damping, stiffest);
+  double kappa = stiffest, delta = asked.damping;
+  bool as_given = asked.stiffness <= resolved;
+  if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
+  if (!is_limited) {
+    const double zeta = damping_ratio(material);
+    if (keeps_restitution(given) && zeta > 0.0) {
+      const double bearing =
+          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time), 2);
+      kappa = std::min(kappa, std::max(std::pow(most_damped / (2.0 * zeta), 2), bearing));
+    }
+    delta = 2.0 * zeta * std::sqrt(kappa);
   }
+  if (is_limited || keeps_restitution(given)) as_given = as_given && delta <= most_damped;
+  fill(c.row, kappa, std::min(delta, most_damped));
+  const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
+  const double stiffest_sliding = given.rigid() ? stiffest : resolved;
   for (int i = 1; i < c.dim; ++i) {
-    const double w = inverse_mass(c.row + i);
-    const double kappa =
-        w > 0.0 ? stiffest * w / isotropic_inverse_mass(c, i, inverse_mass) : stiffest;
-    fill_coupled(c.row + i, material.tangential_damping_ratio, kappa);
+    const int row = c.row + i;
+    const double w = inverse_mass(row);
+    double sliding = stiffest_sliding;
+    if (w > 0.0) sliding *= w / isotropic_inverse_mass(c, i, inverse_mass);
+    if (!given.rigid()) sliding = std::min(sliding, rows.stiffness[row] * w);
+    fill(row, sliding,
+         std::min(2.0 * material.tangential_damping_ratio * std::sqrt(sliding),
+                  most_damped_sliding));
   }
-  return !given.from_solref || (own.stiffness <= resolved && own.damping <= most_damped);
+  return as_given;
 }
 
-// Longest micro-step that resolves them under a bound.
-double longest_solref_microstep(const SolrefRate& own, double bound) {
-  const double coupling = std::max(0.0, bound - 1.0);
+// Longest micro-step that resolves the rates of a model's own solref under a bound.
+double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling) {
   double h = std::numeric_limits<double>::infinity();
-  if (own.stiffness > 0.0) h = std::sqrt(stiffest_rigid(bound) / own.stiffness);
-  if (own.damping * coupling > 0.0) h = std::min(h, kRigidResolution / (own.damping * coupling));
+  if (asked.stiffness > 0.0) h = std::sqrt(stiffest_rigid(coupling.stiffness) / asked.stiffness);
+  if (asked.damping > 0.0)
+    h = std::min(h, most_damped_rigid(coupling.normal_damping) / asked.damping);
   return h;
 }
 
-double limit(double allowed, double bound) { return bound > allowed ? allowed / bound : 1.0; }
+// Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
+// need.
+double longest_inelastic_microstep(const Material& material, const RigidCoupling& coupling,
+                                   double sag_time) {
+  const double zeta = damping_ratio(material);
+  if (zeta == 0.0) return std::numeric_limits<double>::infinity();
+  return most_damped_rigid(coupling.normal_damping) * sag_time *
+         std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
+}
 
 }  // namespace
 
@@ -181,31 +225,45 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
                    const std::vector<double>& sag_time, double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
-  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_}) sum->reset(trees);
+  has_friction_.assign(trees.tree.size(), 0);
+  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_, &rigid_normal_}) sum->reset(trees);
   for (Island& island : islands_) {
     for (int index : island.group)
       if (!materials[index].rigid())
         fill_given_rows(rows, rows.group[index], materials[index].material);
-    measure(island, rows, trees, materials);
+    measure(island, rows, trees, materials, false);
+    const double si_microstep = longest_si_microstep(island);
     double count = options.microsteps;
     if (options.microsteps == 0) {
-      const double longest = std::min(longest_si_microstep(island),
-                                      longest_rigid_microstep(island, rows, materials, sag_time));
+      const double longest =
+          std::min(si_microstep, longest_rigid_microstep(island, rows, materials, sag_time));
       count = std::max<double>(kMinimumMicrosteps, step / longest);
     }
     // Rounding up must not add a micro-step for the last bit of a quotient.
     island.microsteps = static_cast<int>(
         std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - 1e-12)));
     island.duration = step / island.microsteps;
-    island.clipped = fill(island, rows, materials, island.duration);
+    const bool resolves_si = island.duration <= si_microstep * (1.0 + 1e-12);
+    if (!resolves_si) measure(island, rows, trees, materials, true);
+    for (int index : island.group) {
+      const RowGroup& c = rows.group[index];
+      if (resolves_si && !materials[index].rigid()) continue;
+      if (!fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
+                           island.duration))
+        island.clipped += c.dim;
+    }
   }
 }
 
 void Islands::measure(const Island& island, const Rows& rows, const Trees& trees,
-                      const std::vector<GroupMaterial>& materials) {
+                      const std::vector<GroupMaterial>& materials, bool all_rigid) {
+  for (int index : island.group)
+    if (const RowGroup& c = rows.group[index]; c.dim > 1)
+      for (int tree : c.tree)
+        if (tree >= 0) has_friction_[tree] = 1;
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
-    const bool is_rigid = materials[index].rigid();
+    const bool is_rigid = all_rigid || materials[index].rigid();
     // The weight of a row in a tree, k (1 + sqrt(w_other / w)), without k.
     double split[2][kMaxRows];
     for (int i = 0; i < c.dim; ++i) {
@@ -214,27 +272,27 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
       split[0][i] = w0 > 0.0 ? (w0 + both) / w0 : 0.0;
       split[1][i] = w1 > 0.0 ? (w1 + both) / w1 : 0.0;
     }
-    const auto add = [&](CoupledSum& sum, const auto& weight_of_row) {
-      double k[kMaxRows], weight[kMaxRows];
-      for (int i = 0; i < c.dim; ++i) k[i] = weight_of_row(c.row + i);
-      for (int side = 0; side < 2; ++side) {
-        if (c.tree[side] < 0) continue;
-        for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * k[i];
-        sum.add(rows, trees, c, side, weight);
-      }
+    double weight[kMaxRows];
+    const auto add = [&](CoupledSum& sum, int side, const auto& weight_of_row) {
+      for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * weight_of_row(c.row + i);
+      sum.add(rows, trees, c, side, c.dim, weight);
     };
-    if (is_rigid) {
-      add(rigid_, [&](int row) {
-        return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
-      });
-    } else {
-      add(stiffness_, [&](int row) { return rows.stiffness[row]; });
-      add(damping_, [&](int row) { return rows.damping[row]; });
+    for (int side = 0; side < 2; ++side) {
+      if (c.tree[side] < 0) continue;
+      if (is_rigid) {
+        add(rigid_, side, [&](int row) {
+          return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
+        });
+        if (has_friction_[c.tree[side]]) rigid_normal_.add(rows, trees, c, side, 1, weight);
+      } else {
+        add(stiffness_, side, [&](int row) { return rows.stiffness[row]; });
+        add(damping_, side, [&](int row) { return rows.damping[row]; });
+      }
     }
   }
   for (int tree : island.tree)
     bounds_[tree] = {stiffness_.take_bound(trees, tree), damping_.take_bound(trees, tree),
-                     rigid_.take_bound(trees, tree)};
+                     rigid_.take_bound(trees, tree), rigid_normal_.take_bound(trees, tree)};
 }
 
 // Longest micro-step that resolves every SI value.
@@ -248,68 +306,54 @@ double Islands::longest_si_microstep(const Island& island) const {
   return h;
 }
 
-// Longest micro-step at which rigid contacts are stiff enough for a heavy body on a light one. Of a
-// contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
-// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2) and sags by a / kappa:
-//     h^2 <= kappa h^2 sag / a .
-// Rows of a model's own solref need not be stiffer than it says.
+// Longest micro-step at which rigid contacts are stiff enough for a heavy body on a light one,
+//     h^2 <= kappa h^2 sag / a ,
+// and as damped as their restitution says at that stiffness. Rows of a model's own solref need not
+// be stiffer than it says.
 double Islands::longest_rigid_microstep(const Island& island, const Rows& rows,
                                         const std::vector<GroupMaterial>& materials,
                                         const std::vector<double>& sag_time) const {
   double h = std::numeric_limits<double>::infinity();
   for (int index : island.group) {
-    if (!materials[index].rigid()) continue;
+    const GroupMaterial& given = materials[index];
+    if (!given.rigid()) continue;
     const RowGroup& c = rows.group[index];
     double longest = kRigidMicrostep;
-    const auto [light, heavy] = std::minmax(rows.tree_inverse_mass[c.row][0],
-                                            rows.tree_inverse_mass[c.row][1], std::greater<>());
-    const double bound = rigid_coupling(c);
-    if (c.kind == RowKind::kContact && heavy > 0.0)
-      longest =
-          std::min(longest, sag_time[index] * std::sqrt(stiffest_rigid(bound) * heavy / light));
-    if (materials[index].from_solref)
-      longest = std::max(longest,
-                         longest_solref_microstep(solref_rate(rows, c, materials[index]), bound));
+    const RigidCoupling coupling = rigid_coupling(c);
+    const double sag = loaded_sag_time(rows, c, sag_time[index]);
+    if (c.tree[0] >= 0 && c.tree[1] >= 0)
+      longest = std::min(longest, sag * std::sqrt(stiffest_rigid(coupling.stiffness)));
+    if (keeps_restitution(given))
+      longest = std::min(longest, longest_inelastic_microstep(given.material, coupling, sag));
+    if (given.from_solref)
+      longest = std::max(longest, longest_solref_microstep(given_rates(rows, c, given), coupling));
     h = std::min(h, longest);
   }
   return h;
 }
 
-double Islands::rigid_coupling(const RowGroup& c) const {
-  double coupling = 0.0;
-  for (int tree : c.tree)
-    if (tree >= 0) coupling = std::max(coupling, bounds_[tree].rigid / bounds_[tree].rigid_share());
-  return coupling;
+RigidCoupling Islands::rigid_coupling(const RowGroup& c) const {
+  RigidCoupling most;
+  for (int tree : c.tree) {
+    if (tree < 0) continue;
+    const RigidCoupling own = bounds_[tree].rigid_coupling();
+    most.stiffness = std::max(most.stiffness, own.stiffness);
+    most.normal_damping = std::max(most.normal_damping, own.normal_damping);
+    most.friction_damping = std::max(most.friction_damping, own.friction_damping);
+  }
+  return most;
 }
 
-// Fixes every row for micro-steps of h; returns how many rows of an SI material or a solref had to
-// be lowered.
-int Islands::fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials,
-                  double h) {
-  int clipped = 0;
-  for (int index : island.group) {
-    const RowGroup& c = rows.group[index];
-    double stiffness_scale = 1.0, damping_scale = 1.0;
-    for (int side = 0; side < 2; ++side) {
-      if (c.tree[side] < 0) continue;
-      const TreeBounds& b = bounds_[c.tree[side]];
-      const double share = b.si_share();
-      stiffness_scale =
-          std::min(stiffness_scale, limit(share * std::pow(kResolution / h, 2), b.stiffness));
-      damping_scale = std::min(damping_scale, limit(share * kResolution / h, b.damping));
-    }
-    if (materials[index].rigid()) {
-      if (!fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), h)) clipped += c.dim;
-      continue;
-    }
-    if (stiffness_scale == 1.0 && damping_scale == 1.0) continue;
-    for (int row = c.row; row < c.row + c.dim; ++row) {
-      rows.stiffness[row] *= stiffness_scale;
-      rows.damping[row] *= damping_scale;
-    }
-    clipped += c.dim;
-  }
-  return clipped;
+// (a + b)^2 <= (1 + s) a^2 + (1 + 1/s) b^2 splits the bound between normals and friction, where
+// that is the better one for normals: s is what critical damping of the stiffest normals leaves to
+// friction, 2 sqrt(kappa) h ((1 + s) c_n - 1) = theta, at least kFrictionShare.
+RigidCoupling Islands::TreeBounds::rigid_coupling() const {
+  const double all = rigid / rigid_share(), normal = rigid_normal / rigid_share();
+  if (normal == 0.0) return {all, all, all};
+  const double resolved = 1.0 + kRigidResolution / (2.0 * std::sqrt(stiffest_rigid(all)));
+  const double share = std::max(kFrictionShare, resolved / normal - 1.0);
+  if ((1.0 + share) * normal >= all) return {all, all, all};
+  return {all, (1.0 + share) * normal, (1.0 + 1.0 / share) * all};
 }
 
 }  // namespace dashpot

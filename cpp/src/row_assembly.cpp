@@ -70,7 +70,7 @@ void find_sag_times(const mjModel_* model, const Rows& rows,
   if (gravity == 0.0) return;
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kContact || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    if (c.kind != RowKind::kContact) continue;
     sag_time[i] = std::sqrt(kRigidSag * host::contact_radius(model, contacts[c.input]) / gravity);
   }
 }

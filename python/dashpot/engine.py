@@ -56,9 +56,11 @@ class Engine:
         stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
-        are lowered, and counted in ``StepStats.clipped``: such contacts are softer, and rebound
-        otherwise than their material says (0.1 kg at 1e6 N/m and restitution 0.5, in steps of 10
-        ms: 0.7). A larger bound, shorter steps or, for fast impacts, ``impact="cut"`` help.
+        are lowered, and counted in ``StepStats.clipped``: such contacts are softer. Stiffness goes
+        first, with the damping ratio kept, so that what bounces on one contact keeps its
+        restitution; where many contacts of a body are coupled, damping is lowered too, and they
+        rebound more than their material says. A larger bound, shorter steps or, for fast impacts,
+        ``impact="cut"`` help.
     recovery_speed
         Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
         is pushed out, unless a force keeps it in that is beyond a hundred weights or, of rigid

@@ -33,7 +33,10 @@ class Material:
     """What a geom, or a pair of geoms, fixes of a Kelvin-Voigt contact with friction.
 
     Give at most one of `damping`, `damping_ratio` and `restitution`; without any the contact is
-    critically damped (damping ratio 1).
+    critically damped (damping ratio 1). Rigid contacts are as stiff as micro-steps resolve first,
+    and as damped as these resolve then: alone they have their damping ratio, several at one body
+    may have less (a box that falls flat on a rigid floor rebounds at 0.25). Where a `restitution`
+    asks for more, stiffness gives way, as far as weights do not press bodies in visibly.
 
     Contacts combine the materials of both geoms by the engine's `CombinationRules`. By default the
     larger friction counts, as in MuJoCo, and geoms without one keep that of the MJCF (sliding 1 if
@@ -49,7 +52,8 @@ class Material:
         ``d / (2 sqrt(k m))`` with the apparent mass m of the contact, >= 0.
     restitution : float, optional
         Ratio of rebound to approach speed in [0, 1], exact for an unloaded contact that releases
-        when its force reaches zero. 0 means as much damping as the micro-step resolves.
+        when its force reaches zero. 0 means as much damping as the micro-step resolves, of rigid
+        contacts a damping ratio of 3 (they rebound at 0.02).
     friction : float or (sliding, torsional, rolling), optional
         Friction coefficients, >= 0: sliding (dimensionless), torsional (m), rolling (m). A single
         number sets sliding only and leaves the other two as the MJCF says; None leaves all three.

@@ -24,8 +24,8 @@ namespace dashpot {
 class CoupledSum {
  public:
   void reset(const Trees& trees);
-  // Adds the rows of a group over one of its trees, `weight` for each.
-  void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
+  // Adds the first `dim` rows of a group over one of its trees, `weight` for each.
+  void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int dim,
            const double* weight);
   // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
   double take_bound(const Trees& trees, int tree);

@@ -24,6 +24,17 @@ inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows, see f
 inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
 inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
 inline constexpr double kRigidSag = 1.0e-3;  // of a body's radius, see longest_rigid_microstep
+inline constexpr double kInelasticSag =
+    1.0e-4;  // the same where stiffness gives way to restitution
+
+// Least share of the resolution of damping that friction takes from normals, s in islands.cpp.
+inline constexpr double kFrictionShare = 0.5;
+
+// Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, of the damping of
+// normals and of that of friction.
+struct RigidCoupling {
+  double stiffness = 0.0, normal_damping = 0.0, friction_damping = 0.0;
+};
 
 // A range of indices.
 struct Indices {
@@ -59,27 +70,29 @@ class Islands {
   const std::vector<Island>& all() const { return islands_; }
 
  private:
-  // Bounds of one tree: SI stiffness, SI damping, and rigid rows weighted by 1/w.
+  // Bounds of one tree: SI stiffness, SI damping, rigid rows weighted by 1/w, and those of them
+  // that are no friction (0 where none is).
   struct TreeBounds {
-    double stiffness = 0.0, damping = 0.0, rigid = 0.0;
+    double stiffness = 0.0, damping = 0.0, rigid = 0.0, rigid_normal = 0.0;
     bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
     // Part of the resolution that SI rows may use, and that rigid rows may use.
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
+    RigidCoupling rigid_coupling() const;
   };
   void measure(const Island& island, const Rows& rows, const Trees& trees,
-               const std::vector<GroupMaterial>& materials);
+               const std::vector<GroupMaterial>& materials, bool all_rigid);
   double longest_si_microstep(const Island& island) const;
   double longest_rigid_microstep(const Island& island, const Rows& rows,
                                  const std::vector<GroupMaterial>& materials,
                                  const std::vector<double>& sag_time) const;
-  double rigid_coupling(const RowGroup& group) const;
-  int fill(const Island& island, Rows& rows, const std::vector<GroupMaterial>& materials, double h);
+  RigidCoupling rigid_coupling(const RowGroup& group) const;
 
   std::vector<Island> islands_;
   std::vector<int> root_, island_of_, tree_order_, group_order_, first_;
   std::vector<TreeBounds> bounds_;  // by tree
-  CoupledSum stiffness_, damping_, rigid_;
+  std::vector<char> has_friction_;  // by tree: of contacts
+  CoupledSum stiffness_, damping_, rigid_, rigid_normal_;
 };
 
 }  // namespace dashpot

@@ -17,8 +17,8 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
                    const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
                    std::vector<GroupMaterial>& materials);
 
-// For Islands::plan: in which time (s) a weight moves the smaller body of a contact between two
-// trees by the sag that a rigid contact may have; infinite for all other groups.
+// For Islands::plan: in which time (s) a weight moves the smaller body of a contact by the sag that
+// a rigid contact may have; infinite for all other groups, and without gravity.
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, std::vector<double>& sag_time);
 
