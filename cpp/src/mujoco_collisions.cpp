@@ -14,84 +14,111 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of a box's least half-width: a wider reach needs contacts of boxes that meet at a corner.
+// Part of the least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
-// The same above which corners that are not nearest count: below, they go in by less in a step.
+// The same above which points that are not nearest count: below, they go in by less in a step.
 constexpr double kFastReach = 0.05;
-constexpr int kMostOfBoxes = 8;  // contacts that MuJoCo takes from the collision of two boxes
-// Cosine between the normals of a corner and of the contact found: convex bodies meet along one.
+// Types whose pairs meet in more than one point.
+constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
+// Cosine between the normals of such a point and of the contact found: convex bodies meet along
+// one.
 constexpr double kAlike = 0.85;
-// Part of a half-width within which a corner is that of a contact known already.
-constexpr double kSameCorner = 1e-3;
 // Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
 // radii above it.
 constexpr double kFlat = 1e-6;
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
 thread_local bool replaced = false;
-mjfCollision collide_boxes = nullptr, collide_cylinder = nullptr;
+mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
 
 // A column of a rotation matrix.
 void column_of(const mjtNum* rotation, int column, mjtNum* out) {
   for (int i = 0; i < 3; ++i) out[i] = rotation[3 * i + column];
 }
 
-bool is_known(const mjtNum* position, const mjPreContact* known, int count, mjtNum near) {
-  return std::any_of(known, known + count, [&](const mjPreContact& contact) {
-    return mju_dist3(position, contact.pos) < near;
-  });
+// A geom where it will be at the end of the step, while this lives.
+class MovedGeom {
+ public:
+  MovedGeom(const mjModel* m, mjData* d, int geom)
+      : position_(d->geom_xpos + 3 * geom), rotation_(d->geom_xmat + 9 * geom) {
+    mju_copy3(start_position_, position_);
+    mju_copy(start_rotation_, rotation_, 9);
+    mjtNum velocity[6], quaternion[4];
+    mj_objectVelocity(m, d, mjOBJ_GEOM, geom, velocity, 0);
+    mju_addToScl3(position_, velocity + 3, m->opt.timestep);
+    mjtNum angle[3];
+    mju_scl3(angle, velocity, m->opt.timestep);
+    const mjtNum norm = mju_normalize3(angle);
+    mju_axisAngle2Quat(quaternion, angle, norm);
+    mju_quat2Mat(turn_, quaternion);
+    mju_mulMatMat(rotation_, turn_, start_rotation_, 3, 3, 3);
+  }
+  ~MovedGeom() {
+    mju_copy3(position_, start_position_);
+    mju_copy(rotation_, start_rotation_, 9);
+  }
+  MovedGeom(const MovedGeom&) = delete;
+  MovedGeom& operator=(const MovedGeom&) = delete;
+  // Where a point that moves with the geom is now.
+  void move_back(mjtNum* point) const {
+    mjtNum arm[3];
+    mju_sub3(arm, point, position_);
+    mju_mulMatTVec3(point, turn_, arm);
+    mju_addTo3(point, start_position_);
+  }
+
+ private:
+  mjtNum* position_;
+  mjtNum* rotation_;
+  mjtNum start_position_[3], start_rotation_[9], turn_[9];
+};
+
+// Least half-width of a geom's box of bounds.
+mjtNum half_width(const mjModel* m, int geom) {
+  const mjtNum* half = m->geom_aabb + 6 * geom + 3;
+  return std::min({half[0], half[1], half[2]});
 }
 
-// Adds corners of box `cornered` that lie above a face of the other one, within `margin`, to the
-// `count` contacts known; returns how many there are then. `sign` turns normals from geom1 to
-// geom2: it is 1 if the corners are geom2's. Corners beyond the edges of all faces, which may pass,
-// are left out.
-int add_corners(const mjModel* m, const mjData* d, int cornered, int other, mjtNum margin,
-                double sign, mjPreContact* contact, int count) {
-  const mjtNum* size = m->geom_size + 3 * cornered;
-  const mjtNum* other_size = m->geom_size + 3 * other;
-  const mjtNum same = kSameCorner * std::min({size[0], size[1], size[2]});
-  for (int index = 0; index < 8 && count < kMostOfBoxes; ++index) {
-    mjtNum corner[3], local[3], arm[3];
-    for (int i = 0; i < 3; ++i) local[i] = index >> i & 1 ? size[i] : -size[i];
-    mju_mulMatVec3(corner, d->geom_xmat + 9 * cornered, local);
-    mju_addTo3(corner, d->geom_xpos + 3 * cornered);
-    mju_sub3(arm, corner, d->geom_xpos + 3 * other);
-    mju_mulMatTVec3(local, d->geom_xmat + 9 * other, arm);
-    int axis = -1, beyond = 0;
-    for (int i = 0; i < 3; ++i)
-      if (std::abs(local[i]) > other_size[i]) {
-        axis = i;
-        ++beyond;
-      }
-    if (beyond != 1) continue;
+// Adds points that are apart now and overlap at the end of the step, at the velocities of its
+// start, to the `count` contacts known; returns how many there are then.
+int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
+               mjfCollision collide, mjPreContact* contact, int count) {
+  const int most = mj_maxContact(m, geom1, geom2, 1);
+  if (count == 0 || count >= most) return count;
+  mjPreContact end[mjMAXCONPAIR];
+  const MovedGeom moved1(m, d, geom1), moved2(m, d, geom2);
+  const int end_count = collide(m, d, end, geom1, geom2, 0.0);
+  for (int i = 0; i < end_count && count < most; ++i) {
+    if (mju_dot3(end[i].normal, contact[0].normal) < kAlike) continue;
+    mjtNum surface1[3], surface2[3], apart[3];
+    mju_addScl3(surface1, end[i].pos, end[i].normal, -0.5 * end[i].dist);
+    mju_addScl3(surface2, end[i].pos, end[i].normal, 0.5 * end[i].dist);
+    moved1.move_back(surface1);
+    moved2.move_back(surface2);
+    mju_sub3(apart, surface2, surface1);
     mjPreContact& c = contact[count];
-    c.dist = std::abs(local[axis]) - other_size[axis];
-    if (c.dist > margin) continue;
-    column_of(d->geom_xmat + 9 * other, axis, c.normal);
-    if (local[axis] < 0) mju_scl3(c.normal, c.normal, -1.0);
-    mju_addScl3(c.pos, corner, c.normal, -0.5 * c.dist);
-    if (is_known(c.pos, contact, count, same)) continue;
-    mju_scl3(c.normal, c.normal, sign);
-    if (mju_dot3(c.normal, contact[0].normal) < kAlike) continue;
+    c.dist = mju_dot3(apart, end[i].normal);
+    if (c.dist <= 0.0 || c.dist > margin) continue;
+    mju_add3(c.pos, surface1, surface2);
+    mju_scl3(c.pos, c.pos, 0.5);
+    mju_copy3(c.normal, end[i].normal);
     mju_zero3(c.tangent);
     ++count;
   }
   return count;
 }
 
-int collide_moving_boxes(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
-                         mjtNum margin) {
-  int count = collide_boxes(m, d, contact, geom1, geom2, margin);
+int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                   mjtNum margin) {
+  const mjfCollision collide = collide_now[m->geom_type[geom1]][m->geom_type[geom2]];
+  int count = collide(m, d, contact, geom1, geom2, margin);
   if (!replaced) return count;
-  double half_width = mjMAXVAL;
-  for (int geom : {geom1, geom2})
-    for (int i = 0; i < 3; ++i) half_width = std::min(half_width, m->geom_size[3 * geom + i]);
-  if (margin <= kFarReach * half_width) return count;
-  if (count == 0) count = mjc_Convex(m, d, contact, geom1, geom2, margin);
-  if (count == 0 || margin <= kFastReach * half_width) return count;
-  count = add_corners(m, d, geom2, geom1, margin, 1.0, contact, count);
-  return add_corners(m, d, geom1, geom2, margin, -1.0, contact, count);
+  const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
+  if (margin <= kFarReach * width) return count;
+  const bool are_boxes = m->geom_type[geom1] == mjGEOM_BOX && m->geom_type[geom2] == mjGEOM_BOX;
+  if (are_boxes && count == 0) count = mjc_Convex(m, d, contact, geom1, geom2, margin);
+  if (margin <= kFastReach * width) return count;
+  return add_coming(m, d, geom1, geom2, margin, collide, contact, count);
 }
 
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
@@ -130,9 +157,13 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
 // Once in a process.
 void install() {
   static const bool installed = [] {
-    mjfCollision& boxes = mjCOLLISIONFUNC[mjGEOM_BOX][mjGEOM_BOX];
-    collide_boxes = boxes;
-    boxes = collide_moving_boxes;
+    for (int type1 : kExtended)
+      for (int type2 : kExtended) {
+        mjfCollision& pair = mjCOLLISIONFUNC[type1][type2];
+        if (!pair) continue;
+        collide_now[type1][type2] = pair;
+        pair = collide_moving;
+      }
     mjfCollision& standing = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
     collide_cylinder = standing;
     standing = collide_flat_cylinder;

@@ -1,9 +1,12 @@
 // Collisions of MuJoCo that detection replaces. Part of the mujoco_host room.
 //
 // Boxes: MuJoCo finds nothing between boxes that are apart and face each other with corners or
-// edges, and one point between those that meet edge to edge. Under a widened reach such contacts
-// may start in the step: those of the nearest points, and of corners above faces, one of which may
-// come faster than the nearest point.
+// edges. Under a widened reach such contacts may start in the step: that of the nearest points.
+//
+// Capsules, cylinders, boxes and meshes: MuJoCo finds the nearest points and, of shapes that face
+// each other, others at about the same distance. Of a body that turns fast another one may come
+// faster. Where geoms move far in a step, points that overlap at its end, at the velocities of its
+// start, are contacts too, with the gap that they have now.
 //
 // Cylinder on plane: MuJoCo takes the lowest direction of the rim from the difference of nearly
 // equal vectors. Of a cylinder that stands flat, tilted by a, distances are off by about 1e-16 / a
