@@ -5,7 +5,8 @@ import pytest
 from random_scenes import check, random_articulated_scene, random_scene
 
 
-@pytest.mark.parametrize("seed", range(40))
+# In the last one a capsule of 58 g is squeezed that turns 1.5 rad in a step.
+@pytest.mark.parametrize("seed", [*range(40), 4528])
 def test_random_free_bodies(seed):
     """Finite, energy at most 1 % above the start's, forces inside their cones."""
     assert check(random_scene(seed, steps=300)) == []

@@ -11,6 +11,8 @@ namespace dashpot {
 
 namespace {
 
+constexpr double kFarTurn = 0.2;  // rad in a step
+
 // The coordinates of a free body without their zeros.
 Vector6 of_body(const double* coordinates) {
   Vector6 body;
@@ -182,8 +184,9 @@ void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
                    end_velocity_.data());
 }
 
-// Seen from the geometry of the middle, a body's inertia differs a little from what it is at the
-// start and at the end. What this would add to its energy is taken out of its rotation.
+// Seen from the geometry of the middle, or from the start of a step in which the body turns far,
+// its inertia differs from what it is where contacts act. What this would add to its energy is
+// taken out of its rotation.
 void TreeMotion::advance_free_body(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                                    const RowData& data) {
   const Tree& tree = trees_.tree[index];
@@ -207,7 +210,9 @@ void TreeMotion::advance_free_body(mjData_* d, int index, double length, const R
     }
   }
   FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
-  if (by_rows.touched && by_rows.from_middle) {
+  const bool turns_far =
+      length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm()) > kFarTurn;
+  if (by_rows.touched && (by_rows.from_middle || turns_far)) {
     const double excess = energy_gain(motion, length, end) - contact_work(index, length, data);
     if (excess > 0.0) brake_rotation(end, excess);
   }
