@@ -16,7 +16,7 @@ from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import Budget, LossName, Search, loss_weights
-from dashpot.calibrate.strategy import Method, run_searches
+from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.checks import (
     number,
     number_array,
@@ -43,10 +43,10 @@ def fit(
     method: Method = "least_squares",
     loss: LossName = "linear",
     loss_scale: float = 1.0,
-    windows: Sequence[float] = (),
-    starts: int = 0,
+    windows: Sequence[float] | None = None,
+    starts: int | None = None,
     local_searches: int = 4,
-    max_evaluations: int = 1000,
+    max_evaluations: int = 2000,
     errors: Errors = "auto",
     confidence: float = 0.95,
     seed: int = 0,
@@ -57,7 +57,10 @@ def fit(
 
     A trajectory with impacts makes a cost with many valleys: shortly after the first impact there
     are few, so `windows` can be searched first, each from the last one's estimate, before the
-    problem's own window; `starts` spreads further starts over the bounds.
+    problem's own window; `starts` spreads further starts over the bounds. By default least squares
+    searches from the parameters' own start, and only where the stated noise does not explain the
+    residuals at its end, from 31 more starts, through windows that grow from the onset of contact.
+    With model error, which no search explains, ``starts=0`` saves that.
 
     Parameters
     ----------
@@ -73,10 +76,13 @@ def fit(
     loss_scale
         Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
     windows
-        Seconds; ascending windows to search first.
+        Seconds; ascending windows to search first. None: none, or, where `starts` is None too, as
+        they are needed.
     starts
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
-        in one batch.
+        in one batch. None: none, or, where ``method="least_squares"`` and `windows` is None, 31
+        where they are needed; the search from the given start then takes at most a quarter of the
+        budget, and starts whose simulation fails are left out.
     local_searches
         At most how many of the best starts are searched from, >= 1; one after the other until the
         stated noise explains the residuals.
@@ -111,8 +117,9 @@ def fit(
         if value not in get_args(known):
             raise ValueError(f"{name} must be one of {', '.join(get_args(known))}, got {value!r}")
     loss_scale = positive_number("loss_scale", loss_scale)
-    first_windows = _windows(windows)
-    starts = whole_number("starts", starts, lowest=0)
+    first_windows = _windows(() if windows is None else windows)
+    automatic = method == "least_squares" and starts is None and windows is None
+    starts = 0 if starts is None else whole_number("starts", starts, lowest=0)
     local_searches = positive_count("local_searches", local_searches)
     max_evaluations = positive_count("max_evaluations", max_evaluations)
     if not 0 < number("confidence", confidence) < 1:
@@ -124,10 +131,14 @@ def fit(
     objectives = [Objective(stage, nthread=threads) for stage in stages]
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
-        search = run_searches(
-            objectives, budget, loss, loss_scale, method, starts, local_searches, seed
-        )
-        objective, point = objectives[-1], search.best_point
+        objective = objectives[-1]
+        if automatic:
+            search = run_automatic(objective, budget, loss, loss_scale, local_searches, seed)
+        else:
+            search = run_searches(
+                objectives, budget, loss, loss_scale, method, starts, local_searches, seed
+            )
+        point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
         errors_kind = _errors_kind(errors, problem, objective)
         estimate_covariance = _covariance(
@@ -140,7 +151,7 @@ def fit(
         residuals,
         estimate_covariance,
         search,
-        evaluations=sum(o.evaluations for o in objectives),
+        evaluations=budget.spent + objective.evaluations - searched,
         seconds=time.perf_counter() - began,
         method=method,
         errors=errors_kind,

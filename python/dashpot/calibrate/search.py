@@ -138,6 +138,21 @@ class Search:
         self.budget.note(len(points), self.best_cost)
         return residuals
 
+    def evaluate_valid(self, points: Array) -> tuple[Array, Array]:
+        """Return those of `points` whose simulation does not fail, and their residuals."""
+        try:
+            return points, self.evaluate(points)
+        except ValueError:
+            pass
+        valid, residuals = [], []
+        for point in points:
+            try:
+                residuals.append(self.evaluate(point[None, :])[0])
+                valid.append(point)
+            except ValueError:
+                continue
+        return np.array(valid), np.array(residuals)
+
     def jacobian(self, point: Array) -> Array:
         """Return the Jacobian at `point`, reusing its residuals if they were the last evaluated."""
         before = self.objective.evaluations
@@ -147,19 +162,29 @@ class Search:
         return jacobian
 
 
-def spread_starts(search: Search, start: Array, count: int, seed: int, keep: int) -> list[Array]:
-    """Return the `keep` best of `start` and `count` Sobol points of the parameters' ranges."""
-    if count == 0:
-        return [start]
-    sampler = qmc.Sobol(search.objective.parameters, rng=np.random.default_rng(seed))
+def sobol_points(objective: Objective, start: Array, count: int, seed: int) -> Array:
+    """Return `start` and `count` points (count + 1, size) spread over the parameters' ranges."""
+    sampler = qmc.Sobol(objective.parameters, rng=np.random.default_rng(seed))
     with warnings.catch_warnings():
         # Balance needs a power of two; starts need no balance.
         warnings.filterwarnings("ignore", message="The balance properties of Sobol")
         unit = sampler.random(count)
     points = np.repeat(start[None, :], count + 1, axis=0)
-    for i, coordinate in enumerate(search.objective.coordinates):
+    for i, coordinate in enumerate(objective.coordinates):
         low, high = coordinate.sampling_bounds
         points[1:, i] = low + unit[:, i] * (high - low)
+    return points
+
+
+def spread_starts(search: Search, start: Array, count: int, seed: int, keep: int) -> list[Array]:
+    """Return the `keep` best of `start` and `count` Sobol points of the parameters' ranges."""
+    if count == 0:
+        return [start]
+    return best_starts(search, sobol_points(search.objective, start, count, seed), keep)
+
+
+def best_starts(search: Search, points: Array, keep: int) -> list[Array]:
+    """Return the `keep` points of lowest cost, ascending."""
     costs = search.costs(search.evaluate(points))
     return [points[i] for i in np.argsort(costs, kind="stable")[:keep]]
 
