@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kRigidMaxRatio = 3;  // damping ratio standing for restitution 0 (e < 0.03)
 constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
+constexpr double kRounding = 1e-12;   // relative, of quotients and roots
 
 // Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
 // equality may pass a singular configuration.
@@ -99,6 +100,9 @@ double most_damped_rigid(double bound) {
   return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
 }
 
+// Whether a value is within a bound, but for the last bits.
+bool fits(double value, double bound) { return value <= bound * (1.0 + kRounding); }
+
 // Rigid rows: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1
 // in these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
@@ -128,7 +132,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
   };
   double kappa = stiffest, delta = asked.damping;
-  bool as_given = asked.stiffness <= resolved;
+  bool as_given = fits(asked.stiffness, resolved);
   if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
   if (!is_limited) {
     const double zeta = damping_ratio(material);
@@ -139,7 +143,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     }
     delta = 2.0 * zeta * std::sqrt(kappa);
   }
-  if (is_limited || keeps_restitution(given)) as_given = as_given && delta <= most_damped;
+  if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
   const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
@@ -149,10 +153,13 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     const double w = inverse_mass(row);
     double sliding = stiffest_sliding;
     if (w > 0.0) sliding *= w / isotropic_inverse_mass(c, i, inverse_mass);
-    if (!given.rigid()) sliding = std::min(sliding, rows.stiffness[row] * w);
-    fill(row, sliding,
-         std::min(2.0 * material.tangential_damping_ratio * std::sqrt(sliding),
-                  most_damped_sliding));
+    if (!given.rigid()) {
+      as_given = as_given && fits(rows.stiffness[row] * w, sliding);
+      sliding = std::min(sliding, rows.stiffness[row] * w);
+    }
+    const double sliding_damping = 2.0 * material.tangential_damping_ratio * std::sqrt(sliding);
+    if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
+    fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
   }
   return as_given;
 }
@@ -241,9 +248,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     }
     // Rounding up must not add a micro-step for the last bit of a quotient.
     island.microsteps = static_cast<int>(
-        std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - 1e-12)));
+        std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - kRounding)));
     island.duration = step / island.microsteps;
-    const bool resolves_si = island.duration <= si_microstep * (1.0 + 1e-12);
+    const bool resolves_si = fits(island.duration, si_microstep);
     if (!resolves_si) measure(island, rows, trees, materials, true);
     for (int index : island.group) {
       const RowGroup& c = rows.group[index];

@@ -124,7 +124,7 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
     if (c.dist <= 0.0 || c.dist > margin) continue;
     mju_add3(c.pos, surface1, surface2);
     mju_scl3(c.pos, c.pos, 0.5);
-    // Two contacts at one place would be twice as stiff and damped. Near is as far as the geoms may move.
+    // Two contacts at one place would be twice as stiff and damped. Near: as far as geoms may move.
     const auto stands_for_it = [&](const mjPreContact& of_start) {
       return mju_dist3(of_start.pos, c.pos) < margin &&
              gap_at_end(of_start, moved1, moved2) < kAsDeep * end[i].dist;
