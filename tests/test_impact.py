@@ -231,6 +231,23 @@ def test_cuts_add_no_energy(stiffness, timestep):
     assert left > 0.3
 
 
+@pytest.mark.parametrize("timestep", [0.002, 0.01])
+@pytest.mark.parametrize("stiffness", [1e5, None])
+def test_impacts_start_at_the_margin(stiffness, timestep):
+    """At 3 m/s, which would go in by all of the margin of 20 mm before the surfaces met."""
+    engine, data = thrown_ball(velocity=(0, 0, -3), start=(0, 0, 0.2), timestep=timestep)
+    engine.model.geom("ball").margin = 0.02
+    engine.set_material("ball", dashpot.Material(stiffness, restitution=0.5))
+    engine.set_material("plate", dashpot.Material(stiffness, restitution=0.5))
+    lowest = np.inf
+    while data.time < 0.2:
+        engine.step(data)
+        lowest = min(lowest, data.qpos[2])
+    # An undamped one would go in by v sqrt(m / k) = 0.95 mm.
+    assert lowest > 0.01 + 0.02 - 1e-3
+    assert data.qvel[2] == pytest.approx(1.5, rel=1e-6)
+
+
 def test_refuses_by_name():
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(ValueError, match="impact is 'stop'"):

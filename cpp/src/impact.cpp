@@ -20,8 +20,9 @@ constexpr double kTurn = 0.005;     // rad, in a part with contact
 constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
 
 struct FastPair : PairMotion {
-  bool apart = false;  // from each other, proven for this part
-  double clear = 0.0;  // s, how long it is proven
+  double margin = 0.0;  // m, distance at which contact starts
+  bool apart = false;   // from each other, proven for this part
+  double clear = 0.0;   // s, how long it is proven
 };
 
 class ImpactSearch {
@@ -209,6 +210,7 @@ class ImpactSearch {
 
   FastPair make_pair(const ContactInput& contact) const {
     FastPair pair;
+    pair.margin = std::max(0.0, contact.margin);
     for (int i = 0; i < 2; ++i) {
       SideMotion& side = pair.side[i];
       side.geom = contact.geom[i];
@@ -251,11 +253,11 @@ class ImpactSearch {
     }
     const double standoff = pair.standoff(length);
     const Distance now = distance(shape[0], pose[0], shape[1], pose[1]);
-    pair.apart = now.distance > 2.0 * standoff;
+    pair.apart = now.distance - pair.margin > 2.0 * standoff;
     if (pair.apart) {
       try {
         pair.clear = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1],
-                                    length, standoff)
+                                    length, pair.margin + standoff)
                          .time;
         return pair.clear;
       } catch (const std::runtime_error&) {

@@ -37,7 +37,8 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
   const mjContact& contact = d->contact[index];
   input.source = index;
   input.dim = contact.dim;
-  input.gap = contact.dist - contact.includemargin;
+  input.margin = contact.includemargin;
+  input.gap = contact.dist - input.margin;
   std::copy(contact.pos, contact.pos + 3, input.position.begin());
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
   std::copy(contact.friction, contact.friction + 5, input.friction.begin());

@@ -80,16 +80,16 @@ class Engine:
         and sensors say so.
     impact
         ``"cut"`` ends a part of the step where a fast, thin or small geom meets another, so that
-        contact starts at the surface with the right normal and nothing passes through; the rest of
-        the step follows with fresh collision, in at most 96 more parts. While an impact lasts,
-        neither body turns by more than 0.005 rad in a part, and the geometry is that of the part's
-        middle. A pair is looked at where its relative motion in one step exceeds a quarter of the
-        half-width of its thinner geom or turns one of the two by more than 0.05 rad; where none
-        does, results equal those of ``"none"`` bit for bit. Rigid contacts of such pairs behave as
-        the limit of ever stiffer springs with the same restitution and friction. Signed distance
-        fields and planes that turn are not looked at. Each part costs as much as a step. Controls
-        and applied forces are held over the step; forces, accelerations, contacts and sensors are
-        those of its last part.
+        contact starts at the surface, or its margin, with the right normal and nothing passes
+        through; the rest of the step follows with fresh collision, in at most 96 more parts. While
+        an impact lasts, neither body turns by more than 0.005 rad in a part, and the geometry is
+        that of the part's middle. A pair is looked at where its relative motion in one step exceeds
+        a quarter of the half-width of its thinner geom or turns one of the two by more than 0.05
+        rad; where none does, results equal those of ``"none"`` bit for bit. Rigid contacts of such
+        pairs behave as the limit of ever stiffer springs with the same restitution and friction.
+        Signed distance fields and planes that turn are not looked at. Each part costs as much as a
+        step. Controls and applied forces are held over the step; forces, accelerations, contacts
+        and sensors are those of its last part.
     rules
         How the materials of two geoms combine.
     comfree_stiffness

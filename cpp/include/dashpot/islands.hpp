@@ -61,8 +61,9 @@ class Islands {
 
   // Chooses the number of micro-steps of every island over a step of length `step` (s) and fills
   // the stiffness and damping of its rows from `materials` (one per group). A rigid material
-  // becomes as stiff as h resolves, one of a model's own solref no stiffer than that says; values
-  // that h does not resolve are lowered and counted as clipped.
+  // becomes as stiff as h resolves, one of a model's own solref no stiffer than that says. Where h
+  // does not resolve an island's SI values, all its rows are rigid, those no stiffer than given.
+  // What is lowered is counted as clipped.
   // `sag_time` (s, one per group): in which a weight moves its body by sag, sqrt(sag / g).
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
             const std::vector<double>& sag_time, double step, const Options& options);

@@ -27,7 +27,8 @@ struct ContactInput {
   std::array<int, 2> geom{};         // ids; -1 - id for a flex
   std::array<int, 2> tree{-1, -1};   // trees of the two bodies, -1 for static ones
   int dim = 1;                       // rows: 1, 3, 4 or 6
-  double gap = 0.0;                  // m
+  double gap = 0.0;                  // m, distance less margin
+  double margin = 0.0;               // m
   std::array<double, 3> position{};  // m, world
   std::array<double, 9> frame{};     // rows: normal, tangent 1, tangent 2; world
   std::array<double, 5> friction{};  // limit coefficients per friction row
