@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/islands.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/row_stiffness.hpp"
 
 namespace dashpot {
 

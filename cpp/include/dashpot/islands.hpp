@@ -15,26 +15,13 @@
 #include "dashpot/coupled_sum.hpp"
 #include "dashpot/group_material.hpp"
 #include "dashpot/parameters.hpp"
+#include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot {
 
-inline constexpr double kResolution = 0.5;         // theta
-inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows, see fill_rigid_rows
-inline constexpr int kMinimumMicrosteps = 16;      // of "auto"
-inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
-inline constexpr double kRigidSag = 1.0e-3;  // of a body's radius, see longest_rigid_microstep
-inline constexpr double kInelasticSag =
-    1.0e-4;  // the same where stiffness gives way to restitution
-
-// Least share of the resolution of damping that friction takes from normals, s in islands.cpp.
-inline constexpr double kFrictionShare = 0.5;
-
-// Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, of the damping of
-// normals and of that of friction.
-struct RigidCoupling {
-  double stiffness = 0.0, normal_damping = 0.0, friction_damping = 0.0;
-};
+inline constexpr double kResolution = 0.5;     // theta
+inline constexpr int kMinimumMicrosteps = 16;  // of "auto"
 
 // A range of indices.
 struct Indices {
@@ -71,15 +58,14 @@ class Islands {
   const std::vector<Island>& all() const { return islands_; }
 
  private:
-  // Bounds of one tree: SI stiffness, SI damping, rigid rows weighted by 1/w, and those of them
-  // that are no friction (0 where none is).
+  // Bounds of one tree: SI stiffness, SI damping, and rigid rows weighted by 1/w.
   struct TreeBounds {
-    double stiffness = 0.0, damping = 0.0, rigid = 0.0, rigid_normal = 0.0;
+    double stiffness = 0.0, damping = 0.0, rigid = 0.0;
+    RigidCoupling coupling;
     bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
     // Part of the resolution that SI rows may use, and that rigid rows may use.
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
-    RigidCoupling rigid_coupling() const;
   };
   void measure(const Island& island, const Rows& rows, const Trees& trees,
                const std::vector<GroupMaterial>& materials, bool all_rigid);

@@ -1,0 +1,59 @@
+// Stiffness and damping of rows.
+//
+// A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
+// resolve: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1 in
+// these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
+// resolved:
+//
+//     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= 1,
+//     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
+//
+// with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction. A
+// damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as the bounds
+// allow; for a restitution kappa gives way as far as a weight sags no further than kInelasticSag. A
+// model's own solref is a kappa and a delta, as far as the bounds allow. A material in SI units
+// that micro-steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as
+// far as the bounds allow.
+
+#pragma once
+
+#include "dashpot/group_material.hpp"
+#include "dashpot/rows.hpp"
+
+namespace dashpot {
+
+inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows
+inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
+inline constexpr double kRigidSag = 1.0e-3;        // of a body's radius, see below
+inline constexpr double kInelasticSag = 1.0e-4;    // the same where stiffness gives way
+inline constexpr double kRounding = 1.0e-12;       // relative, of quotients and roots
+
+// Whether a value is within a bound, but for the last bits.
+inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRounding); }
+
+// Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, c, of the damping
+// of normals, c_n, and of that of friction, c_t.
+struct RigidCoupling {
+  double stiffness = 0.0, normal_damping = 0.0, friction_damping = 0.0;
+};
+
+// kappa h^2 of the stiffest rigid rows whose stiffness has the bound c.
+double stiffest_rigid(double bound);
+
+// Fills the rows of a group from its material in SI units, resolved or not. Rotational rows get the
+// stiffness that gives them the natural frequency of the sliding rows.
+void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
+
+// Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
+// micro-steps of `h` (s) resolve. Returns whether nothing that was given was lowered. `sag_time`
+// (s): in which a weight moves a body by kRigidSag, infinite for groups that bear none.
+bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& given,
+                     const RigidCoupling& coupling, double sag_time, double h);
+
+// Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
+// light one and as damped as their restitution says at the stiffness that weights need. Rows of a
+// model's own solref need not be stiffer than it says.
+double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
+                               const RigidCoupling& coupling, double sag_time);
+
+}  // namespace dashpot

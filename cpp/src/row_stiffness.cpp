@@ -1,0 +1,182 @@
+#include "dashpot/row_stiffness.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dashpot {
+
+namespace {
+
+constexpr double kRigidMaxRatio = 3;  // damping ratio standing for restitution 0 (e < 0.03)
+constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
+
+// Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
+// equality may pass a singular configuration.
+double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
+  const bool immobile = c.kind == RowKind::kContact && rows.inverse_mass[row] == 0.0;
+  return immobile ? 0.0 : rows.bounded_inverse_mass(row);
+}
+
+// Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
+// rolling rows the larger, so that springs are isotropic whatever the tangents are.
+template <typename InverseMass>
+double isotropic_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  return std::max(inverse_mass(first), inverse_mass(first + 1));
+}
+
+// What is asked of a row: kappa (1/s^2) and delta (1/s).
+struct Rates {
+  double stiffness = 0.0, damping = 0.0;
+};
+
+// Of a group's first row: by its own solref, or by a material in SI units.
+Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
+  const double w = loaded_inverse_mass(rows, c, c.row);
+  if (!given.from_solref) return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
+  const double typical = rows.typical_inverse_mass[c.row];
+  const double ratio = typical > 0.0 ? w / typical : 1.0;
+  return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
+}
+
+// Whether stiffness gives way to a group's restitution.
+bool keeps_restitution(const GroupMaterial& given) {
+  return !given.from_solref && given.material.rigid &&
+         given.material.form == DampingForm::kRestitution;
+}
+
+// The damping ratio of a rigid material's contact alone.
+double damping_ratio(const Material& material) {
+  if (material.form != DampingForm::kRestitution) return material.damping;
+  return std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+}
+
+// Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
+// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `sag_time` is that of g;
+// the result is that of a.
+double loaded_sag_time(const Rows& rows, const RowGroup& c, double sag_time) {
+  const auto [heavy, light] =
+      std::minmax(rows.tree_inverse_mass[c.row][0], rows.tree_inverse_mass[c.row][1]);
+  return heavy > 0.0 ? sag_time * std::sqrt(heavy / light) : sag_time;
+}
+
+// delta of rigid rows whose coupled damping has the bound c, times h, see below.
+double most_damped_rigid(double bound) {
+  return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
+}
+
+// Longest micro-step that resolves the rates of a model's own solref.
+double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling) {
+  double h = std::numeric_limits<double>::infinity();
+  if (asked.stiffness > 0.0) h = std::sqrt(stiffest_rigid(coupling.stiffness) / asked.stiffness);
+  if (asked.damping > 0.0)
+    h = std::min(h, most_damped_rigid(coupling.normal_damping) / asked.damping);
+  return h;
+}
+
+// Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
+// need.
+double longest_inelastic_microstep(const Material& material, const RigidCoupling& coupling,
+                                   double sag_time) {
+  const double zeta = damping_ratio(material);
+  if (zeta == 0.0) return std::numeric_limits<double>::infinity();
+  return most_damped_rigid(coupling.normal_damping) * sag_time *
+         std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
+}
+
+}  // namespace
+
+double stiffest_rigid(double bound) {
+  const double coupling = std::max(0.0, bound - 1.0);
+  return std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0);
+}
+
+void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
+  const int n = c.row;
+  const double w_normal = rows.inverse_mass[n];
+  rows.stiffness[n] = material.stiffness;
+  const double damping = w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal) : 0.0;
+  rows.damping[n] =
+      std::isfinite(damping) ? damping : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
+  if (c.dim == 1) return;
+  const double tangential = material.tangential_ratio * rows.stiffness[n];
+  const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
+  const double sliding_inverse_mass = isotropic_inverse_mass(c, 1, inverse_mass);
+  for (int i = 1; i < c.dim; ++i) {
+    const double w = rows.inverse_mass[n + i];
+    const double largest = isotropic_inverse_mass(c, i, inverse_mass);
+    const double k =
+        i < 3 || largest == 0.0 ? tangential : tangential * sliding_inverse_mass / largest;
+    rows.stiffness[n + i] = k;
+    rows.damping[n + i] =
+        w == 0.0 ? 0.0 : 2.0 * material.tangential_damping_ratio * std::sqrt(k / w);
+  }
+}
+
+bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
+                     const RigidCoupling& coupling, double sag_time, double h) {
+  const Material& material = given.material;
+  const bool is_limited = !given.rigid() || given.from_solref;
+  const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
+  const double resolved = stiffest_rigid(coupling.stiffness) / (h * h);
+  const double stiffest = is_limited ? std::min(resolved, asked.stiffness) : resolved;
+  const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
+  // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
+  // configuration into arbitrary forces.
+  const auto fill = [&](int row, double kappa, double delta) {
+    const double w = loaded_inverse_mass(rows, c, row);
+    const double mass = w > 0.0 ? 1.0 / w : 0.0;
+    // Where nothing moves along a row, any positive stiffness carries its zero load.
+    rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
+    rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
+  };
+  double kappa = stiffest, delta = asked.damping;
+  bool as_given = fits(asked.stiffness, resolved);
+  if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
+  if (!is_limited) {
+    const double zeta = damping_ratio(material);
+    if (keeps_restitution(given) && zeta > 0.0) {
+      const double bearing =
+          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time), 2);
+      kappa = std::min(kappa, std::max(std::pow(most_damped / (2.0 * zeta), 2), bearing));
+    }
+    delta = 2.0 * zeta * std::sqrt(kappa);
+  }
+  if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
+  fill(c.row, kappa, std::min(delta, most_damped));
+  const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
+  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
+  const double stiffest_sliding = given.rigid() ? stiffest : resolved;
+  for (int i = 1; i < c.dim; ++i) {
+    const int row = c.row + i;
+    const double w = inverse_mass(row);
+    double sliding = stiffest_sliding;
+    if (w > 0.0) sliding *= w / isotropic_inverse_mass(c, i, inverse_mass);
+    if (!given.rigid()) {
+      as_given = as_given && fits(rows.stiffness[row] * w, sliding);
+      sliding = std::min(sliding, rows.stiffness[row] * w);
+    }
+    const double sliding_damping = 2.0 * material.tangential_damping_ratio * std::sqrt(sliding);
+    if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
+    fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
+  }
+  return as_given;
+}
+
+double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupMaterial& given,
+                               const RigidCoupling& coupling, double sag_time) {
+  double longest = kRigidMicrostep;
+  const double sag = loaded_sag_time(rows, c, sag_time);
+  // h^2 <= kappa h^2 sag / a
+  if (c.tree[0] >= 0 && c.tree[1] >= 0)
+    longest = std::min(longest, sag * std::sqrt(stiffest_rigid(coupling.stiffness)));
+  if (keeps_restitution(given))
+    longest = std::min(longest, longest_inelastic_microstep(given.material, coupling, sag));
+  if (given.from_solref)
+    longest = std::max(longest, longest_solref_microstep(given_rates(rows, c, given), coupling));
+  return longest;
+}
+
+}  // namespace dashpot
