@@ -1,6 +1,7 @@
 """Calibration from starts that are far off: bad valleys, and how the default leaves them."""
 
 import math
+import textwrap
 from dataclasses import replace
 
 import mujoco
@@ -145,3 +146,25 @@ def test_a_tumbling_box_is_fitted_from_a_far_start():
     assert result.noise_explains
     for name, value in truth.items():
         assert result[name].value == pytest.approx(value, rel=0.05)
+
+
+def test_the_example_of_the_package_runs():
+    """The docstring's lines, with recordings of throws whose parameters are known."""
+    xml = """<mujoco><option timestep="0.002"/><worldbody>
+      <geom name="floor" type="plane" size="5 5 .1"/>
+      <body name="ball" pos="0 0 .2"><freejoint/>
+        <geom name="ball" size=".05" mass=".3"/></body></worldbody></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    truth = dashpot.Material(2e4, restitution=0.6, friction=0.2)
+    engine.set_pair_material("ball", "floor", truth)
+    rng = np.random.default_rng(2)
+    seen = [observe(engine, [1.0, 0.3 * i, -0.5, 0, 1, 0], 40, rng) for i in range(4)]
+    scope = {
+        "engine": engine,
+        "recordings": [(t.time, t.position[:, 0], t.quaternion[:, 0]) for t in seen],
+    }
+    text = dashpot.calibrate.__doc__
+    exec(textwrap.dedent(text[text.index("    from dashpot") :]), scope)
+    assert scope["result"]["stiffness"].value == pytest.approx(2e4, rel=0.05)
+    assert scope["result"]["restitution"].value == pytest.approx(0.6, rel=0.02)
+    assert scope["result"]["sliding_friction"].value == pytest.approx(0.2, rel=0.05)

@@ -306,6 +306,8 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 def test_an_unknown_kind_of_scene_is_refused():
+    with pytest.raises(TypeError, match=r"^materials is list; it must map names of geoms"):
+        compare.run("ball", materials=[dashpot.Material()])
     with pytest.raises(TypeError, match="int"):
         compare.run(3)
     for argument in ("duration", "timestep", "settled_after"):

@@ -360,6 +360,14 @@ def test_a_flag_that_contact_memory_cannot_follow():
         dashpot.Engine(mujoco.MjModel.from_xml_string(mjcf(BALL, rest=rest)))
 
 
+def test_an_engine_says_what_it_is():
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(mjcf(BALL)))
+    engine.set_material(0, dashpot.Material(1e4))
+    shown = repr(engine)
+    assert shown.startswith("Engine(law='kelvin_voigt', timestep=")
+    assert shown.endswith(f"geoms={engine.model.ngeom}, materials=1, pair_materials=0)")
+
+
 def test_an_engine_does_not_touch_the_models_original():
     model = mujoco.MjModel.from_xml_string(mjcf(BALL))
     margin, nuserdata = model.geom_margin.copy(), model.nuserdata

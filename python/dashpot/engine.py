@@ -353,6 +353,14 @@ class Engine:
             tuple(Feature(*row) for row in _core.features(self.model._address, _core.Law[self.law]))
         )
 
+    def __repr__(self) -> str:
+        """Return law, time step (s) and how many geoms and pairs have materials that were set."""
+        return (
+            f"Engine(law={self.law!r}, timestep={self.model.opt.timestep:g}, "
+            f"geoms={self.model.ngeom}, materials={len(self._geom_material)}, "
+            f"pair_materials={len(self._pair_material)})"
+        )
+
     def __copy__(self) -> Engine:
         """Return an engine of its own: a copy of the model and the same options and materials."""
         other = Engine.__new__(Engine)

@@ -2,6 +2,24 @@
 
 State what moves, what is unknown and what was observed in a `Problem`; `fit` estimates, gives
 intervals, and says for each parameter whether the data identify it.
+
+Four throws of a ball, with time (s), position (m) and quaternion (scalar first) of every frame::
+
+    from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+
+    throws = [
+        Trajectory(f"throw {i}", time, position, quaternion, bodies=("ball",))
+        for i, (time, position, quaternion) in enumerate(recordings)
+    ]
+    unknown = [
+        Parameter.pair("ball", "floor", "stiffness", start=1e4, bounds=(1e2, 1e6)),
+        Parameter.pair("ball", "floor", "restitution", start=0.5, bounds=(0.01, 0.99)),
+        Parameter.pair("ball", "floor", "sliding_friction", start=0.3, bounds=(0.01, 2.0)),
+    ]
+    problem = Problem(engine, unknown, throws, position_sigma=2e-4, rotation_sigma=2e-3,
+                      initial_state="pose_and_velocity")
+    result = fit(problem)
+    print(result, result.values, result.noise_explains)
 """
 
 from dashpot.calibrate.fit import fit

@@ -75,7 +75,7 @@ def run(
     Raises
     ------
     TypeError
-        If a number is none.
+        If a number is none, `materials` maps nothing, or a material is none.
     ValueError
         If a number is out of range, a setting, geom or scene is unknown, the model cannot be
         compiled or uses what dashpot refuses; the message names it.
@@ -116,6 +116,10 @@ def _prepare(
 ) -> tuple[str, Engine, float]:
     """Return name, a private engine and the default duration of a scene."""
     duration = 2.0
+    if materials is not None and not isinstance(materials, Mapping):
+        raise TypeError(
+            f"materials is {type(materials).__name__}; it must map names of geoms to Materials"
+        )
     given: dict[str, Material] = {}
     if isinstance(scene, str) and scene in SCENES:
         scene = shipped_scene(scene)
