@@ -60,7 +60,8 @@ def fit(
     problem's own window; `starts` spreads further starts over the bounds. By default least squares
     searches from the parameters' own start, and only where the stated noise does not explain the
     residuals at its end, from 31 more starts, through windows that grow from the onset of contact.
-    With model error, which no search explains, ``starts=0`` saves that.
+    A model that is not quite right explains no end, and such fits spend most of their budget on
+    better ones; ``starts=0`` saves that.
 
     Parameters
     ----------
