@@ -19,6 +19,7 @@ from rich.table import Table
 
 import dashpot
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate.twin import POSITION_NOISE, ROTATION_NOISE, tracked_poses
 
 SHAPES = {
     "ball": 'type="sphere" size="0.05" mass="0.3"',
@@ -30,7 +31,6 @@ BOUNDS = {
     "sliding_friction": (0.01, 2.0),
 }
 FRAMES, SPACING, SUBSTEPS = 50, 0.01, 5
-POSITION_NOISE, ROTATION_NOISE = 2e-4, 2e-3  # m, rad
 THROWS = 4
 BAD = 1.5
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -109,13 +109,7 @@ def throw(
     data.qvel[2] = rng.uniform(-1.0, 0.0)
     data.qvel[3:] = 2.0 * rng.normal(size=3)
     state: dict[str, Any] = {"initial_qpos": data.qpos.copy(), "initial_qvel": data.qvel.copy()}
-    position, quaternion = np.empty((FRAMES, 3)), np.empty((FRAMES, 4))
-    for frame in range(FRAMES):
-        if frame:
-            system.step(data, SUBSTEPS)
-        position[frame] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
-        quaternion[frame] = data.qpos[3:7]
-        mujoco.mju_quatIntegrate(quaternion[frame], ROTATION_NOISE * rng.normal(size=3), 1.0)
+    position, quaternion = tracked_poses(system, data, FRAMES, SUBSTEPS, rng)
     return Trajectory(
         f"throw {index}",
         SPACING * np.arange(FRAMES),
@@ -131,6 +125,7 @@ def _logit(share: float) -> float:
 
 
 def main() -> None:
+    """Fit from every start with every option and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=30)
     parser.add_argument("--unknown-states", action="store_true")

@@ -120,14 +120,7 @@ def throws(truth: dict[str, float], rng: np.random.Generator) -> list[Trajectory
         heading = rng.uniform(0.0, 2.0 * np.pi)
         data.qvel[:2] = rng.uniform(0.8, 1.6) * np.array([np.cos(heading), np.sin(heading)])
         data.qvel[3:] = rng.normal(size=3)
-        position = np.empty((FRAMES, 3))
-        quaternion = np.empty((FRAMES, 4))
-        for frame in range(FRAMES):
-            if frame:
-                system.step(data, SUBSTEPS)
-            position[frame] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
-            quaternion[frame] = data.qpos[3:7]
-            mujoco.mju_quatIntegrate(quaternion[frame], ROTATION_NOISE * rng.normal(size=3), 1.0)
+        position, quaternion = tracked_poses(system, data, FRAMES, SUBSTEPS, rng)
         result.append(
             Trajectory(
                 name=f"throw {throw}",
@@ -138,6 +131,25 @@ def throws(truth: dict[str, float], rng: np.random.Generator) -> list[Trajectory
             )
         )
     return result
+
+
+def tracked_poses(
+    system: Engine, data: mujoco.MjData, frames: int, substeps: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Step the first free body on and return its poses with the noise of a pose tracker.
+
+    Returns
+    -------
+    (frames, 3) positions (m) and (frames, 4) quaternions (scalar first), `substeps` steps apart.
+    """
+    position, quaternion = np.empty((frames, 3)), np.empty((frames, 4))
+    for frame in range(frames):
+        if frame:
+            system.step(data, substeps)
+        position[frame] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
+        quaternion[frame] = data.qpos[3:7]
+        mujoco.mju_quatIntegrate(quaternion[frame], ROTATION_NOISE * rng.normal(size=3), 1.0)
+    return position, quaternion
 
 
 def run(*, seed: int = 0, nthread: int | None = None, progress: bool = False) -> Twin:
