@@ -17,6 +17,7 @@
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/position_recovery.hpp"
+#include "dashpot/pressed_together.hpp"
 #include "dashpot/row_assembly.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/solref.hpp"
@@ -86,6 +87,7 @@ struct Stepper::Impl {
   std::vector<double> sag_time;          // per group, see Islands::plan
   Rows rows;
   RowData data;
+  PressedTogether pressed_together;
   Islands islands;
   MicrostepLoop microsteps;
   std::vector<double> constraint_force, row_force;
@@ -227,6 +229,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   find_sag_times(model, rows, contacts, sag_time);
+  pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
   Memory view = memory(d);
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, length, data);

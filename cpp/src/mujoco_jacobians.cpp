@@ -38,6 +38,16 @@ bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   return twist && any_nonzero(twist);
 }
 
+// Where a contact acts on one of its bodies. Bodies apart go on until their surfaces meet, each
+// with its own point there; in the middle between the two friction would have another arm, and so
+// would the two bodies' angular momenta.
+std::array<double, 3> acting_point(const ContactInput& input, int side) {
+  std::array<double, 3> point = input.position;
+  const double way = (side ? 0.5 : -0.5) * std::max(0.0, input.gap);
+  for (int i = 0; i < 3; ++i) point[i] += way * input.frame[i];
+  return point;
+}
+
 // Adds what mocap bodies add to the rates of a contact's rows by their motion.
 void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& input,
                       std::array<double, 6>& rate) {
@@ -47,7 +57,7 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
     const int body = m->geom_bodyid[input.geom[side]];
     const mjtNum* twist = mocap_twist(m, d, body);
     mjtNum velocity[3];
-    velocity_of_point(m, d, body, twist, input.position.data(), velocity);
+    velocity_of_point(m, d, body, twist, acting_point(input, side).data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {
       rate[i] += sign * mju_dot3(frame + 3 * i, velocity);
@@ -127,7 +137,7 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
   const double sign = side ? 1.0 : -1.0;
   const int body = m->geom_bodyid[input.geom[side]];
   mjtNum arm[3];
-  mju_sub3(arm, input.position.data(), d->subtree_com + 3 * m->body_rootid[body]);
+  mju_sub3(arm, acting_point(input, side).data(), d->subtree_com + 3 * m->body_rootid[body]);
   int k = c.columns[block] - 1;
   for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
     while (column[k] != t.begin + dof - t.dof_begin) --k;
@@ -167,7 +177,8 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
     is_pair = is_pair && trees.tree[tree].free_body && input.tree[0] != input.tree[1];
     pair.begin[side] = trees.tree[tree].begin;
     const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
-    for (int i = 0; i < 3; ++i) pair.arm[side][i] = input.position[i] - centre[i];
+    const std::array<double, 3> point = acting_point(input, side);
+    for (int i = 0; i < 3; ++i) pair.arm[side][i] = point[i] - centre[i];
   }
   if (is_pair) {
     c.pair = static_cast<int>(rows.pair.size());

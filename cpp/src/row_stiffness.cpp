@@ -47,10 +47,11 @@ bool keeps_restitution(const GroupMaterial& given) {
          given.material.form == DampingForm::kRestitution;
 }
 
-// The damping ratio of a rigid material's contact alone.
-double damping_ratio(const Material& material) {
+// The damping ratio that a rigid material's contact has alone.
+double damping_ratio(const RowGroup& c, const Material& material) {
   if (material.form != DampingForm::kRestitution) return material.damping;
-  return std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+  const double ratio = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+  return ratio / std::sqrt(c.pressed);
 }
 
 // Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
@@ -78,9 +79,9 @@ double longest_solref_microstep(const Rates& asked, const RigidCoupling& couplin
 
 // Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
 // need.
-double longest_inelastic_microstep(const Material& material, const RigidCoupling& coupling,
-                                   double sag_time) {
-  const double zeta = damping_ratio(material);
+double longest_inelastic_microstep(const RowGroup& c, const Material& material,
+                                   const RigidCoupling& coupling, double sag_time) {
+  const double zeta = damping_ratio(c, material);
   if (zeta == 0.0) return std::numeric_limits<double>::infinity();
   return most_damped_rigid(coupling.normal_damping) * sag_time *
          std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
@@ -97,7 +98,8 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   const int n = c.row;
   const double w_normal = rows.inverse_mass[n];
   rows.stiffness[n] = material.stiffness;
-  const double damping = w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal) : 0.0;
+  const double damping =
+      w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed) : 0.0;
   rows.damping[n] =
       std::isfinite(damping) ? damping : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
   if (c.dim == 1) return;
@@ -136,7 +138,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   bool as_given = fits(asked.stiffness, resolved);
   if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
   if (!is_limited) {
-    const double zeta = damping_ratio(material);
+    const double zeta = damping_ratio(c, material);
     if (keeps_restitution(given) && zeta > 0.0) {
       const double bearing =
           kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time), 2);
@@ -173,7 +175,7 @@ double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupM
   if (c.tree[0] >= 0 && c.tree[1] >= 0)
     longest = std::min(longest, sag * std::sqrt(stiffest_rigid(coupling.stiffness)));
   if (keeps_restitution(given))
-    longest = std::min(longest, longest_inelastic_microstep(given.material, coupling, sag));
+    longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
   if (given.from_solref)
     longest = std::max(longest, longest_solref_microstep(given_rates(rows, c, given), coupling));
   return longest;

@@ -47,10 +47,15 @@ class Engine:
     law
         Contact law: ``"kelvin_voigt"``, closed-form Kelvin-Voigt contact with true stiction, or
         ``"comfree"``, the published complementarity-free update of ComFree-Sim (arXiv 2603.12185),
-        for comparison: one update per step, no memory, no materials (effective masses come from
-        ``solimp``, friction from the model), no stiction (what rests on a slope creeps). Its
-        contacts store no energy, so what they give back on rebound counts as negative dissipation.
-        It refuses equalities and dry friction loss, and moves every body by MuJoCo's integrator.
+        for comparison. It is explicit, and the facets of all contacts of a body add up: where
+        ``(sum of facet masses / mass) (damping + stiffness timestep)`` exceeds 1 impacts may give
+        energy to the body, beyond 2 nothing comes to rest. A box on its four corners with MuJoCo's
+        ``solimp`` has 0.9 at 10 ms and ``condim`` 3, but 2.3 with ``condim`` 6, where 3 m/s throw
+        it up at 5 to 8 m/s; at 2 ms it has 1.1. One update per step, no memory, no materials
+        (effective masses come from ``solimp``, friction from the model), no stiction (what rests on
+        a slope creeps). Its contacts store no energy, so what they give back on rebound counts as
+        negative dissipation. It refuses equalities and dry friction loss, and moves every body by
+        MuJoCo's integrator.
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
         stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.

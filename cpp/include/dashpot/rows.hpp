@@ -89,6 +89,9 @@ struct RowGroup {
   // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
   double soft_load = 0.0;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
+  // Square of the frequency at which the contacts of its pair are pressed together, over that of
+  // this one alone (pressed_together.hpp).
+  double pressed = 1.0;
 
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
