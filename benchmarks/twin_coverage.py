@@ -1,7 +1,10 @@
 """How often the truth lies inside the stated intervals, over seeded twin experiments.
 
 Run ``python benchmarks/twin_coverage.py --repetitions 100``. A correct 95 % interval covers about
-95 of 100; the target is at least 90 for every parameter that the fit calls identified.
+95 of 100; the target is at least 90 for every parameter that the fit calls identified. With
+``--tumbling`` boxes tumble over many edges (the throws of ``far_starts.py``), their start states
+are unknown too, and the search starts from parameters that are 2 to 5 % off, so that what is
+counted are intervals and not searches.
 """
 
 from __future__ import annotations
@@ -9,29 +12,49 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dashpot.calibrate import twin
+import far_starts
+from dashpot.calibrate import fit, twin
+
+# How far off the search among tumbling boxes starts.
+NEAR = {"stiffness": 1.05, "restitution": 1.02, "sliding_friction": 1.05}
+
+
+def tumbling(seed: int, nthread: int | None) -> twin.Twin:
+    """Fit a box that tumbles, with unknown start states, from near the truth."""
+    truth, _ = far_starts.draw(np.random.default_rng(seed))
+    problem = far_starts.problem("box", seed, unknown_states=True)
+    parameters = [replace(p, start=truth[p.name] * NEAR[p.name]) for p in problem.parameters]
+    problem = replace(problem, parameters=parameters)
+    return twin.Twin(truth, problem.start, problem, fit(problem, nthread=nthread))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--repetitions", type=int, default=100)
     parser.add_argument("--first-seed", type=int, default=0)
+    parser.add_argument("--tumbling", action="store_true")
     parser.add_argument("--nthread", type=int, default=None)
     parser.add_argument("--json", type=Path, default=None, help="write the results here")
     arguments = parser.parse_args()
 
     console = Console()
-    identified: dict[str, list[bool]] = {name: [] for name in twin.BOUNDS}
+    names = NEAR if arguments.tumbling else twin.BOUNDS
+    identified: dict[str, list[bool]] = {name: [] for name in names}
     all_covered = []
     records = []
     began = time.perf_counter()
     for seed in range(arguments.first_seed, arguments.first_seed + arguments.repetitions):
-        result = twin.run(seed=seed, nthread=arguments.nthread)
+        if arguments.tumbling:
+            result = tumbling(seed, arguments.nthread)
+        else:
+            result = twin.run(seed=seed, nthread=arguments.nthread)
         covered = result.covered
         for name, inside in covered.items():
             if result.fit[name].identified:

@@ -33,7 +33,7 @@ TRUTH = {"stiffness": 1e4, "damping": 20.0, "sliding_friction": 0.3}
     [
         {},
         {"windows": (0.15,), "starts": 7},
-        {"method": "cma+least_squares", "max_evaluations": 300},
+        {"method": "cma+least_squares", "max_evaluations": 500},
         {"loss": "soft_l1", "loss_scale": 2.0},
     ],
 )
@@ -143,6 +143,15 @@ def test_results_read_well(noisy_ball):
     assert "more than noise is in the residuals" in str(doubted.table().caption)
     for estimate in doubted.estimates:
         assert "noise does not explain the residuals" in estimate.statement
+        # Half the noise is a variance of 4 in positions, 1 in rotations: far from 1.
+        assert not estimate.identified
+    # Intervals are scaled with the residuals: noise halved throughout changes none. (Points drawn
+    # in their region leave some percent.)
+    halved = replace(noisy_ball, position_sigma=0.5e-4, rotation_sigma=0.5e-3)
+    halved = fit(halved, starts=0)
+    for name in TRUTH:
+        expected = pytest.approx(result[name].standard_error, rel=0.1)
+        assert halved[name].standard_error == expected
     assert not any("noise" in estimate.statement for estimate in result.estimates)
     assert [residual.shape for residual in result.residuals] == [(40, 1, 6)] * 2
     metrics = result.metrics()

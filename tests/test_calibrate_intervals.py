@@ -96,10 +96,14 @@ def test_interval_of_a_linear_problem_is_the_closed_form():
     assert result.cost == pytest.approx(0.5 * residuals @ residuals, rel=1e-9)
 
 
-def statement(z, half_width, transform="log", correlation=(1.0, 0.0), standard_error=None):
+def statement(
+    z, half_width, transform="log", correlation=(1.0, 0.0), standard_error=None, **options
+):
     parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0), transform=transform)
     error = half_width / 1.96 if standard_error is None else standard_error
-    return judge(parameter, z, error, half_width, np.array(correlation), ("k", "d"), 0.95)
+    return judge(
+        parameter, z, error, half_width, np.array(correlation), ("k", "d"), 0.95, **options
+    )
 
 
 def test_statements():
@@ -121,6 +125,27 @@ def test_statements():
     both = statement(math.log(30.0), 0.01, correlation=(1.0, -0.97))
     assert both.identified
     assert "correlated -0.97 with d" in both.statement
+
+
+def test_what_noise_does_not_explain_is_not_identified():
+    """Unless errors are clustered, which holds for models that are not right."""
+    far = statement(math.log(30.0), 0.01, unexplained=40.0)
+    assert not far.identified
+    assert "not explain the residuals, whose variance is 40" in far.statement
+    clustered = statement(math.log(30.0), 0.01, unexplained=40.0, clustered=True)
+    assert clustered.identified
+    assert clustered.statement.endswith("does not explain the residuals, whose variance is 40")
+    little = statement(math.log(30.0), 0.01, unexplained=1.3)
+    assert little.identified
+    assert "but noise does not explain" in little.statement
+
+
+def test_a_rough_interval_says_so():
+    smooth = statement(math.log(30.0), 0.01, nonlinearity=0.2)
+    rough = statement(math.log(30.0), 0.01, nonlinearity=1.7)
+    assert "rough" not in smooth.statement
+    assert "the roughness of the cost" in rough.statement
+    assert (smooth.nonlinearity, rough.nonlinearity) == (0.2, 1.7)
 
 
 def test_an_inert_parameter_is_not_identified():

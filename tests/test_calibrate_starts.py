@@ -59,6 +59,16 @@ def test_far_starts_do_not_depend_on_threads():
     assert one == two
 
 
+@pytest.mark.parametrize("method", ["cma", "cma+least_squares"])
+def test_evolution_takes_windows_by_itself(method):
+    """Whole bouncing throws have many valleys; windows that grow from contact avoid them."""
+    problem = throws(FAR)
+    result = fit(problem, method=method)
+    assert result.noise_explains
+    for name, value in TRUTH.items():
+        assert result[name].value == pytest.approx(value, rel=0.05)
+
+
 @pytest.mark.parametrize("budget", [1, 40, 150])
 def test_the_budget_holds(budget):
     """Beyond it come at most the iteration under way in each window and the intervals."""

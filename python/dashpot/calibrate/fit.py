@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, covariance
+from dashpot.calibrate.linearisation import over_its_region
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
@@ -57,11 +58,20 @@ def fit(
 
     A trajectory with impacts makes a cost with many valleys: shortly after the first impact there
     are few, so `windows` can be searched first, each from the last one's estimate, before the
-    problem's own window; `starts` spreads further starts over the bounds. By default least squares
-    searches from the parameters' own start, and only where the stated noise does not explain the
-    residuals at its end, from 31 more starts, through windows that grow from the onset of contact.
+    problem's own window; `starts` spreads further starts over the bounds. Where neither is given,
+    both are chosen: 31 more starts and windows that grow from the onset of contact. Least squares
+    takes them only where the stated noise does not explain the residuals at the end of a search
+    from the parameters' own start, and searches from the best starts in turn; the others take them
+    at once, from the best start.
     A model that is not quite right explains no end, and such fits spend most of their budget on
     better ones; ``starts=0`` saves that.
+
+    Standard errors are scaled with the residuals, as `scipy.optimize.curve_fit` does without
+    ``absolute_sigma``: noise stated too small or too large by the same factor everywhere changes
+    no interval. But where residuals are far larger than stated, no parameter counts as identified
+    (unless errors are clustered): the model is not right then, and scaling does not tell what that
+    does to the estimates. Intervals are those of a linear model over their own width, and contain
+    what it leaves over (see `dashpot.calibrate.linearisation`).
 
     Parameters
     ----------
@@ -69,21 +79,23 @@ def fit(
         What moves, what is unknown, what was observed.
     method
         ``"least_squares"``: trust-region Gauss-Newton with a finite-difference Jacobian, one
-        parallel batch each. ``"cma"``: CMA-ES, one parallel batch per generation, for costs with
-        many valleys. ``"cma+least_squares"``: the second from the first's estimate, half of the
-        budget each.
+        parallel batch each. ``"cma"``: CMA-ES over the parameters, one parallel batch per
+        generation, for costs with many valleys; initial states stay where they start.
+        ``"cma+least_squares"``: CMA-ES in the first window with at most half of the budget, least
+        squares from there.
     loss
         ``"linear"`` or a robust loss of `scipy.optimize.least_squares`.
     loss_scale
         Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
     windows
-        Seconds; ascending windows to search first. None: none, or, where `starts` is None too, as
-        they are needed.
+        Seconds; ascending windows to search first. None: none, or, where `starts` is None too,
+        chosen (at most three, at 1/8, 1/4 and 1/2 of the time after the onset of contact).
     starts
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
-        in one batch. None: none, or, where ``method="least_squares"`` and `windows` is None, 31
-        where they are needed; the search from the given start then takes at most a quarter of the
-        budget, and starts whose simulation fails are left out.
+        in one batch. None: none, or, where `windows` is None too, chosen: 31, of which those whose
+        simulation fails are left out. The search of ``method="least_squares"`` from the given start
+        then takes at most a quarter of the budget; budgets too small for 64 more simulations get
+        no starts.
     local_searches
         At most how many of the best starts are searched from, >= 1; one after the other until the
         stated noise explains the residuals.
@@ -119,7 +131,7 @@ def fit(
             raise ValueError(f"{name} must be one of {', '.join(get_args(known))}, got {value!r}")
     loss_scale = positive_number("loss_scale", loss_scale)
     first_windows = _windows(() if windows is None else windows)
-    automatic = method == "least_squares" and starts is None and windows is None
+    automatic = starts is None and windows is None
     starts = 0 if starts is None else whole_number("starts", starts, lowest=0)
     local_searches = positive_count("local_searches", local_searches)
     max_evaluations = positive_count("max_evaluations", max_evaluations)
@@ -134,7 +146,9 @@ def fit(
         budget = Budget(max_evaluations, bar.report)
         objective = objectives[-1]
         if automatic:
-            search = run_automatic(objective, budget, loss, loss_scale, local_searches, seed)
+            search = run_automatic(
+                objective, budget, loss, loss_scale, method, local_searches, seed
+            )
         else:
             search = run_searches(
                 objectives, budget, loss, loss_scale, method, starts, local_searches, seed
@@ -142,15 +156,16 @@ def fit(
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
         errors_kind = _errors_kind(errors, problem, objective)
-        estimate_covariance = _covariance(
-            objective, point, residuals, loss, loss_scale, errors_kind, confidence
+        estimated, departure = _covariance(
+            objective, point, residuals, loss, loss_scale, errors_kind, confidence, seed
         )
     return _result(
         problem,
         objective,
         point,
         residuals,
-        estimate_covariance,
+        estimated,
+        departure,
         search,
         evaluations=budget.spent + objective.evaluations - searched,
         seconds=time.perf_counter() - began,
@@ -168,26 +183,29 @@ def _covariance(
     loss_scale: float,
     errors: str,
     confidence: float,
-) -> Covariance:
-    """Covariance from a Jacobian whose differences are as wide as the intervals it gives.
+    seed: int,
+) -> tuple[Covariance, Array]:
+    """Covariance of a linear model over the region that it implies, and its departure from one.
 
-    On the small scale the cost of a motion with impacts is rough, and its local derivatives are
-    larger than its trend: intervals from them would be too narrow. The differences therefore start
-    wide and shrink to the intervals that they imply, never below the parameters' own.
+    It starts from a Jacobian whose differences of parameters are as wide as the intervals that it
+    gives: they start wide and shrink, never below the parameters' own.
     """
     weights = loss_weights(loss, (residuals / loss_scale) ** 2)
     offsets = objective.offsets if errors == "clustered" else None
+
+    def from_jacobian(jacobian: Array) -> Covariance:
+        return covariance(jacobian, residuals, weights=weights, offsets=offsets)
+
     own = np.array([p.difference for p in objective.problem.parameters])
     widths = np.maximum(own, _WIDEST_DIFFERENCE)
     while True:
-        estimated = covariance(
-            objective.jacobian(point, widths=widths), residuals, weights=weights, offsets=offsets
-        )
+        estimated = from_jacobian(objective.jacobian(point, widths=widths))
         implied = estimated.half_width(confidence)[: objective.parameters]
         wanted = np.clip(implied, own, widths)
         if (widths <= _WIDTH_SLACK * wanted).all():
-            return estimated
+            break
         widths = wanted
+    return over_its_region(objective, point, estimated, from_jacobian, weights, seed)
 
 
 def _result(
@@ -196,6 +214,7 @@ def _result(
     point: Array,
     residuals: Array,
     estimated: Covariance,
+    departure: Array,
     search: Search,
     *,
     evaluations: int,
@@ -219,6 +238,8 @@ def _result(
             confidence,
             None if search.converged else search.message,
             None if explained else estimated.residual_variance,
+            errors == "clustered",
+            float(departure[i]),
         )
         for i, parameter in enumerate(problem.parameters)
     )

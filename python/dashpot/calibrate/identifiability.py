@@ -4,15 +4,23 @@ A parameter is called *not identified* when
 
 * the search ended before it converged: what its end would be is not known then, and the interval
   around the best point found is not that of a minimum, or
+* the stated noise explains the residuals by far not (their variance is above `MAX_VARIANCE`, and
+  above 1 by more than three standard deviations) and errors are those of independent residuals: the
+  model differs from what was observed, or the search ended in a bad valley, and intervals that are
+  scaled with the residuals, as they are here, then hold for neither, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or
 * its interval covers more than half of the allowed range, or
 * (log parameters) the ends of its interval differ by more than a factor of four: it is then not
   known to within a factor of two either way.
 
+Clustered errors measure how estimates differ between trajectories, whatever the reason: a parameter
+that they identify is one of the best model of its kind, and its sentence says where that does not
+explain the residuals.
+
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
-combination of the two much better than each. So is noise that does not explain the residuals: then
-the interval is that of a model that is not quite right, or of a bad valley of the cost.
+combination of the two much better than each. So is noise that is somewhat larger than stated, and a
+cost so rough over the interval that this makes most of its width.
 """
 
 from __future__ import annotations
@@ -30,6 +38,8 @@ Array = NDArray[np.float64]
 MAX_RANGE_SHARE = 0.5
 MAX_FACTOR = 4.0
 HIGH_CORRELATION = 0.95
+# Residual variance up to which noise counts as stated not quite rightly (22 % too small).
+MAX_VARIANCE = 1.5
 # Share of the search range within which an estimate counts as being at its bound.
 _AT_BOUND = 1e-3
 
@@ -46,12 +56,17 @@ class Estimate:
         The estimate, in the parameter's unit.
     standard_error
         In the same unit, to first order in the search coordinate; inf where the data say nothing.
+        It is scaled with the residuals (`Fit.residual_variance`), not with the stated noise.
     lower, upper
         Ends of the confidence interval; the bounds where the data say nothing.
     identified
         Whether the data identify it.
     statement
         A sentence that says why or why not.
+    nonlinearity
+        How far the residuals' departure from a linear model over the interval moves the estimate,
+        in standard errors of that model. It is part of `standard_error` and of the interval;
+        where it is above 1, most of their width comes from it and their confidence is a rough one.
     """
 
     name: str
@@ -61,6 +76,7 @@ class Estimate:
     upper: float
     identified: bool
     statement: str
+    nonlinearity: float = 0.0
 
 
 def noise_explains(residual_variance: float, count: int) -> bool:
@@ -78,6 +94,8 @@ def judge(
     confidence: float,
     unfinished: str | None = None,
     unexplained: float | None = None,
+    clustered: bool = False,
+    nonlinearity: float = 0.0,
 ) -> Estimate:
     """Return the estimate of one parameter with its statement.
 
@@ -95,6 +113,10 @@ def judge(
         Why the search ended before it converged; None where it did.
     unexplained
         Residual variance where the stated noise does not explain it, else None.
+    clustered
+        Whether errors are clustered, and so do not need the noise to explain the residuals.
+    nonlinearity
+        As in `Estimate`.
     """
     coordinate = parameter.coordinate
     value = coordinate.to_value(z)
@@ -109,10 +131,16 @@ def judge(
             "a combination with other parameters",
         )
     lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
-    if unfinished is None:
-        reason = _reason(parameter, z, half_width, lower, upper, confidence)
+    if unfinished is not None:
+        reason: str | None = f"the search ended before it converged ({unfinished})"
+    elif unexplained is not None and unexplained > MAX_VARIANCE and not clustered:
+        reason = (
+            f"the stated noise does not explain the residuals, whose variance is {unexplained:.3g}:"
+            " the model is not right, or the search ended in a bad valley, and its interval, "
+            f"{lower:.4g} to {upper:.4g}, is that of neither"
+        )
     else:
-        reason = f"the search ended before it converged ({unfinished})"
+        reason = _reason(parameter, z, half_width, lower, upper, confidence)
     partner = _partner(parameter.name, correlation, names)
     if reason is None:
         statement = f"identified: {confidence:.0%} interval {lower:.4g} to {upper:.4g}"
@@ -122,6 +150,8 @@ def judge(
             statement += (
                 f"; but noise does not explain the residuals, whose variance is {unexplained:.3g}"
             )
+        if nonlinearity > 1.0:
+            statement += "; most of the interval is the roughness of the cost, so it is a rough one"
     else:
         statement = f"not identified: {reason}"
         if partner:
@@ -134,6 +164,7 @@ def judge(
         upper,
         identified=reason is None,
         statement=statement,
+        nonlinearity=nonlinearity,
     )
 
 

@@ -159,6 +159,11 @@ class Objective:
                 jacobian[rows, column] = difference[count + j, rows] / steps[j]
         return jacobian
 
+    def differences(self) -> Array:
+        """Return the half-widths (size,) of the differences that derivatives take by default."""
+        own = np.array([p.difference for p in self.problem.parameters])
+        return np.concatenate([own, np.tile(self._initial_differences(), len(self._observed))])
+
     def poses(self, point: Array) -> list[tuple[Array, Array]]:
         """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory."""
         variants, qpos, qvel = self._variants(np.atleast_2d(point))

@@ -34,7 +34,8 @@ class Fit:
     cost_history
         (batches of the search,) lowest cost so far in the window being searched.
     residual_variance
-        Variance of the weighted residuals: near 1 when the stated noise explains them.
+        Variance of the weighted residuals (chi-square per degree of freedom): near 1 when the
+        stated noise explains them. Standard errors are scaled with its root.
     evaluations
         Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
@@ -121,6 +122,8 @@ class Fit:
         """Return a rich table of the estimates; with `truth`, beside the true values."""
         explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
         caption = f"{explained} the residuals: their variance is {self.residual_variance:.3g}"
+        if self.errors == "independent":
+            caption += "; intervals are scaled with it"
         if not self.converged:
             caption = f"not converged: {self.message}\n{caption}"
         table = Table(
@@ -152,6 +155,7 @@ class Fit:
                     "lower": e.lower,
                     "upper": e.upper,
                     "identified": e.identified,
+                    "nonlinearity": e.nonlinearity,
                     "statement": e.statement,
                 }
                 for e in self.estimates

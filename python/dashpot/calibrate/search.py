@@ -31,6 +31,10 @@ _BUDGET_SPENT = "the budget of evaluations is spent"
 # from the estimate of a shorter window.
 FIRST_SIGMA = 0.2
 LATER_SIGMA = 0.07
+# A valley counts as found when costs of a generation differ by less than a tenth of a squared
+# standard deviation, or its points by less than this share of the ranges.
+_VALLEY_COST = 0.1
+_VALLEY_WIDTH = 3e-3
 
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
 
@@ -225,11 +229,19 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
     return np.asarray(result.x), float(result.cost)
 
 
-def cma_es(search: Search, start: Array, seed: int, sigma: float = FIRST_SIGMA) -> None:
+def cma_es(
+    search: Search,
+    start: Array,
+    seed: int,
+    sigma: float = FIRST_SIGMA,
+    *,
+    to_convergence: bool = True,
+) -> None:
     """Covariance-matrix-adaptation evolution strategy over the parameters' ranges.
 
     Initial states stay as in `start`. Each generation is one parallel batch. `sigma` is the first
-    standard deviation as a share of the ranges.
+    standard deviation as a share of the ranges. Without `to_convergence` it stops once the valley
+    is found.
     """
     import cma
 
@@ -241,8 +253,8 @@ def cma_es(search: Search, start: Array, seed: int, sigma: float = FIRST_SIGMA) 
         "bounds": [0.0, 1.0],
         "seed": seed + 1,  # 0 would mean the clock
         "verbose": -9,
-        "tolfun": 1e-9,
-        "tolx": 1e-6,
+        "tolfun": 1e-9 if to_convergence else _VALLEY_COST,
+        "tolx": 1e-6 if to_convergence else _VALLEY_WIDTH,
     }
     if count == 1:
         # The strategy is undefined in one dimension; an idle second coordinate stands in.

@@ -52,23 +52,14 @@ def run_searches(
 ) -> Search:
     """Run the searches that the options ask for; return that of the last window."""
     searches = [Search(objective, loss, loss_scale, budget) for objective in objectives]
-    first, final = searches[0], searches[-1]
     begin = objectives[0].start()
-    if method == "cma":
-        point = spread_starts(first, begin, starts, seed, 1)[0]
-        for stage, search in enumerate(searches):
-            with budget.share(len(searches) - stage):
-                cma_es(search, point, seed, FIRST_SIGMA if stage == 0 else LATER_SIGMA)
-            point = search.best_point
-        return final
+    keep = local_searches if method == "least_squares" else 1
+    points = spread_starts(searches[0], begin, starts, seed, keep)
     if method == "least_squares":
-        points = spread_starts(first, begin, starts, seed, local_searches)
+        _descend(searches, points)
     else:
-        with budget.share(2):
-            cma_es(first, spread_starts(first, begin, starts, seed, 1)[0], seed)
-        points = [first.best_point]
-    _descend(searches, points)
-    return final
+        _evolve(searches, points[0], method, seed)
+    return searches[-1]
 
 
 def run_automatic(
@@ -76,20 +67,27 @@ def run_automatic(
     budget: Budget,
     loss: LossName,
     loss_scale: float,
+    method: Method,
     local_searches: int,
     seed: int,
 ) -> Search:
-    """Search from the given start; where noise does not explain its end, from further ones.
+    """Choose starts and windows: 31 starts spread over the parameters' ranges beside the given one.
 
-    These are spread over the parameters' ranges and searched through windows that grow from the
-    onset of contact, with what the first search, of a quarter of the budget, has left; what they
-    leave goes to the best end if it has not converged. Starts whose simulation fails are left out.
+    They are searched through windows that grow from the onset of contact; those whose simulation
+    fails are left out. Least squares searches from the given start first, with a quarter of the
+    budget, and from others only where noise does not explain its end; what they leave goes to the
+    best end if it has not converged.
     """
     final = Search(objective, loss, loss_scale, budget)
     begin = objective.start()
-    with budget.share(_FIRST_SHARE):
-        least_squares(final, begin, _MOST_ITERATIONS)
-    if final.explained(final.best_cost, _EXPLAINED) or budget.left < 2 * _AUTOMATIC_STARTS:
+    if method == "least_squares":
+        with budget.share(_FIRST_SHARE):
+            least_squares(final, begin, _MOST_ITERATIONS)
+        if final.explained(final.best_cost, _EXPLAINED):
+            return final
+    if budget.left < 2 * _AUTOMATIC_STARTS:
+        if method != "least_squares":
+            _evolve([final], begin, method, seed)
         return final
     scan = Search(objective, loss, loss_scale, budget)
     points = sobol_points(objective, begin, _AUTOMATIC_STARTS - 1, seed)
@@ -105,11 +103,29 @@ def run_automatic(
         )
         for window in windows
     ] + [final]
-    starts = best_starts(searches[0] if windows else scan, points, local_searches)
+    keep = local_searches if method == "least_squares" else 1
+    starts = best_starts(searches[0] if windows else scan, points, keep)
+    if method != "least_squares":
+        _evolve(searches, starts[0], method, seed)
+        return final
     _descend(searches, starts, leave_failing_out=True)
     if not final.converged and budget.left > 0:
         least_squares(final, final.best_point, _MOST_ITERATIONS)
     return final
+
+
+def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> None:
+    """Search by CMA-ES: all windows in equal shares, or the first, and least squares from there."""
+    if method == "cma+least_squares":
+        with searches[0].budget.share(2):
+            cma_es(searches[0], point, seed, to_convergence=len(searches) == 1)
+        _descend(searches, [searches[0].best_point])
+        return
+    for stage, search in enumerate(searches):
+        with search.budget.share(len(searches) - stage):
+            sigma = FIRST_SIGMA if stage == 0 else LATER_SIGMA
+            cma_es(search, point, seed, sigma, to_convergence=search is searches[-1])
+        point = search.best_point
 
 
 def _descend(

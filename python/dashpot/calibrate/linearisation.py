@@ -1,0 +1,197 @@
+"""Linear models of the residuals over the region that an interval covers.
+
+On the small scale the cost of a motion with impacts is rough: its local derivatives differ from its
+trend, its curvature at a minimum is larger than that of the valley, and the minimum found is one of
+several. So residuals are simulated at points drawn from the region itself, a normal distribution
+with the covariance ``C`` of the estimate, in pairs ``z + d`` and ``z - d``; unknowns that
+compensate each other move together as ``C`` says. With ``r+`` and ``r-`` the residuals of a pair,
+
+* regression of ``(r+ - r-)/2`` on ``d`` gives the Jacobian over the region, exact where residuals
+  are linear or quadratic (statistical linearisation: Gelb, Applied Optimal Estimation, 1974);
+* the mean of ``(r+ + r-)/2`` projected on it is how far the middle of the valley lies from ``z``;
+* what both leave over, projected, is the scatter of that middle.
+
+The two last are zero where residuals are linear. They are added to the covariance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.intervals import Covariance
+from dashpot.calibrate.objective import Objective
+
+Array = NDArray[np.float64]
+
+# The first region is wider than the local covariance says by this factor, since that is too narrow
+# where it is wrong; regions shrink to the covariance that they imply, or grow.
+_FIRST_REGION = 3.0
+# A region is the one that it implies when no parameter's standard error differs by more.
+_SAME_WIDTH = 1.3
+_MOST_REGIONS = 6
+# Standard deviation of a parameter's search coordinate in a region is at most this: half-widths of
+# 0.2, about what a factor of 1.2 or a fifth of the range are.
+_WIDEST = 0.1
+# A region where a simulation fails is narrowed by this factor, so often at most.
+_NARROWER = 4.0
+_MOST_FAILURES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Residuals over a region, as a linear model and what it leaves over.
+
+    Attributes
+    ----------
+    jacobian
+        (residual_count, size) derivative over the region.
+    center
+        (residual_count,) what the linear model says of the region's centre.
+    scatter
+        (points, residual_count) departures of single points from the linear model.
+    """
+
+    jacobian: Array
+    center: Array
+    scatter: Array
+
+
+def linearise(
+    objective: Objective, point: Array, region: Array, rng: np.random.Generator
+) -> Linearisation:
+    """Return the linear model of the residuals around `point`.
+
+    Parameters
+    ----------
+    objective
+        The residuals.
+    point
+        (size,) centre of the region, within the bounds.
+    region
+        (size, size) covariance of the region; unknowns with zero rows stay as they are, and their
+        columns of the Jacobian are 0. Points outside the bounds are put on them.
+    rng
+        Draws the points.
+    """
+    count, block = objective.parameters, objective.initial_size
+    pairs = 2 * (count + block) + 8
+    values, vectors = np.linalg.eigh(region)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    draws = rng.normal(size=(pairs, point.size)) @ root.T
+    lower, upper = objective.bounds()
+    up, down = (np.clip(point + sign * draws, lower, upper) for sign in (1.0, -1.0))
+    residuals = objective.residuals(np.concatenate([up, down]))
+    half = 0.5 * (residuals[:pairs] - residuals[pairs:])
+    middle = 0.5 * (residuals[:pairs] + residuals[pairs:])
+    step, off = 0.5 * (up - down), 0.5 * (up + down) - point
+
+    jacobian = np.zeros((objective.residual_count, point.size))
+    for t in range(len(objective.offsets) - 1):
+        rows = slice(objective.offsets[t], objective.offsets[t + 1])
+        own = count + t * block
+        columns = np.concatenate([np.arange(count), np.arange(own, own + block)])
+        scale = np.sqrt(np.diag(region))[columns]
+        moved = scale > 0
+        columns, scale = columns[moved], scale[moved]
+        solution = np.linalg.lstsq(step[:, columns] / scale, half[:, rows], rcond=None)[0]
+        jacobian[rows, columns] = (solution / scale[:, None]).T
+    middle -= off @ jacobian.T
+    center = middle.mean(axis=0)
+    # Regression leaves less than the scatter by its degrees of freedom.
+    odd = (half - step @ jacobian.T) * np.sqrt(pairs / (pairs - count - block))
+    return Linearisation(jacobian, center, np.concatenate([odd, middle - center]))
+
+
+def over_its_region(
+    objective: Objective,
+    point: Array,
+    local: Covariance,
+    covariance: Callable[[Array], Covariance],
+    weights: Array | None,
+    seed: int,
+) -> tuple[Covariance, Array]:
+    """Return the covariance of a linear model over the very region that it implies.
+
+    Parameters
+    ----------
+    objective, point
+        The residuals and their minimum.
+    local
+        Covariance from derivatives at the minimum, to start from.
+    covariance
+        Covariance of the estimate from a Jacobian.
+    weights
+        (residual_count,) of a robust loss; None: linear loss.
+    seed
+        Of the points drawn.
+
+    Returns
+    -------
+    The covariance, its departure from linearity included, and of each unknown (size,) that
+    departure in standard errors of the linear model, 0 where the data say nothing.
+    """
+    rng = np.random.default_rng(seed)
+    count = objective.parameters
+    floor = objective.differences()
+    region = _region(local, _FIRST_REGION, floor, count)
+    failures, regions = 0, 0
+    while True:
+        try:
+            model = linearise(objective, point, region, rng)
+        except ValueError:
+            failures += 1
+            if failures > _MOST_FAILURES:
+                raise
+            region /= _NARROWER**2
+            continue
+        regions += 1
+        linear = covariance(model.jacobian)
+        implied = _region(linear, 1.0, floor, count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.sqrt(np.diag(implied) / np.diag(region))[:count]
+        ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
+        same = ((ratio < _SAME_WIDTH) & (ratio > 1.0 / _SAME_WIDTH)).all()
+        if same or regions == _MOST_REGIONS or failures:
+            return _with_departure(linear, model, weights)
+        region = implied
+
+
+def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Array:
+    """Return the covariance of a region: wider than `estimated`, and neither too narrow nor wide.
+
+    Unknowns of infinite variance stay as they are. Others have at least the standard deviation
+    `floor`, and the first `count` at most `_WIDEST`, others then moving along as they would.
+    """
+    known = np.isfinite(np.diag(estimated.matrix))
+    region = np.where(np.outer(known, known), wider**2 * estimated.matrix, 0.0)
+    for i in range(count):
+        if region[i, i] > _WIDEST**2:
+            along = region[i] / np.sqrt(region[i, i])
+            region -= (1.0 - _WIDEST**2 / region[i, i]) * np.outer(along, along)
+    deviation = np.sqrt(np.diag(region))
+    with np.errstate(divide="ignore"):
+        grown = np.where(known & (deviation > 0), np.maximum(1.0, floor / deviation), 1.0)
+    return np.asarray(region * np.outer(grown, grown))
+
+
+def _with_departure(
+    linear: Covariance, model: Linearisation, weights: Array | None
+) -> tuple[Covariance, Array]:
+    """Add the shift of the valley's middle and its scatter to the covariance."""
+    known = np.isfinite(np.diag(linear.matrix))
+    root = np.ones(len(model.center)) if weights is None else np.sqrt(weights)
+    jacobian = root[:, None] * model.jacobian[:, known]
+    scale = np.linalg.norm(jacobian, axis=0)
+    departures = np.concatenate([model.center[None], model.scatter]) * root
+    moves = np.linalg.lstsq(jacobian / scale, departures.T, rcond=None)[0].T / scale
+    pairs = len(model.scatter) // 2
+    added = np.outer(moves[0], moves[0]) + moves[1:].T @ moves[1:] / pairs
+    matrix = linear.matrix.copy()
+    matrix[np.ix_(known, known)] += added
+    share = np.zeros(len(matrix))
+    share[known] = np.sqrt(np.diag(added) / np.diag(linear.matrix)[known])
+    return Covariance(matrix, linear.degrees_of_freedom, linear.residual_variance), share

@@ -1,0 +1,162 @@
+"""Intervals where the cost is rough: linear models over the region of the interval."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from dashpot.calibrate.intervals import covariance
+from dashpot.calibrate.linearisation import linearise, over_its_region
+
+
+class Residuals:
+    """A stand-in for the objective of a problem: residuals by a function, one trajectory."""
+
+    def __init__(self, function, parameters, bound=np.inf):
+        self.parameters, self.initial_size, self._function = parameters, 0, function
+        self.residual_count = function(np.zeros(parameters)).size
+        self.offsets = np.array([0, self.residual_count])
+        self._bound = bound
+
+    def residuals(self, points):
+        return np.array([self._function(point) for point in points])
+
+    def bounds(self):
+        return np.full(self.parameters, -self._bound), np.full(self.parameters, self._bound)
+
+    def differences(self):
+        return np.full(self.parameters, 1e-6)
+
+
+def test_of_quadratic_residuals_the_jacobian_is_exact():
+    """Pairs of opposite points take even terms out; what is left of them is in the centre."""
+    rng = np.random.default_rng(0)
+    a, q = rng.normal(size=(2, 30, 2))
+    quadratic = Residuals(lambda x: 1.0 + a @ x + q @ x**2, 2)
+    region = np.array([[0.04, 0.01], [0.01, 0.09]])
+    model = linearise(quadratic, np.array([0.3, -0.2]), region, rng)
+    exact = a + 2 * q * np.array([0.3, -0.2])
+    np.testing.assert_allclose(model.jacobian, exact, rtol=1e-10, atol=1e-12)
+    # The mean of twelve squares is the variance, with a standard deviation of 41 % of it.
+    moved = model.center - quadratic.residuals(np.array([[0.3, -0.2]]))[0]
+    coefficients = np.linalg.lstsq(q, moved, rcond=None)[0]
+    np.testing.assert_allclose(coefficients, [0.04, 0.09], rtol=0.8)
+
+
+def test_points_that_meet_a_bound_keep_the_jacobian_exact():
+    rng = np.random.default_rng(1)
+    a = rng.normal(size=(20, 2))
+    linear = Residuals(lambda x: a @ x, 2, bound=0.5)
+    model = linearise(linear, np.array([0.45, 0.0]), 0.1 * np.eye(2), rng)
+    np.testing.assert_allclose(model.jacobian, a, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(model.center, a @ [0.45, 0.0], atol=1e-12)
+    np.testing.assert_allclose(model.scatter, 0.0, atol=1e-12)
+
+
+def test_unknowns_outside_the_region_stay():
+    rng = np.random.default_rng(2)
+    seen = []
+    residuals = Residuals(lambda x: (seen.append(x[1]), np.arange(5.0) * x[0])[1], 2)
+    model = linearise(residuals, np.array([0.0, 7.0]), np.diag([0.01, 0.0]), rng)
+    assert set(seen[1:]) == {7.0}
+    np.testing.assert_allclose(model.jacobian, np.stack([np.arange(5.0), np.zeros(5)], axis=1))
+
+
+# A straight line through the origin with noise of 1, and waves whose slope is three times the
+# line's own but which move the residuals by less than a sixth of the noise, as impacts do.
+SLOPE = np.linspace(0.5, 1.5, 50)
+WAVE = 0.15
+
+
+def rough(observed, x):
+    return (
+        SLOPE * x[0] + WAVE * np.sin(3.0 * SLOPE * x[0] / WAVE + 7.0 * np.arange(50.0)) - observed
+    )
+
+
+def local_jacobian(x):
+    phase = 3.0 * SLOPE * x[0] / WAVE + 7.0 * np.arange(50.0)
+    return (SLOPE * (1.0 + 3.0 * np.cos(phase)))[:, None]
+
+
+def estimate(seed):
+    """Best of 25 descents, and the residuals there, of data with the truth 0.4."""
+    rng = np.random.default_rng(seed)
+    observed = rough(np.zeros(50), [0.4]) + rng.normal(size=50)
+    starts = np.linspace(-0.1, 0.9, 25)
+    ends = [
+        optimize.least_squares(lambda x: rough(observed, x), [s], jac=local_jacobian)
+        for s in starts
+    ]
+    best = min(ends, key=lambda end: end.cost)
+    return best.x, best.fun, observed
+
+
+def test_intervals_of_a_rough_cost_cover_the_truth():
+    """Local derivatives give intervals a third as wide; those over the region cover."""
+    covered = {"local": 0, "region": 0}
+    widths = []
+    count = 60
+    for seed in range(count):
+        x, residuals, observed = estimate(seed)
+        objective = Residuals(lambda x, observed=observed: rough(observed, x), 1)
+        local = covariance(local_jacobian(x), residuals)
+        region, departure = over_its_region(
+            objective, x, local, lambda j, r=residuals: covariance(j, r), None, seed
+        )
+        assert departure[0] >= 0.0
+        for name, estimated in (("local", local), ("region", region)):
+            covered[name] += abs(x[0] - 0.4) < estimated.half_width(0.95)[0]
+        widths.append(region.standard_error[0])
+    # Binomial: a correct interval covers fewer than 51 of 60 once in 2,000.
+    assert covered["region"] >= 51
+    assert covered["local"] < 42
+    # And they are no wider than need be: noise over the line's slope, a third for the waves.
+    assert np.median(widths) < 1.5 / math.sqrt(SLOPE @ SLOPE)
+
+
+def test_of_linear_residuals_the_covariance_is_the_local_one():
+    rng = np.random.default_rng(5)
+    a = rng.normal(size=(40, 3))
+    observed = rng.normal(size=40)
+    x = np.linalg.lstsq(a, observed, rcond=None)[0]
+    linear = Residuals(lambda x: a @ x - observed, 3)
+    residuals = a @ x - observed
+    local = covariance(a, residuals)
+    region, departure = over_its_region(
+        linear, x, local, lambda j: covariance(j, residuals), None, 0
+    )
+    np.testing.assert_allclose(region.matrix, local.matrix, rtol=1e-9)
+    np.testing.assert_allclose(departure, 0.0, atol=1e-6)
+
+
+def test_a_region_in_which_simulations_fail_is_narrowed():
+    a = np.linspace(1.0, 2.0, 30)
+
+    def residuals(x):
+        if abs(x[0]) > 0.01:
+            raise ValueError("too far")
+        return a * x[0]
+
+    noise = np.random.default_rng(6).normal(size=30)
+    noise -= a * (a @ noise) / (a @ a)
+    local = covariance(a[:, None], noise)
+    region, _ = over_its_region(
+        Residuals(residuals, 1), np.zeros(1), local, lambda j: covariance(j, noise), None, 0
+    )
+    np.testing.assert_allclose(region.matrix, local.matrix, rtol=1e-9)
+
+
+def test_a_failure_at_the_point_itself_is_raised():
+    def residuals(x):
+        if x[0] != 0.0:
+            raise ValueError("nothing works")
+        return np.ones(9)
+
+    local = covariance(np.arange(9.0)[:, None], np.ones(9))
+    with pytest.raises(ValueError, match="nothing works"):
+        over_its_region(
+            Residuals(residuals, 1), np.zeros(1), local,
+            lambda j: covariance(j, np.ones(9)), None, 0,
+        )  # fmt: skip
