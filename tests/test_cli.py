@@ -16,7 +16,8 @@ import dashpot
 from dashpot import cli, demo
 from dashpot.calibrate import twin
 from dashpot.cli import view
-from dashpot.cli.problem_file import FORMAT, read_problem
+from dashpot.cli.problem_file import read_problem
+from dashpot.cli.problem_format import FORMAT
 from dashpot.data import CubeTosses, save_cube_tosses
 from dashpot.data.cube_tosses import make_toss
 
@@ -77,6 +78,7 @@ def test_every_command_has_help(capsys, words):
         ["simulate", "ball", "--duration", "-1"],
         ["simulate", "ball", "--duration", "nan"],
         ["calibrate", "p.toml", "--threads", "0"],
+        ["demo", "--seed", "-1"],
         ["simulate", "ball", "--material", "ball"],
         ["simulate", "ball", "--material", "ball:stifness=1"],
         ["simulate", "ball", "--material", "ball:stiffness=-1"],
@@ -220,6 +222,21 @@ def test_view_steps_in_real_time(monkeypatch):
     # A picture shows at most a frame of simulated time, 8 steps of 2 ms, more than the last.
     assert all(0 <= step <= 0.016 + 1e-9 for step in np.diff(times))
     assert 0 < times[-1] <= 0.3 + 0.002
+
+
+def test_help_and_version_load_no_numerics():
+    """They are there at once: importing scipy takes longer than everything else together."""
+    code = (
+        "import sys; from dashpot import cli\n"
+        "for words in (['--version'], ['calibrate', '--help'], ['--help']):\n"
+        "    try: cli.main(words)\n"
+        "    except SystemExit as end: assert end.code == 0\n"
+        "print(sorted({'scipy', 'matplotlib', 'rich', 'cma'} & set(sys.modules)))"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.splitlines()[-1] == "[]"
 
 
 def test_an_interrupt_ends_with_code_130(capsys, monkeypatch):

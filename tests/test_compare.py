@@ -234,7 +234,9 @@ def test_statistics_pool_contacts_over_instants():
 def test_comparison_can_be_shown_and_stored(tmp_path):
     from rich.console import Console
 
-    comparison = compare.run("ball", duration=0.6, settings=["dashpot", "mujoco-default"])
+    # Resting long enough for depths of 1e-4 mm and energies of 1e-16 J, and the longest name.
+    settings = ["dashpot", "mujoco-default", "solref-direct", "discrete"]
+    comparison = compare.run("ball", duration=0.6, settings=settings)
     for width in (80, 200):
         with (tmp_path / "t.txt").open("w") as file:
             Console(width=width, file=file, force_terminal=False).print(comparison.table())

@@ -70,6 +70,11 @@ py::array_t<double> array(const std::vector<T>& rows, std::vector<py::ssize_t> s
   return result;
 }
 
+py::tuple values(const StepStats& s) {
+  return py::make_tuple(s.contacts, s.touching, s.islands, s.microsteps, s.clipped,
+                        s.max_penetration, s.max_compression, s.cuts);
+}
+
 py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
   const ContactReport report = report_contacts(model_at(model), data_at(data));
   const py::ssize_t n = static_cast<py::ssize_t>(report.gap.size());
@@ -142,15 +147,34 @@ void bind_engine(py::module_& module) {
       .def_readwrite("geom_material", &Parameters::geom_material)
       .def_readwrite("pair_material", &Parameters::pair_material);
 
-  py::class_<StepStats>(module, "StepStats", "What the last call of step() did.")
-      .def_readonly("contacts", &StepStats::contacts)
-      .def_readonly("touching", &StepStats::touching)
-      .def_readonly("islands", &StepStats::islands)
-      .def_readonly("microsteps", &StepStats::microsteps)
-      .def_readonly("clipped", &StepStats::clipped)
-      .def_readonly("max_penetration", &StepStats::max_penetration)
-      .def_readonly("max_compression", &StepStats::max_compression)
-      .def_readonly("cuts", &StepStats::cuts)
+  py::class_<StepStats>(module, "StepStats",
+                        "What a call of step() did; counts of the last step unless said otherwise.")
+      .def_readonly("contacts", &StepStats::contacts, "Contacts that could touch during the step.")
+      .def_readonly("touching", &StepStats::touching, "Contacts that carried an impulse.")
+      .def_readonly("islands", &StepStats::islands, "Islands of trees joined by contacts.")
+      .def_readonly("microsteps", &StepStats::microsteps,
+                    "Largest number of micro-steps of an island, maximum over all steps.")
+      .def_readonly("clipped", &StepStats::clipped,
+                    "Rows whose stiffness or damping was lowered, maximum over all steps.")
+      .def_readonly("max_penetration", &StepStats::max_penetration,
+                    "Deepest overlap at the start of any step, m.")
+      .def_readonly("max_compression", &StepStats::max_compression,
+                    "Deepest compression of a spring at the end of any step, m.")
+      .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")
+      .def("__eq__",
+           [](const StepStats& stats, const py::object& other) {
+             return py::isinstance<StepStats>(other) &&
+                    values(stats).equal(values(other.cast<const StepStats&>()));
+           })
+      .def("__hash__", [](const StepStats& s) { return py::hash(values(s)); })
+      .def(py::pickle([](const StepStats& s) { return values(s); },
+                      [](const py::tuple& state) {
+                        if (state.size() != 8) throw std::invalid_argument("StepStats: bad pickle");
+                        return StepStats{state[0].cast<int>(),    state[1].cast<int>(),
+                                         state[2].cast<int>(),    state[3].cast<int>(),
+                                         state[4].cast<int>(),    state[5].cast<double>(),
+                                         state[6].cast<double>(), state[7].cast<int>()};
+                      }))
       .def("__repr__", [](const StepStats& s) {
         return py::str(
                    "StepStats(contacts={}, touching={}, islands={}, microsteps={}, clipped={}, "

@@ -348,25 +348,53 @@ class Parameters:
 
 class StepStats:
     """
-    What the last call of step() did.
+    What a call of step() did; counts of the last step unless said otherwise.
     """
+    def __eq__(self, arg0: typing.Any) -> bool: ...
+    def __getstate__(self) -> tuple: ...
+    def __hash__(self) -> int: ...
     def __repr__(self) -> str: ...
+    def __setstate__(self, arg0: tuple) -> None: ...
     @property
-    def clipped(self) -> int: ...
+    def clipped(self) -> int:
+        """
+        Rows whose stiffness or damping was lowered, maximum over all steps.
+        """
     @property
-    def contacts(self) -> int: ...
+    def contacts(self) -> int:
+        """
+        Contacts that could touch during the step.
+        """
     @property
-    def cuts(self) -> int: ...
+    def cuts(self) -> int:
+        """
+        Cuts at impacts, sum over all steps.
+        """
     @property
-    def islands(self) -> int: ...
+    def islands(self) -> int:
+        """
+        Islands of trees joined by contacts.
+        """
     @property
-    def max_compression(self) -> float: ...
+    def max_compression(self) -> float:
+        """
+        Deepest compression of a spring at the end of any step, m.
+        """
     @property
-    def max_penetration(self) -> float: ...
+    def max_penetration(self) -> float:
+        """
+        Deepest overlap at the start of any step, m.
+        """
     @property
-    def microsteps(self) -> int: ...
+    def microsteps(self) -> int:
+        """
+        Largest number of micro-steps of an island, maximum over all steps.
+        """
     @property
-    def touching(self) -> int: ...
+    def touching(self) -> int:
+        """
+        Contacts that carried an impulse.
+        """
 
 class ModelLock:
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 __all__ = ["Contacts", "Energy"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Contacts:
     """Contacts of the last step, ``n`` of them, those that could touch in it included.
 

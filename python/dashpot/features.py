@@ -18,7 +18,7 @@ class Feature:
     note: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """All features worth telling of a model; prints as one line each, like ones as one."""
 
@@ -27,6 +27,10 @@ class Report:
     def of(self, treatment: Literal["honoured", "mapped", "refused"]) -> tuple[Feature, ...]:
         """Features with one treatment."""
         return tuple(f for f in self.features if f.treatment == treatment)
+
+    def __repr__(self) -> str:
+        """Return the lines of the report, so that an interactive session shows them."""
+        return str(self)
 
     def __str__(self) -> str:
         alike: dict[tuple[str, str, str, str], list[str]] = {}

@@ -1,7 +1,8 @@
-"""Tables as plain text."""
+"""Tables as plain text, and as notebooks show them."""
 
 from __future__ import annotations
 
+import html
 import io
 from typing import TYPE_CHECKING
 
@@ -19,3 +20,9 @@ def table_text(table: Table) -> str:
     text = io.StringIO()
     Console(file=text, width=_WIDTH, color_system=None).print(table)
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
+
+
+def table_html(table: Table) -> str:
+    """Return a rich table as HTML for a notebook: its text, with the width of its characters."""
+    text = html.escape(table_text(table))
+    return f'<pre style="line-height: normal; white-space: pre">{text}</pre>'

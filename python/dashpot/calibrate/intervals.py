@@ -21,7 +21,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 Array = NDArray[np.float64]
 CovarianceKind = Literal["independent", "clustered"]
@@ -66,7 +66,7 @@ class Covariance:
 
     def half_width(self, confidence: float) -> Array:
         """(n,) half-widths of the two-sided Student t intervals."""
-        factor = stats.t.ppf(0.5 + 0.5 * confidence, self.degrees_of_freedom)
+        factor = special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * confidence)
         return np.asarray(factor * self.standard_error)
 
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from dashpot.calibrate.identifiability import Estimate, noise_explains
 from dashpot.calibrate.problem import Problem
-from dashpot.tables import table_text
+from dashpot.tables import table_html, table_text
 
 Array = NDArray[np.float64]
 
@@ -79,6 +79,10 @@ class Fit:
     def __str__(self) -> str:
         """Return the table as text."""
         return table_text(self.table())
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(self.table())
 
     def __repr__(self) -> str:
         """Return estimates and how the search ended, without the arrays."""

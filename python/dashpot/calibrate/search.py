@@ -10,7 +10,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
-from scipy.stats import qmc
 
 from dashpot.calibrate.objective import Objective
 
@@ -168,6 +167,8 @@ class Search:
 
 def sobol_points(objective: Objective, start: Array, count: int, seed: int) -> Array:
     """Return `start` and `count` points (count + 1, size) spread over the parameters' ranges."""
+    from scipy.stats import qmc  # takes a third of a second to import
+
     sampler = qmc.Sobol(objective.parameters, rng=np.random.default_rng(seed))
     with warnings.catch_warnings():
         # Balance needs a power of two; starts need no balance.

@@ -6,12 +6,11 @@ import argparse
 from typing import Any
 
 from dashpot.cli.options import count, new_file
+from dashpot.cli.problem_format import FORMAT
 
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    from dashpot.cli.problem_file import FORMAT
-
     parser = commands.add_parser(
         "calibrate",
         help="fit contact parameters to reference trajectories",

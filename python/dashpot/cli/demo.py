@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count
+from dashpot.cli.options import count, seed
 
 
 def add_to(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add_to(commands: Any) -> None:
         metavar="PATH",
         help="cube tosses: file or folder; default: $DASHPOT_DATA, then the user's cache",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of everything random (%(default)s)")
+    parser.add_argument("--seed", type=seed, default=0, help="of everything random (%(default)s)")
     parser.add_argument("--threads", type=count, help="default: one per core")
     parser.set_defaults(run=run)
 

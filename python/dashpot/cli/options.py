@@ -53,6 +53,13 @@ def count(text: str) -> int:
     return int(text)
 
 
+def seed(text: str) -> int:
+    """Return a whole number >= 0, or raise what argparse reports."""
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number >= 0")
+    return int(text)
+
+
 def material(text: str) -> tuple[str, Material]:
     """Return (geom, material) of ``GEOM:field=value,...``, or raise what argparse reports."""
     from dashpot.materials import Material

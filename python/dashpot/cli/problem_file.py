@@ -1,4 +1,4 @@
-"""Calibration problems stated in a TOML or JSON file; see `FORMAT`."""
+"""Calibration problems stated in a TOML or JSON file; see `dashpot.cli.problem_format`."""
 
 from __future__ import annotations
 
@@ -22,38 +22,6 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
-
-FORMAT = """\
-Problem file, TOML shown, JSON with the same keys; paths are relative to the file:
-
-model = "scene.xml"              # MJCF, URDF or MJB
-position_sigma = 0.001           # m, standard deviation of an observed coordinate
-rotation_sigma = 0.01            # rad
-initial_state = "velocity"       # or "given", "pose_and_velocity"; optional, as are
-substeps = 4                     #   steps per frame, and
-window = 0.5                     #   seconds of each trajectory that are used
-
-[materials.ball]                 # starting materials, fields of dashpot.Material; optional
-stiffness = 1e4
-friction = 0.5
-
-[[parameters]]                   # unknowns
-kind = "material"                # of geoms; "pair": of two geoms with each other;
-geoms = ["ball"]                 # "model": attribute, elements, index of the MuJoCo model
-quantity = "stiffness"           # damping, damping_ratio, restitution, sliding_friction ...
-start = 1e4
-bounds = [1e2, 1e6]
-
-[[trajectories]]                 # observations
-file = "throw.npz"               # arrays time, position, quaternion, and if known
-bodies = ["ball"]                #   initial_qpos, initial_qvel, control; or a .csv file with
-                                 #   columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for several)
-
-[fit]                            # options of dashpot.calibrate.fit; optional
-method = "least_squares"
-starts = 16
-"""
-"""What a problem file looks like, as the command's help says it."""
 
 _POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FIT_OPTIONS = (

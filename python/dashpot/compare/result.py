@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.tables import table_text
+from dashpot.tables import table_html, table_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -157,6 +157,10 @@ class Comparison:
         """Return the table as text."""
         return table_text(self.table())
 
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(self.table())
+
     def __repr__(self) -> str:
         """Return the scene and its runs, without the arrays."""
         runs = ", ".join(run.name for run in self.runs)
@@ -218,6 +222,7 @@ class Comparison:
                 Text(name.replace(" ", "\n")),
                 justify="left" if index == 0 else "right",
                 no_wrap=index > 0,
+                min_width=max(len(run.name) for run in self.runs) if index == 0 else None,
                 overflow="fold",
             )
         for row in cells:
@@ -274,4 +279,8 @@ def _plain(value: float) -> float | None:
 
 
 def _number(value: float) -> str:
-    return "-" if np.isnan(value) else f"{value:.3g}"
+    """Three digits in at most seven characters, so that tables fit into 80 columns."""
+    if np.isnan(value):
+        return "-"
+    text = f"{value:.3g}"
+    return text if len(text) <= 7 else f"{value:.1e}"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dashpot.engine import Engine
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Closest:
     """Pairs of close geoms, nearest first; n pairs.
 

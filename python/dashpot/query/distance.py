@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from dashpot.engine import Engine
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Distance:
     """Signed distance of two geoms, with the points that witness it.
 
@@ -53,7 +53,7 @@ class Distance:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Distances:
     """Signed distances of two geoms at many configurations; ``...`` is the shape of these.
 

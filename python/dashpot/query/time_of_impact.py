@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from dashpot.engine import Engine
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TimeOfImpact:
     """First contact of two geoms along their present velocities.
 
@@ -46,7 +46,7 @@ class TimeOfImpact:
     distance: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TimesOfImpact:
     """First contacts of two geoms from many states; ``...`` is the shape of these.
 
