@@ -49,7 +49,7 @@ class Seams {
     for (size_t i = 0; i < contacts.size(); ++i)
       for (int side = 0; side < 2; ++side)
         if (!contacts[i].is_of_flex() && contacts[i].gap <= tolerance(contacts[i])) {
-          int& first = buffers.first[m->geom_bodyid[contacts[i].geom[side]]];
+          int& first = buffers.first[body_of(contacts[i], side)];
           buffers.next[2 * i + side] = first;
           first = static_cast<int>(2 * i + side);
         }
@@ -64,14 +64,24 @@ class Seams {
     const double way = -m_->opt.timestep * contact_velocity(m_, d_, contact)[0];
     if (way <= std::max(contact.gap, kMotion * contact_radius(m_, contact))) return false;
     for (int side = 0; side < 2; ++side) {
-      const int body = m_->geom_bodyid[contact.geom[side]];
-      for (int at = buffers_.first[body]; at >= 0; at = buffers_.next[at])
-        if (passes(contact, side, contacts_[at / 2], at % 2)) return true;
+      const int body = body_of(contact, side), other = body_of(contact, 1 - side);
+      // What all the world's contacts are with is not looked through for each of them: of what
+      // rests on a static body, only the body of the other geom can be at a seam with itself.
+      const bool is_static = m_->body_weldid[body] == 0;
+      for (int at = buffers_.first[is_static ? other : body]; at >= 0; at = buffers_.next[at]) {
+        const ContactInput& rest = contacts_[at / 2];
+        const int rest_side = is_static ? 1 - at % 2 : at % 2;
+        if (body_of(rest, rest_side) == body && passes(contact, side, rest, rest_side)) return true;
+      }
     }
     return false;
   }
 
  private:
+  int body_of(const ContactInput& contact, int side) const {
+    return m_->geom_bodyid[contact.geom[side]];
+  }
+
   // Whether the geom has a bound in every direction.
   bool is_bounded(int geom) const {
     const int type = m_->geom_type[geom];
