@@ -94,13 +94,10 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes
 template <int Dim>
 void MicrostepLoop::Impl::pack_rows(const RowGroup& c, int index, int lane,
                                     RowLanes<Dim>& law) const {
-  double load[kMaxRows];
-  dashpot::gather(*rows, c, data->smooth_acceleration.data(), load);
   for (int i = 0; i < Dim; ++i) {
     law.stiffness[i][lane] = rows->stiffness[c.row + i];
     law.damping[i][lane] = rows->damping[c.row + i];
     law.inverse_mass[i][lane] = rows->inverse_mass[c.row + i];
-    law.smooth_load[i][lane] = load[i];
     law.deformation[i][lane] = data->deformation[c.row + i];
   }
   law.bearable[lane] = bearable_compression(*rows, c, recovery_speed);
@@ -122,7 +119,7 @@ void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim
     const double mu = rows->friction[c.row + i];
     if (mu > 0.0) {
       law.inverse_friction[i - 1][lane] = 1.0 / mu;
-      law.spring[i - 1].relaxation[lane] = relaxation(c.row + i);
+      law.relaxation[i - 1].relaxation[lane] = relaxation(c.row + i);
     } else {
       law.stiffness[i][lane] = law.damping[i][lane] = 0.0;
     }
@@ -130,7 +127,7 @@ void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim
 }
 
 void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, SpringLanes& law) const {
-  law.spring.relaxation[lane] = relaxation(c.row);
+  law.relaxation.relaxation[lane] = relaxation(c.row);
   law.limit[lane] =
       c.kind == RowKind::kSlider ? rows->friction[c.row] : std::numeric_limits<double>::infinity();
 }
@@ -237,11 +234,14 @@ void MicrostepLoop::Impl::unpack() {
       data->rate[row] = law.rate[i][lane];
       data->total_impulse[row] = law.total_impulse[i][lane];
     }
-    if constexpr (std::is_same_v<std::decay_t<decltype(law)>, SpringLanes>)
+    if constexpr (std::is_same_v<std::decay_t<decltype(law)>, SpringLanes>) {
       data->force_moment[index] = law.force_moment[lane];
+      data->touched[index] = law.touched[lane] != 0;
+    } else {
+      data->touched[index] = law.total_impulse[0][lane] > 0.0;
+    }
     data->offset[index] = law.offset[lane];
     data->sticking[index] = law.sticking[lane] != 0;
-    data->touched[index] = law.touched[lane] != 0;
     share(data->work, c, 0) += law.work[0][lane];
     if (c.dim > 1) share(data->work, c, 1) += law.work[1][lane];
     share(data->recovery_input, c, 0) += law.recovery_input[lane];

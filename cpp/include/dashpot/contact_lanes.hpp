@@ -17,24 +17,31 @@
 
 namespace dashpot {
 
-// p and r of a spring-damper are linear in displacement, rate and load (LinearFlow); behind a
-// slipping slider its displacement relaxes. Fixed during an island's micro-steps.
+// p and r of a spring-damper are linear in displacement, rate and load (LinearFlow). Fixed during
+// an island's micro-steps.
 struct SpringCoefficients {
   Lanes impulse_displacement, impulse_rate;
   Lanes impulse_load;  // and moment_rate
   Lanes moment_displacement, moment_load;
+};
+
+// Behind a slipping slider the displacement of a spring relaxes.
+struct RelaxationCoefficients {
   Lanes relaxation;    // exp(-k h / d)
   Lanes compliance_h;  // 1 / (k h)
 };
 
-// The rows of four groups. Members as in Rows and RowData.
+// The rows of four groups. Members as in Rows and RowData. Large islands stream through the cache
+// in every sweep, so what a sweep does not need is not stored, and what is needed where something
+// slips is stored last.
 template <int Dim>
 struct RowLanes {
-  Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim], smooth_load[Dim];
-  Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim], moment[Dim], total_impulse[Dim];
+  Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim];
+  Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim];
+  Lanes total_impulse[Dim], total_moment[Dim];
   Lanes bearable;  // deformation under which the offset recovers
   Lanes offset, surface;
-  LaneMask sticking, touched;
+  LaneMask sticking;
   Lanes work[2];         // of row 0 and of the others, J
   Lanes recovery_input;  // J
 };
@@ -46,14 +53,17 @@ struct ContactLanes : RowLanes<Dim> {
   // Of row i + 1. 1/mu is 0 where mu = 0, and such a row has no stiffness, damping or impulse.
   SpringCoefficients spring[kFrictionRows];
   Lanes inverse_friction[kFrictionRows];
+  bool load_dependent = false;  // s < 1 in any lane
+  RelaxationCoefficients relaxation[kFrictionRows];
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
   Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
-  bool load_dependent = false;                   // s < 1 in any lane
 };
 
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
 struct SpringLanes : RowLanes<1> {
   SpringCoefficients spring;
+  RelaxationCoefficients relaxation;
+  LaneMask touched;
   Lanes limit;         // N or N m
   Lanes force_moment;  // about the start of the step, N s^2 or N m s^2
 };
@@ -97,10 +107,11 @@ template <int Dim>
   e[0] = 1.0 - damping_rate * e[1] - square_frequency * e[2];
 }
 
-// The coefficients of row i; relaxation is given.
+// The coefficients of row i; exp(-k h / d) is given.
 template <int Dim>
 [[gnu::always_inline]] inline void prepare_spring(const RowLanes<Dim>& c, int i, double h,
-                                                  SpringCoefficients& spring) {
+                                                  SpringCoefficients& spring,
+                                                  RelaxationCoefficients& relaxation) {
   Lanes e[5];
   propagate(c, i, h, e);
   const Lanes k = c.stiffness[i], d = c.damping[i];
@@ -110,7 +121,7 @@ template <int Dim>
   spring.moment_displacement = -k * e[2];
   spring.moment_load = -d * e[3] - k * e[4];
   const Lanes one = all_lanes(1.0);
-  spring.compliance_h = k > Lanes{} ? one / ((k > Lanes{} ? k : one) * h) : Lanes{};
+  relaxation.compliance_h = k > Lanes{} ? one / ((k > Lanes{} ? k : one) * h) : Lanes{};
 }
 
 // What depends on parameters and h alone.
@@ -119,7 +130,7 @@ template <int Dim>
   propagate(c, 0, h, c.e);
   Lanes largest{};
   for (int i = 1; i < Dim; ++i) {
-    prepare_spring(c, i, h, c.spring[i - 1]);
+    prepare_spring(c, i, h, c.spring[i - 1], c.relaxation[i - 1]);
     const Lanes response = -c.spring[i - 1].impulse_rate;
     c.slip[i - 1] = response * c.inverse_friction[i - 1] * c.inverse_friction[i - 1];
     largest = max_lanes(largest, c.slip[i - 1]);
@@ -131,7 +142,7 @@ template <int Dim>
 }
 
 [[gnu::always_inline]] inline void prepare(SpringLanes& c, double h) {
-  prepare_spring(c, 0, h, c.spring);
+  prepare_spring(c, 0, h, c.spring, c.relaxation);
 }
 
 // How fast unstressed offsets shrink, m/s or rad/s: not at all where the spring is compressed
@@ -146,17 +157,24 @@ template <int Dim>
   return (c.offset <= zero) | (x * x > c.bearable * c.bearable) ? zero : rate;
 }
 
-// The work of the last impulses, which changed the rates to `rate`.
+// An impulse p with moment r does the work p (u0 + u1) / 2 + b (h p / 2 - r) under the load b of
+// everything but the rows, which is the same in all micro-steps: here the first term of the last
+// impulses, which changed the rates to `rate`.
 template <int Dim>
-[[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate,
-                                                  double h) {
-  const Lanes p = c.impulse[i];
-  c.work[i > 0] += 0.5 * p * (c.rate[i] + rate) + c.smooth_load[i] * (0.5 * h * p - c.moment[i]);
+[[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate) {
+  c.work[i > 0] += 0.5 * c.impulse[i] * (c.rate[i] + rate);
   c.rate[i] = rate;
 }
 
-[[gnu::always_inline]] inline Lanes relax(const SpringCoefficients& spring, const Lanes& impulse,
-                                          const Lanes& deformation) {
+// The second term, of all micro-steps. `load`: of every row.
+template <int Dim>
+[[gnu::always_inline]] inline void account_load(RowLanes<Dim>& c, const Lanes* load, double h) {
+  for (int i = 0; i < Dim; ++i)
+    c.work[i > 0] += load[i] * (0.5 * h * c.total_impulse[i] - c.total_moment[i]);
+}
+
+[[gnu::always_inline]] inline Lanes relax(const RelaxationCoefficients& spring,
+                                          const Lanes& impulse, const Lanes& deformation) {
   const Lanes limit = -impulse * spring.compliance_h;
   return limit + spring.relaxation * (deformation - limit);
 }
@@ -170,21 +188,25 @@ template <int Dim>
   const Lanes recovered = h * c.surface;
   c.offset -= recovered;
   c.deformation[0] += displacement[0] - recovered;
-  for (int i = 1; i < Dim; ++i) {
-    const Lanes relaxed = relax(c.spring[i - 1], c.impulse[i], c.deformation[i]);
-    c.deformation[i] = c.sticking ? c.deformation[i] + displacement[i] : relaxed;
+  if (all_of(c.sticking)) {
+    for (int i = 1; i < Dim; ++i) c.deformation[i] += displacement[i];
+  } else {
+    for (int i = 1; i < Dim; ++i) {
+      const Lanes relaxed = relax(c.relaxation[i - 1], c.impulse[i], c.deformation[i]);
+      c.deformation[i] = c.sticking ? c.deformation[i] + displacement[i] : relaxed;
+    }
   }
-  for (int i = 0; i < Dim; ++i) account_motion(c, i, rate[i], h);
+  for (int i = 0; i < Dim; ++i) account_motion(c, i, rate[i]);
   c.surface = offset_rate(c, h, recovery_speed);
 }
 
 // The offsets of equalities are recovered by displacement (position_recovery.hpp).
 [[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate,
-                                               const Lanes* displacement, double h,
+                                               const Lanes* displacement, double /*h*/,
                                                double /*recovery_speed*/) {
-  const Lanes relaxed = relax(c.spring, c.impulse[0], c.deformation[0]);
+  const Lanes relaxed = relax(c.relaxation, c.impulse[0], c.deformation[0]);
   c.deformation[0] = c.sticking ? c.deformation[0] + displacement[0] : relaxed;
-  account_motion(c, 0, rate[0], h);
+  account_motion(c, 0, rate[0]);
 }
 
 // Returns friction impulses or forces, behind the normal one, to the limit surface: return_to_limit
@@ -255,18 +277,19 @@ template <int Dim>
 
 // One lane through all its events.
 template <int Dim>
-void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h) {
+void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h, Lanes& moment) {
   const KelvinVoigt law{c.stiffness[0][lane], c.damping[0][lane], c.inverse_mass[0][lane]};
   const Propagator e{c.e[0][lane], c.e[1][lane], c.e[2][lane], c.e[3][lane], c.e[4][lane]};
   const Flow flow = flow_contact(law, c.deformation[0][lane], rate, load, h, &e);
   c.impulse[0][lane] = flow.impulse;
-  c.moment[0][lane] = flow.moment;
+  moment[lane] = flow.moment;
 }
 
 // Impulse and moment of the normals: closed form where contact lasts throughout, nothing where it
 // stays open, event by event elsewhere.
 template <int Dim>
-[[gnu::always_inline]] inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load, double h) {
+[[gnu::always_inline]] inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load, double h,
+                                               Lanes& moment) {
   constexpr double kSquaredPi = 9.869604401089358;
   const Lanes zero{};
   const Lanes k = c.stiffness[0], d = c.damping[0], w = c.inverse_mass[0];
@@ -288,62 +311,73 @@ template <int Dim>
   const LaneMask holds = (x < zero) & (f0 > zero) & (end >= zero) & (far_from_zero | one_minimum);
   const LaneMask open = x + h * min_lanes(zero, min_lanes(u, u + h * load)) > zero;
   const Lanes impulse = max_lanes(f0 * c.e[1] - drive * c.e[2] - k * load * c.e[3], zero);
-  const Lanes moment = max_lanes(f0 * c.e[2] - drive * c.e[3] - k * load * c.e[4], zero);
+  moment = max_lanes(f0 * c.e[2] - drive * c.e[3] - k * load * c.e[4], zero);
   c.impulse[0] = holds ? impulse : zero;
-  c.moment[0] = holds ? moment : zero;
+  moment = holds ? moment : zero;
   const LaneMask closed_form = holds | open;
   if (!all_of(closed_form))
     for (int lane = 0; lane < kLanes; ++lane)
-      if (!closed_form[lane]) flow_lane(c, lane, u[lane], load[lane], h);
+      if (!closed_form[lane]) flow_lane(c, lane, u[lane], load[lane], h, moment);
   c.recovery_input += c.impulse[0] * c.surface;
 }
 
 // Impulse and moment of a spring-damper row.
 template <int Dim>
 [[gnu::always_inline]] inline void flow_spring(RowLanes<Dim>& c, int i,
-                                               const SpringCoefficients& spring, const Lanes& rate,
-                                               const Lanes& load) {
-  const Lanes x = c.deformation[i];
+                                               const SpringCoefficients& spring, const Lanes& load,
+                                               Lanes& moment) {
+  const Lanes x = c.deformation[i], rate = c.rate[i];
   c.impulse[i] =
       spring.impulse_displacement * x + spring.impulse_rate * rate + spring.impulse_load * load;
-  c.moment[i] =
-      spring.moment_displacement * x + spring.impulse_load * rate + spring.moment_load * load;
+  moment = spring.moment_displacement * x + spring.impulse_load * rate + spring.moment_load * load;
+}
+
+// The sums of impulses and of their moments.
+template <int Dim>
+[[gnu::always_inline]] inline void add_totals(RowLanes<Dim>& c, const Lanes* moment) {
+  for (int i = 0; i < Dim; ++i) {
+    c.total_impulse[i] += c.impulse[i];
+    c.total_moment[i] += moment[i];
+  }
 }
 
 // Flow over h under `motion`, the acceleration of every row with all present forces; a row's own
-// force is left out of its load.
+// force is left out of its load. `moment`: of every row's impulse.
 template <int Dim>
-[[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h) {
+[[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h,
+                                        Lanes* moment) {
   const Lanes zero{};
-  flow_normal(c, motion[0] - c.inverse_mass[0] * c.force[0], h);
+  flow_normal(c, motion[0] - c.inverse_mass[0] * c.force[0], h, moment[0]);
   if (Dim > 1) {
     for (int i = 1; i < Dim; ++i)
-      flow_spring(c, i, c.spring[i - 1], c.rate[i], motion[i] - c.inverse_mass[i] * c.force[i]);
+      flow_spring(c, i, c.spring[i - 1], motion[i] - c.inverse_mass[i] * c.force[i], moment[i]);
     LaneMask inside;
     return_friction(c, c.impulse, inside, h);
     const LaneMask pressed = c.impulse[0] > zero;
     c.sticking = inside & pressed;
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
-    const Lanes lever = c.moment[0] / (pressed ? c.impulse[0] : all_lanes(1.0));
-    for (int i = 1; i < Dim; ++i) {
-      const Lanes moment = inside ? c.moment[i] : c.impulse[i] * lever;
-      c.moment[i] = pressed ? moment : zero;
+    if (!all_of(c.sticking)) {
+      const Lanes lever = moment[0] / (pressed ? c.impulse[0] : all_lanes(1.0));
+      for (int i = 1; i < Dim; ++i) {
+        const Lanes sticks_or_slips = inside ? moment[i] : c.impulse[i] * lever;
+        moment[i] = pressed ? sticks_or_slips : zero;
+      }
     }
   }
-  c.touched |= c.impulse[0] > zero;
-  for (int i = 0; i < Dim; ++i) c.total_impulse[i] += c.impulse[i];
+  add_totals(c, moment);
 }
 
-[[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h) {
+[[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h,
+                                        Lanes* moment) {
   const Lanes zero{};
-  flow_spring(c, 0, c.spring, c.rate[0], motion[0] - c.inverse_mass[0] * c.force[0]);
+  flow_spring(c, 0, c.spring, motion[0] - c.inverse_mass[0] * c.force[0], moment[0]);
   const Lanes limit = c.limit * h;
   const Lanes clamped = min_lanes(max_lanes(c.impulse[0], -limit), limit);
   c.sticking = clamped == c.impulse[0];
   c.impulse[0] = clamped;
-  c.moment[0] = c.sticking ? c.moment[0] : 0.5 * h * clamped;
+  moment[0] = c.sticking ? moment[0] : 0.5 * h * clamped;
   c.touched |= c.impulse[0] != zero;
-  c.total_impulse[0] += c.impulse[0];
+  add_totals(c, moment);
 }
 
 }  // namespace dashpot

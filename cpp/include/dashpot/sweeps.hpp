@@ -65,21 +65,26 @@ template <typename Jacobian, typename Law>
   Law& law = block.law;
   if (sweep == Sweep::kPrepare) return prepare(law, m.h);
   if (sweep == Sweep::kFlow) {
-    Lanes acceleration[kDim];
+    Lanes acceleration[kDim], moment[kDim];
     gather<kDim>(block.jacobian, m.acceleration, acceleration);
-    flow(law, acceleration, m.h);
+    flow(law, acceleration, m.h, moment);
     if constexpr (std::is_same_v<Law, SpringLanes>)
-      law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - law.moment[0];
+      law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - moment[0];
     scatter<kDim>(block.jacobian, law.impulse, m.impulse);
-    scatter<kDim>(block.jacobian, law.moment, m.moment);
+    scatter<kDim>(block.jacobian, moment, m.moment);
     return;
   }
   Lanes rate[kDim], displacement[kDim];
   gather<kDim>(block.jacobian, m.velocity, rate);
   gather<kDim>(block.jacobian, m.displacement, displacement);
   read_motion(law, rate, displacement, m.h, m.recovery_speed);
-  if (sweep == Sweep::kRead)
-    return scatter<kDim>(block.jacobian, law.total_impulse, m.coordinate_impulse);
+  if (sweep == Sweep::kRead) {
+    Lanes load[kDim];
+    gather<kDim>(block.jacobian, m.smooth_acceleration, load);
+    account_load(law, load, m.h);
+    scatter<kDim>(block.jacobian, law.total_impulse, m.coordinate_impulse);
+    return;
+  }
   find_present_force(law);
   scatter<kDim>(block.jacobian, law.force, m.force);
 }
