@@ -56,6 +56,7 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
                     double recovery_speed) {
   if (deformation == 0.0) return 0.0;
   const double k = rows.stiffness[row];
+  if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
   const double same_force = old_stiffness / k;
   if (same_force <= 1.0 || std::isinf(recovery_speed)) return same_force;
   const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);

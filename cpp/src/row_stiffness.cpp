@@ -34,10 +34,13 @@ struct Rates {
 
 // Of a group's first row: by its own solref, or by a material in SI units.
 Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
-  const double w = loaded_inverse_mass(rows, c, c.row);
-  if (!given.from_solref) return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
+  if (!given.from_solref) {
+    const double w = loaded_inverse_mass(rows, c, c.row);
+    return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
+  }
+  // Friction goes by the normal's rates even where nothing can move along the normal.
   const double typical = rows.typical_inverse_mass[c.row];
-  const double ratio = typical > 0.0 ? w / typical : 1.0;
+  const double ratio = typical > 0.0 ? rows.bounded_inverse_mass(c.row) / typical : 1.0;
   return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
 }
 
