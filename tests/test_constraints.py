@@ -249,3 +249,23 @@ def test_equalities_that_contradict_each_other_pull_a_body_between_them():
     np.testing.assert_allclose(place, [0.02, 0.0, 1.0], atol=1e-3)
     # Displacement recovers the 0.3 m: no more speed than a pendulum of that length gains.
     assert speed < np.sqrt(2 * 9.81 * 0.3) / 0.05
+
+
+def test_joints_rest_on_their_limits_though_a_contact_lies_on_an_axis():
+    """Caps of two capsules coincide on the hip's axis: nothing moves along their contact."""
+    capsule = 'type="capsule" size=".08" solref=".02 1" solimp="0 .8 .01"'
+    engine, data = engine_of(
+        f"""<option gravity="0 0 0"/><worldbody><geom {capsule} fromto="0 0 0 .2 .2 0"/>
+          <body pos=".2 .2 0"><joint name="hip" axis="0 0 1" range="-30 30" damping="1"/>
+            <geom {capsule} fromto="0 0 0 .2 .2 0"/>
+            <body pos=".2 .2 0"><joint axis="1 -1 0" range="-20 20" damping="1"/>
+              <geom {capsule} fromto="0 0 0 .4 .4 0"/></body></body></worldbody>""",
+        2e-3,
+    )
+    torque = np.array([7.5, -7.5])
+    data.qfrc_applied[:] = torque
+    advance(engine, data, 6.0)
+    assert (engine.contacts(data).gap < -0.15).all()
+    # Rigid limits give by the torque over their stiffness, some 1e-7 rad.
+    np.testing.assert_allclose(data.qpos, np.radians([30, -20]), atol=1e-5)
+    np.testing.assert_allclose(data.qfrc_constraint, -torque, rtol=1e-9)

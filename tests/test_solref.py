@@ -183,3 +183,25 @@ def impedance(solimp, x):
 def test_bad_numbers_are_refused_by_name(arguments, named):
     with pytest.raises(ValueError, match=named):
         law.solref_to_spring_at_rest(arguments.pop("solref"), **arguments)
+
+
+def test_a_ball_sinks_steadily_into_a_contact_of_damping_alone():
+    """Direct solref without stiffness: what the spring remembers is no force."""
+    damping, impedance = 50.0, 0.9
+    own = attributes((0.0, -damping), (impedance, impedance, 0.001, 0.5, 2.0))
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="2" {own}/></body>
+        </worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    engine.step(data, nstep=500)
+    speed = -data.qvel[2]
+    engine.step(data, nstep=500)
+    # The rate of the damper is solref's over the impedance; in MuJoCo a load at rest meets
+    # 1 / (1 - impedance) times as much.
+    rate = damping / impedance
+    assert GRAVITY / rate * (1.0 - impedance) < speed < GRAVITY / rate
+    assert -data.qvel[2] == pytest.approx(speed, rel=1e-9)
+    np.testing.assert_allclose(engine.contacts(data).force, [[2.0 * GRAVITY, 0, 0]], atol=1e-9)

@@ -62,7 +62,7 @@ struct Stepper::Impl {
 
   void find_touched_trees();
   bool lands_in_next_step(const RowGroup& c) const;
-  void check_finite() const;
+  void check_velocities() const;
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
 
@@ -242,7 +242,7 @@ void Stepper::Impl::run_islands() {
   for (const Island& island : islands.all())
     if (!stays_apart(rows, island, length, data))
       microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data);
-  check_finite();
+  check_velocities();
   book_rows(data, before, elastic_energy(rows, data), ledger);
   recovery_displacement.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
@@ -277,7 +277,7 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
   const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
   dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses, length,
                                        data);
-  check_finite();
+  check_velocities();
   find_touched_trees();
   book_rows(data, {}, {}, ledger);
 }
@@ -307,13 +307,9 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
                                   data.smooth_acceleration.data(), length);
 }
 
-void Stepper::Impl::check_finite() const {
+void Stepper::Impl::check_velocities() const {
   for (const Tree& tree : motion.trees().tree)
-    for (int i = 0; i < tree.count; ++i)
-      if (!(std::abs(data.velocity[tree.begin + i]) <= host::kLargestValue))
-        throw std::runtime_error(
-            "contact forces diverged at the kinematic tree of degree of freedom " +
-            std::to_string(tree.dof_begin) + "; data are as they were before the step");
+    check_bounded(tree, data.velocity.data(), host::kLargestValue);
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {

@@ -222,6 +222,9 @@ void MicrostepLoop::Impl::run_microsteps() {
   }
   sweep_rows(Sweep::kRead, m);
   turning = turning_at_start;
+  // A force that is no number shows here alone: rows whose load it is apply none.
+  for (const Tree& tree : island_trees)
+    check_bounded(tree, acceleration.data(), std::numeric_limits<double>::max());
 }
 
 void MicrostepLoop::Impl::unpack() {

@@ -1,6 +1,7 @@
 #include "dashpot/trees.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -85,6 +86,14 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
   }
   for (int j = 0; j < t.dof_count; ++j, column += t.count)
     for (int i = 0; i < t.dof_count; ++i) acceleration[i] += column[i] * force[j];
+}
+
+void check_bounded(const Tree& tree, const double* motion, double largest) {
+  for (int i = tree.begin; i < tree.begin + tree.count; ++i)
+    if (!(std::abs(motion[i]) <= largest))
+      throw std::runtime_error(
+          "contact forces diverged at the kinematic tree of degree of freedom " +
+          std::to_string(tree.dof_begin) + "; data are as they were before the step");
 }
 
 void factor_inertia(const Trees& trees, int tree, double* inertia) {

@@ -258,21 +258,22 @@ template <int Dim>
   }
 }
 
-// The force every contact has now.
+// The force every contact has now; no number where anything it depends on is none.
 template <int Dim>
 [[gnu::always_inline]] inline void find_present_force(ContactLanes<Dim>& c) {
   const Lanes zero{};
   for (int i = 0; i < Dim; ++i)
     c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
-  c.force[0] = max_lanes(c.force[0] + c.damping[0] * c.surface, zero);
-  c.force[0] = c.deformation[0] < zero ? c.force[0] : zero;
+  c.force[0] = max_lanes(zero, c.force[0] + c.damping[0] * c.surface);
+  c.force[0] = c.deformation[0] >= zero ? zero : c.force[0];
   LaneMask inside;
   if (Dim > 1) return_friction(c, c.force, inside, 1.0);
 }
 
+// The same for a spring behind a slider.
 [[gnu::always_inline]] inline void find_present_force(SpringLanes& c) {
   const Lanes force = -c.stiffness[0] * c.deformation[0] - c.damping[0] * c.rate[0];
-  c.force[0] = min_lanes(max_lanes(force, -c.limit), c.limit);
+  c.force[0] = min_lanes(c.limit, max_lanes(-c.limit, force));
 }
 
 // One lane through all its events.

@@ -33,6 +33,7 @@ static_assert(alignof(Lanes) == kLanes * sizeof(double));
 
 [[gnu::always_inline]] inline Lanes all_lanes(double value) { return value - Lanes{}; }
 
+// Of two, b where either is no number.
 [[gnu::always_inline]] inline Lanes max_lanes(const Lanes& a, const Lanes& b) {
   return a > b ? a : b;
 }

@@ -56,6 +56,10 @@ struct Trees {
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
 
+// Throws std::runtime_error that names the tree unless all its coordinates of `motion` are numbers
+// of at most `largest`.
+void check_bounded(const Tree& tree, const double* motion, double largest);
+
 // H = L' D L of a tree that is not a free body, L of unit diagonal and as sparse as H below it:
 // no entry fills in where rows are eliminated from the last one up (Featherstone, Rigid Body
 // Dynamics Algorithms, 6.3). `inertia` is row-major, dof_count wide, and keeps D on and L below its
