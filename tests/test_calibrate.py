@@ -204,6 +204,39 @@ def test_options_of_the_wrong_type_are_named(noisy_ball, options, message):
         fit(noisy_ball.system, **options)
 
 
+@pytest.mark.parametrize(
+    ("changes", "options", "message"),
+    [
+        (
+            {"initial_state": "pose_and_velocity", "window": 0.01},
+            {},
+            "24 residuals cannot determine 27 unknowns",
+        ),
+        ({}, {"errors": "clustered"}, "errors='clustered' needs at least two trajectories"),
+    ],
+)
+def test_what_cannot_be_told_is_refused_before_the_search(noisy_ball, changes, options, message):
+    """Not after a search of minutes whose intervals then fail."""
+    if "errors" in options:
+        changes = {"trajectories": noisy_ball.trajectories[:1]}
+    called = []
+
+    def build(values):
+        called.append(values)
+        return noisy_ball.system
+
+    problem = replace(noisy_ball, **changes)
+    problem = replace(
+        problem,
+        system=build,
+        parameters=[Parameter(p.name, p.start, p.bounds) for p in problem.parameters],
+    )
+    called.clear()
+    with pytest.raises(ValueError, match=message):
+        fit(problem, **options)
+    assert len(called) <= 1
+
+
 @pytest.mark.parametrize("seed", [2, 8])
 def test_twin_experiment_covers_the_truth(seed):
     """The 100-seed coverage is benchmarks/twin_coverage.py; here two seeds at 99.99 %."""

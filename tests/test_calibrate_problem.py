@@ -315,3 +315,11 @@ def test_damping_and_dry_friction_of_joints_and_tendons_are_set_by_name():
     assert built.tendon_damping.tolist() == [5.0]
     with pytest.raises(ValueError, match="no joint named 'kne'; near: knee"):
         Problem(model, [Parameter.model("dof_damping", "kne", **at)], [trajectory], 1e-3, 1e-2)
+
+
+def test_a_problem_shows_no_arrays():
+    shown = repr(make_trajectory())
+    assert shown == "Trajectory('throw 7', 5 frames 0.01 s apart, bodies=('body',))"
+    problem = Problem(ball_engine(), ball_parameters(), [make_trajectory()], 1e-3, 1e-2)
+    assert shown in repr(problem)
+    assert "array" not in repr(problem)

@@ -10,7 +10,7 @@ import pytest
 
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
-from dashpot.calibrate import Parameter, Problem, fit
+from dashpot.calibrate import Parameter, Problem, fit, strategy
 from dashpot.calibrate.automatic import growing_windows
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.search import sobol_points
@@ -51,6 +51,16 @@ def test_a_good_start_costs_nothing_more():
     assert alone.noise_explains
     assert result.values == alone.values
     assert result.evaluations == alone.evaluations
+
+
+def test_a_search_that_noise_explains_goes_on_until_it_converges(monkeypatch):
+    """On a rough cost the first local search may end before: a share of the budget, no verdict."""
+    monkeypatch.setattr(strategy, "_MOST_ITERATIONS", 6)
+    problem = throws((8e3, 25.0, 0.25))
+    assert not fit(problem, starts=0).converged
+    result = fit(problem)
+    assert result.noise_explains
+    assert result.converged
 
 
 def test_far_starts_do_not_depend_on_threads():

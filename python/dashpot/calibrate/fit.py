@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.identifiability import judge, noise_explains
-from dashpot.calibrate.intervals import Covariance, covariance
+from dashpot.calibrate.intervals import Covariance, check_count, covariance
 from dashpot.calibrate.linearisation import over_its_region
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
@@ -120,7 +120,8 @@ def fit(
     TypeError
         If `problem` is no `Problem`, or an option is not of its type.
     ValueError
-        For options out of range, and where a simulation fails, naming the trajectory.
+        For options out of range, where there are no more residuals than unknowns, and where a
+        simulation fails, naming the trajectory.
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
@@ -142,9 +143,11 @@ def fit(
     began = time.perf_counter()
     stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
+    objective = objectives[-1]
+    check_count(objective.residual_count, objective.size)
+    errors_kind = _errors_kind(errors, problem, objective)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
-        objective = objectives[-1]
         if automatic:
             search = run_automatic(
                 objective, budget, loss, loss_scale, method, local_searches, seed
@@ -155,7 +158,6 @@ def fit(
             )
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
-        errors_kind = _errors_kind(errors, problem, objective)
         estimated, departure = _covariance(
             objective, point, residuals, loss, loss_scale, errors_kind, confidence, seed
         )

@@ -70,6 +70,14 @@ class Covariance:
         return np.asarray(factor * self.standard_error)
 
 
+def check_count(residuals: int, unknowns: int) -> None:
+    """Raise ValueError where there are no more residuals than unknowns."""
+    if residuals <= unknowns:
+        raise ValueError(
+            f"{residuals} residuals cannot determine {unknowns} unknowns and their errors"
+        )
+
+
 def covariance(
     jacobian: Array,
     residuals: Array,
@@ -96,8 +104,7 @@ def covariance(
         Where there are no more residuals than unknowns, or fewer than two clusters.
     """
     m, n = jacobian.shape
-    if m <= n:
-        raise ValueError(f"{m} residuals cannot determine {n} unknowns and their errors")
+    check_count(m, n)
     robust = weights is not None
     weight = np.ones(m) if weights is None else weights
     weighted = weight * residuals

@@ -84,6 +84,7 @@ def run_automatic(
         with budget.share(_FIRST_SHARE):
             least_squares(final, begin, _MOST_ITERATIONS)
         if final.explained(final.best_cost, _EXPLAINED):
+            _finish(final)
             return final
     if budget.left < 2 * _AUTOMATIC_STARTS:
         if method != "least_squares":
@@ -109,9 +110,14 @@ def run_automatic(
         _evolve(searches, starts[0], method, seed)
         return final
     _descend(searches, starts, leave_failing_out=True)
-    if not final.converged and budget.left > 0:
-        least_squares(final, final.best_point, _MOST_ITERATIONS)
+    _finish(final)
     return final
+
+
+def _finish(search: Search) -> None:
+    """Go on from the best end if it has not converged, as on a rough cost, with what is left."""
+    if not search.converged and search.budget.left > 0:
+        least_squares(search, search.best_point, _MOST_ITERATIONS)
 
 
 def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> None:

@@ -97,6 +97,13 @@ class Trajectory:
                 )
             object.__setattr__(self, field, _frozen(array))
 
+    def __repr__(self) -> str:
+        """Return name, length and bodies, without the arrays."""
+        return (
+            f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart, "
+            f"bodies={self.bodies})"
+        )
+
     @property
     def frames(self) -> int:
         """Number of observed frames."""
