@@ -109,7 +109,7 @@ def fit(
     confidence
         Of the intervals, in (0, 1).
     seed
-        Of starts and CMA-ES.
+        Of starts, CMA-ES and the points that intervals come from.
     nthread
         Number of threads, >= 1. None: one per core. The result does not depend on it.
     progress
