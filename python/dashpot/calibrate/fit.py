@@ -71,7 +71,8 @@ def fit(
     no interval. But where residuals are far larger than stated, no parameter counts as identified
     (unless errors are clustered): the model is not right then, and scaling does not tell what that
     does to the estimates. Intervals are those of a linear model over their own width, and contain
-    what it leaves over (see `dashpot.calibrate.linearisation`).
+    what it leaves over (see `dashpot.calibrate.linearisation`); around the end of a search that has
+    not converged they are rougher, and no parameter counts as identified.
 
     Parameters
     ----------
@@ -159,7 +160,14 @@ def fit(
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
         estimated, departure = _covariance(
-            objective, point, residuals, loss, loss_scale, errors_kind, confidence, seed
+            objective,
+            point,
+            residuals,
+            loss,
+            loss_scale,
+            errors_kind,
+            confidence,
+            seed if search.converged else None,
         )
     return _result(
         problem,
@@ -185,12 +193,13 @@ def _covariance(
     loss_scale: float,
     errors: str,
     confidence: float,
-    seed: int,
+    seed: int | None,
 ) -> tuple[Covariance, Array]:
     """Covariance of a linear model over the region that it implies, and its departure from one.
 
     It starts from a Jacobian whose differences of parameters are as wide as the intervals that it
-    gives: they start wide and shrink, never below the parameters' own.
+    gives: they start wide and shrink, never below the parameters' own. Where `seed` is None, as no
+    interval around the end of a search that has not converged is that of a minimum, it ends there.
     """
     weights = loss_weights(loss, (residuals / loss_scale) ** 2)
     offsets = objective.offsets if errors == "clustered" else None
@@ -207,6 +216,8 @@ def _covariance(
         if (widths <= _WIDTH_SLACK * wanted).all():
             break
         widths = wanted
+    if seed is None:
+        return estimated, np.zeros(objective.size)
     return over_its_region(objective, point, estimated, from_jacobian, weights, seed)
 
 
