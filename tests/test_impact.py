@@ -90,14 +90,12 @@ def test_a_ball_that_flies_past_an_edge_is_not_deflected():
     """5 mm outside: rows frozen at the start would have it hit the edge it approaches."""
     start = (1.015, 0.0, 0.75)
     velocity = (0.0, 0.0, -150.0)
-    deflected = {}
     for impact in ("none", "cut"):
         engine, data = thrown_ball(velocity=velocity, start=start, plate="1 1 .0005", impact=impact)
         engine.step(data)
-        deflected[impact] = data.qvel[:3].tolist() != list(velocity)
-    assert deflected == {"none": True, "cut": False}
-    # To rounding of 1 m.
-    np.testing.assert_allclose(data.qpos[:3], (1.015, 0.0, -0.75), atol=1e-12)
+        assert data.qvel[:3].tolist() == list(velocity)
+        # To rounding of 1 m.
+        np.testing.assert_allclose(data.qpos[:3], (1.015, 0.0, -0.75), atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["slope", "stack", "pile at rest"])

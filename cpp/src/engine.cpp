@@ -8,6 +8,7 @@
 #include "dashpot/comfree.hpp"
 #include "dashpot/contacts.hpp"
 #include "dashpot/energy_ledger.hpp"
+#include "dashpot/flight_contacts.hpp"
 #include "dashpot/impact.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
@@ -47,6 +48,7 @@ struct Stepper::Impl {
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
 
   // The stages of a step (DESIGN section 2).
+  void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
@@ -77,6 +79,7 @@ struct Stepper::Impl {
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
   Part part;
+  std::vector<GeomPair> missed;  // near misses, without contacts in the part
   ProvenApart proven_apart;
   host::Detection detection;
   host::MocapBuffers mocap_buffers;
@@ -159,6 +162,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
   mocap.drive(constraints);
   part = Part();
+  correct_contacts_ahead(d);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
   geometry_of_middle = !part.impact.empty();
@@ -185,6 +189,14 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   proven_apart.forget(touched);
 }
 
+// Bodies in flight may meet elsewhere than found, or pass by. With the complementarity-free law
+// contact does not start within a step.
+void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
+  missed.clear();
+  if (parameters.options.law == Law::kComFree) return;
+  missed = follow_flights(model, d, detection.buffers, constraints, length, contacts);
+}
+
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
@@ -204,6 +216,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   const host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                                     constraints);
   drop_pairs(apart, contacts);
+  drop_pairs(missed, contacts);
   mocap.drive(constraints);
   motion.freeze_at_middle(d, length, data);
   build_rows(d);

@@ -151,18 +151,22 @@ GeomBounds geom_bounds(const mjModel* model, int geom) {
   }
 }
 
+Motion body_motion(const mjModel* model, const mjData* data, int body, const double* spatial) {
+  const Eigen::Map<const Eigen::Vector3d> about(data->subtree_com + 3 * model->body_rootid[body]);
+  Motion motion;
+  motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
+  motion.angular = Eigen::Map<const Eigen::Vector3d>(spatial);
+  motion.linear =
+      Eigen::Map<const Eigen::Vector3d>(spatial + 3) + motion.angular.cross(motion.centre - about);
+  return motion;
+}
+
 std::vector<Motion> body_motions(const mjModel* model, const mjData* data, const double* qvel) {
   std::vector<double> spatial;
   host::body_velocities(model, data, qvel, spatial);
   std::vector<Motion> motions(model->nbody);
-  for (int body = 0; body < model->nbody; ++body) {
-    const Eigen::Map<const Eigen::Vector3d> about(data->subtree_com + 3 * model->body_rootid[body]);
-    Motion& motion = motions[body];
-    motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
-    motion.angular = Eigen::Map<const Eigen::Vector3d>(spatial.data() + 6 * body);
-    motion.linear = Eigen::Map<const Eigen::Vector3d>(spatial.data() + 6 * body + 3) +
-                    motion.angular.cross(motion.centre - about);
-  }
+  for (int body = 0; body < model->nbody; ++body)
+    motions[body] = body_motion(model, data, body, spatial.data() + 6 * body);
   return motions;
 }
 

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "dashpot/mujoco_errors.hpp"
@@ -41,6 +42,7 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
   input.gap = contact.dist - input.margin;
   std::copy(contact.pos, contact.pos + 3, input.position.begin());
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
+  mju_scl3(input.apart.data(), contact.frame, std::max(0.0, input.gap));
   std::copy(contact.friction, contact.friction + 5, input.friction.begin());
   std::copy_n(contact.solref, 2, input.solref.begin());
   std::copy_n(contact.solimp, input.solimp.size(), input.solimp.begin());
@@ -180,6 +182,24 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     read_contact(m, d, i, contacts.back());
     if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
   }
+}
+
+void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
+                      ContactInput& input) {
+  mjContact& contact = d->contact[input.source];
+  input.gap = gap;
+  contact.dist = gap + input.margin;
+  mju_copy3(contact.pos, position);
+  mjtNum* frame = contact.frame;
+  mju_copy3(frame, normal);
+  // The tangents that MuJoCo gives a normal.
+  mju_zero3(frame + 3);
+  frame[std::abs(normal[1]) < 0.5 ? 4 : 5] = 1.0;
+  mju_addToScl3(frame + 3, normal, -mju_dot3(frame + 3, normal));
+  mju_normalize3(frame + 3);
+  mju_cross(frame + 6, frame, frame + 3);
+  std::copy(contact.pos, contact.pos + 3, input.position.begin());
+  std::copy(contact.frame, contact.frame + 9, input.frame.begin());
 }
 
 int detected_count(const mjData_* d) { return d->ncon; }

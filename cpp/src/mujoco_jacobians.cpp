@@ -38,13 +38,11 @@ bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   return twist && any_nonzero(twist);
 }
 
-// Where a contact acts on one of its bodies. Bodies apart go on until their surfaces meet, each
-// with its own point there; in the middle between the two friction would have another arm, and so
-// would the two bodies' angular momenta.
+// Where a contact acts on one of its bodies. In the middle between two bodies apart friction would
+// have another arm than where they meet, and so would the two bodies' angular momenta.
 std::array<double, 3> acting_point(const ContactInput& input, int side) {
   std::array<double, 3> point = input.position;
-  const double way = (side ? 0.5 : -0.5) * std::max(0.0, input.gap);
-  for (int i = 0; i < 3; ++i) point[i] += way * input.frame[i];
+  for (int i = 0; i < 3; ++i) point[i] += (side ? 0.5 : -0.5) * input.apart[i];
   return point;
 }
 

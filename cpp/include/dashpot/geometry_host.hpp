@@ -39,6 +39,9 @@ struct GeomBounds {
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 
+// Motion of a body, `centre` its centre of mass, of its spatial velocity: rotation and translation
+// (6) about the centre of mass of its tree, as in cvel.
+Motion body_motion(const mjModel_* model, const mjData_* data, int body, const double* spatial);
 // Motion of every body for the generalized velocities `qvel` (nv) at the positions of `data`;
 // `centre` is its centre of mass.
 std::vector<Motion> body_motions(const mjModel_* model, const mjData_* data, const double* qvel);

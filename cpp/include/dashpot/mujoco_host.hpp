@@ -185,6 +185,9 @@ int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
+// Gives a contact another position, normal (both world) and gap, also in `d`.
+void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
+                      ContactInput& contact);
 int detected_count(const mjData_* d);
 // Force and torque of a detected contact in its frame, N and N m. Throws std::runtime_error where
 // the last step has left no rows of contacts.

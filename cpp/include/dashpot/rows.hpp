@@ -31,6 +31,9 @@ struct ContactInput {
   double margin = 0.0;               // m
   std::array<double, 3> position{};  // m, world
   std::array<double, 9> frame{};     // rows: normal, tangent 1, tangent 2; world
+  // From the point of geom 1 on which the contact acts to that of geom 2, about `position`: where
+  // they are apart, bodies go on until these meet. World, m.
+  std::array<double, 3> apart{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};

@@ -1,0 +1,41 @@
+// Contacts of bodies that fly towards or past each other.
+//
+// Contacts that may start in a step are found at its start, as planes through the nearest points.
+// Bodies that move far for their size meet elsewhere, along another normal; one that goes past
+// another crosses the plane without touching anything. Of a pair of geoms that
+//
+// - is apart, and whose geoms move farther in the step than a part of the thinner one's half-width,
+// - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
+//   constraint, no contact that touches or closes, none that what it acts on may come to,
+//
+// the time of impact along their mean motion (query.hpp) is found. A pair without one in the step
+// is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces meet
+// along a normal that the contacts found do not have, or where none of these closes, the nearest
+// becomes the one of the impact, in the place that its two points have at the start.
+//
+// Planes have the same normal everywhere, and are left as found.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/proven_apart.hpp"
+#include "dashpot/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+namespace host {
+struct ReachBuffers;
+}
+
+// Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the detection
+// that found them. Returns the near misses, sorted.
+std::vector<GeomPair> follow_flights(const mjModel_* model, mjData_* data,
+                                     const host::ReachBuffers& reach,
+                                     const std::vector<ConstraintInput>& constraints, double length,
+                                     std::vector<ContactInput>& contacts);
+
+}  // namespace dashpot
