@@ -38,10 +38,10 @@ void PressedTogether::find(const std::vector<GroupMaterial>& materials,
   const size_t count = rows.group.size();
   for (size_t first = 0, last; first < count; first = last) {
     last = first + 1;
-    if (rows.group[first].kind != RowKind::kContact) continue;
+    if (rows.group[first].kind != RowKind::kContact || !has_ratio(materials[first])) continue;
     const auto& geom = contacts[rows.group[first].input].geom;
     while (last < count && contacts[rows.group[last].input].geom == geom) ++last;
-    if (last == first + 1 || !has_ratio(materials[first])) continue;
+    if (last == first + 1) continue;
     const auto begin = rows.group.begin() + first, end = rows.group.begin() + last;
     if (std::any_of(begin, end, [&](const RowGroup& c) { return rows.inverse_mass[c.row] == 0.0; }))
       continue;
