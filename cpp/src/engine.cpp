@@ -80,6 +80,7 @@ struct Stepper::Impl {
   int cuts = 0;
   Part part;
   std::vector<GeomPair> missed;  // near misses, without contacts in the part
+  FlightContacts flights;
   ProvenApart proven_apart;
   host::Detection detection;
   host::MocapBuffers mocap_buffers;
@@ -194,7 +195,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   missed.clear();
   if (parameters.options.law == Law::kComFree) return;
-  missed = follow_flights(model, d, detection.buffers, constraints, length, contacts);
+  missed = flights.follow(model, d, detection.buffers, constraints, length, contacts);
 }
 
 // Ends this part of the step where the next impact begins.

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "dashpot/geometry_host.hpp"
 #include "dashpot/impact.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/pair_motion.hpp"
@@ -27,26 +26,22 @@ constexpr double kClearance = 1e-3;
 // good: a face that lands flat keeps all of its points.
 constexpr double kAlike = 0.999;
 
-// A pair whose contacts, from `first` to `last`, are all apart, and where its motion leads.
-struct Flight {
-  size_t first = 0, last = 0;
-  bool misses = false, meets = false;  // neither: not followed
-  // Of the impact: the normal; the points that meet, from the bodies' centres of mass at the start
-  // on with the arms that they have then, and in the frames of their geoms; the gap at the start
-  // from which the rates at those points lead to the impact.
-  Vector3d normal = Vector3d::Zero();
-  Vector3d point[2] = {Vector3d::Zero(), Vector3d::Zero()};
-  Vector3d local[2] = {Vector3d::Zero(), Vector3d::Zero()};
-  double gap = 0.0;
-};
-
 class FlightSearch {
  public:
   FlightSearch(const mjModel_* model, const mjData_* data, const host::ReachBuffers& reach,
-               const std::vector<ContactInput>& contacts, double length)
-      : model_(model), data_(data), reach_(reach), contacts_(contacts), length_(length) {}
+               const std::vector<ContactInput>& contacts, double length, GeomShapes& shapes,
+               std::vector<Flight>& flights, std::vector<char>& disturbed)
+      : model_(model),
+        data_(data),
+        reach_(reach),
+        contacts_(contacts),
+        length_(length),
+        shapes_(shapes),
+        flights_(flights),
+        disturbed_(disturbed) {}
 
   bool find_flights() {
+    flights_.clear();
     for (size_t first = 0, last; first < contacts_.size(); first = last) {
       last = first + 1;
       while (last < contacts_.size() && contacts_[last].geom == contacts_[first].geom) ++last;
@@ -77,17 +72,14 @@ class FlightSearch {
       flight.misses = flight.misses && !is_disturbed(contacts_[flight.first].tree);
   }
 
-  std::vector<GeomPair> near_misses() const {
-    std::vector<GeomPair> misses;
+  void near_misses(std::vector<GeomPair>& misses) const {
     for (const Flight& flight : flights_)
       if (flight.misses) misses.push_back(contacts_[flight.first].geom);
     std::sort(misses.begin(), misses.end());
-    return misses;
   }
 
   // Flights that end along another normal than the contacts found have, or where none closes.
-  std::vector<Flight> redirected() const {
-    std::vector<Flight> redirected;
+  void redirected(std::vector<Flight>& redirected) const {
     for (const Flight& flight : flights_) {
       const auto begin = contacts_.begin() + flight.first, end = contacts_.begin() + flight.last;
       const auto stands_for_it = [&](const ContactInput& contact) {
@@ -96,7 +88,6 @@ class FlightSearch {
       };
       if (flight.meets && std::none_of(begin, end, stands_for_it)) redirected.push_back(flight);
     }
-    return redirected;
   }
 
  private:
@@ -144,13 +135,13 @@ class FlightSearch {
   // Whether collision finds the nearest points. MuJoCo's routine for general convex geoms may
   // report others: of a capsule 0.03 mm from a cylinder a point 2 mm away.
   bool is_nearest(int geom) const {
-    const ShapeType type = geom_shape(model_, geom).type;
+    const ShapeType type = shapes_.of(model_, geom).type;
     return type == ShapeType::kSphere || type == ShapeType::kCapsule || type == ShapeType::kBox;
   }
 
   bool can_be_followed(int geom) const {
     if (!has_shape(model_, geom)) return false;
-    const ShapeType type = geom_shape(model_, geom).type;
+    const ShapeType type = shapes_.of(model_, geom).type;
     return type != ShapeType::kPlane && type != ShapeType::kHeightField;
   }
 
@@ -223,7 +214,7 @@ class FlightSearch {
     double departure = 0.0;  // m/s^2, of points from the mean motion
     for (int side = 0; side < 2; ++side) {
       const int geom = contact.geom[side], body = geom_body(model_, geom);
-      shape[side] = geom_shape(model_, geom);
+      shape[side] = shapes_.of(model_, geom);
       pose[side] = geom_pose(model_, data_, geom);
       const Motion start = motion_at_start(body), end = motion_at_end(body);
       motion[side] = mean_motion(body);
@@ -263,23 +254,27 @@ class FlightSearch {
   const host::ReachBuffers& reach_;
   const std::vector<ContactInput>& contacts_;
   const double length_;
-  std::vector<Flight> flights_;  // in the order of their contacts
-  std::vector<char> disturbed_;  // by tree
+  GeomShapes& shapes_;
+  std::vector<Flight>& flights_;  // in the order of their contacts
+  std::vector<char>& disturbed_;  // by tree
 };
 
 }  // namespace
 
-std::vector<GeomPair> follow_flights(const mjModel_* model, mjData_* data,
-                                     const host::ReachBuffers& reach,
-                                     const std::vector<ConstraintInput>& constraints, double length,
-                                     std::vector<ContactInput>& contacts) {
-  FlightSearch search(model, data, reach, contacts, length);
-  if (!search.find_flights()) return {};
+const std::vector<GeomPair>& FlightContacts::follow(const mjModel_* model, mjData_* data,
+                                                    const host::ReachBuffers& reach,
+                                                    const std::vector<ConstraintInput>& constraints,
+                                                    double length,
+                                                    std::vector<ContactInput>& contacts) {
+  misses_.clear();
+  redirected_.clear();
+  FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbed_);
+  if (!search.find_flights()) return misses_;
   search.follow(constraints);
-  const std::vector<GeomPair> misses = search.near_misses();
-  const std::vector<Flight> redirected = search.redirected();
+  search.near_misses(misses_);
+  search.redirected(redirected_);
   // From the last on: places of the others stay.
-  for (auto flight = redirected.rbegin(); flight != redirected.rend(); ++flight) {
+  for (auto flight = redirected_.rbegin(); flight != redirected_.rend(); ++flight) {
     const auto first = contacts.begin() + flight->first, last = contacts.begin() + flight->last;
     const auto nearest = std::min_element(
         first, last, [](const ContactInput& a, const ContactInput& b) { return a.gap < b.gap; });
@@ -292,8 +287,8 @@ std::vector<GeomPair> follow_flights(const mjModel_* model, mjData_* data,
       std::copy_n(flight->local[side].data(), 3, first->local_position[side].begin());
     contacts.erase(first + 1, last);
   }
-  drop_pairs(misses, contacts);
-  return misses;
+  drop_pairs(misses_, contacts);
+  return misses_;
 }
 
 }  // namespace dashpot

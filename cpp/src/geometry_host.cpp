@@ -129,6 +129,14 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
 
 bool has_shape(const mjModel* model, int geom) { return model->geom_type[geom] != mjGEOM_SDF; }
 
+const Shape& GeomShapes::of(const mjModel* model, int geom) {
+  shape_.resize(model->ngeom);
+  std::optional<Shape>& shape = shape_[geom];
+  if (!shape) shape = geom_shape(model, geom);
+  shape->size = Eigen::Map<const Eigen::Vector3d>(model->geom_size + 3 * geom);
+  return *shape;
+}
+
 GeomBounds geom_bounds(const mjModel* model, int geom) {
   const mjtNum* size = model->geom_size + 3 * geom;
   const mjtNum* half = model->geom_aabb + 6 * geom + 3;

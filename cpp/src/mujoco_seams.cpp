@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -45,7 +44,6 @@ class Seams {
       : m_(m), d_(d), buffers_(buffers), contacts_(contacts) {
     buffers.first.assign(m->nbody, -1);
     buffers.next.resize(2 * contacts.size());
-    buffers.shape.resize(m->ngeom);
     for (size_t i = 0; i < contacts.size(); ++i)
       for (int side = 0; side < 2; ++side)
         if (!contacts[i].is_of_flex() && contacts[i].gap <= tolerance(contacts[i])) {
@@ -90,14 +88,11 @@ class Seams {
 
   // The point (world) of a geom that is farthest along a unit direction.
   Eigen::Vector3d support(int geom, const Eigen::Vector3d& direction) {
-    std::optional<Shape>& shape = buffers_.shape[geom];
-    if (!shape) shape = geom_shape(m_, geom);
-    // Sizes may be edited between steps.
-    shape->size = Eigen::Map<const Eigen::Vector3d>(m_->geom_size + 3 * geom);
+    const Shape& shape = buffers_.shapes.of(m_, geom);
     using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
     const Pose pose{Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom),
                     Eigen::Map<const RowMajor>(d_->geom_xmat + 9 * geom)};
-    return core_support(*shape, pose, direction) + sweep_radius(*shape) * direction;
+    return core_support(shape, pose, direction) + sweep_radius(shape) * direction;
   }
 
   // Velocity (m/s) along a direction of a geom's body at a point.

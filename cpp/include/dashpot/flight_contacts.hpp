@@ -17,8 +17,11 @@
 
 #pragma once
 
+#include <Eigen/Core>
+#include <cstddef>
 #include <vector>
 
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/proven_apart.hpp"
 #include "dashpot/rows.hpp"
 
@@ -31,11 +34,34 @@ namespace host {
 struct ReachBuffers;
 }
 
-// Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the detection
-// that found them. Returns the near misses, sorted.
-std::vector<GeomPair> follow_flights(const mjModel_* model, mjData_* data,
-                                     const host::ReachBuffers& reach,
-                                     const std::vector<ConstraintInput>& constraints, double length,
-                                     std::vector<ContactInput>& contacts);
+// A pair whose contacts, from `first` to `last`, are all apart, and where its motion leads.
+struct Flight {
+  size_t first = 0, last = 0;
+  bool misses = false, meets = false;  // neither: not followed
+  // Of the impact: the normal; the points that meet, from the bodies' centres of mass at the start
+  // on with the arms that they have then, and in the frames of their geoms; the gap at the start
+  // from which the rates at those points lead to the impact.
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+  Eigen::Vector3d point[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  Eigen::Vector3d local[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  double gap = 0.0;
+};
+
+// Keeps its arrays from step to step.
+class FlightContacts {
+ public:
+  // Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the
+  // detection that found them. Returns the near misses, sorted; valid until the next call.
+  const std::vector<GeomPair>& follow(const mjModel_* model, mjData_* data,
+                                      const host::ReachBuffers& reach,
+                                      const std::vector<ConstraintInput>& constraints,
+                                      double length, std::vector<ContactInput>& contacts);
+
+ private:
+  GeomShapes shapes_;
+  std::vector<Flight> flights_, redirected_;
+  std::vector<char> disturbed_;
+  std::vector<GeomPair> misses_;
+};
 
 }  // namespace dashpot

@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "dashpot/closest.hpp"
@@ -17,6 +18,16 @@ namespace dashpot {
 // Throws std::invalid_argument naming the geom where it is a signed distance field, or has a bad
 // size.
 Shape geom_shape(const mjModel_* model, int geom);
+
+// Shapes of geoms, each made when it is first asked for: a mesh's vertices are copied once. Sizes
+// are read anew, for they may be edited between steps. Throws as geom_shape does.
+class GeomShapes {
+ public:
+  const Shape& of(const mjModel_* model, int geom);
+
+ private:
+  std::vector<std::optional<Shape>> shape_;  // by geom
+};
 
 // Its pose as the data's kinematics last left it (geom_xpos, geom_xmat), as mj_geomDistance has it.
 // Throws std::invalid_argument naming the geom where the pose is not finite.

@@ -12,11 +12,10 @@
 
 #pragma once
 
-#include <optional>
 #include <vector>
 
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/rows.hpp"
-#include "dashpot/shape.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -27,7 +26,7 @@ namespace dashpot::host {
 struct SeamBuffers {
   std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
   std::vector<char> at_seam;     // by contact
-  std::vector<std::optional<Shape>> shape;  // by geom, of those that were asked for
+  GeomShapes shapes;
 };
 
 // Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in
