@@ -268,4 +268,5 @@ def test_joints_rest_on_their_limits_though_a_contact_lies_on_an_axis():
     assert (engine.contacts(data).gap < -0.15).all()
     # Rigid limits give by the torque over their stiffness, some 1e-7 rad.
     np.testing.assert_allclose(data.qpos, np.radians([30, -20]), atol=1e-5)
+    # At rest nothing but the limits carries the torques.
     np.testing.assert_allclose(data.qfrc_constraint, -torque, rtol=1e-9)

@@ -203,5 +203,6 @@ def test_a_ball_sinks_steadily_into_a_contact_of_damping_alone():
     # 1 / (1 - impedance) times as much.
     rate = damping / impedance
     assert GRAVITY / rate * (1.0 - impedance) < speed < GRAVITY / rate
+    # Steady after 1 s, 50 times 1 / damping: what is left of the start is below rounding.
     assert -data.qvel[2] == pytest.approx(speed, rel=1e-9)
     np.testing.assert_allclose(engine.contacts(data).force, [[2.0 * GRAVITY, 0, 0]], atol=1e-9)

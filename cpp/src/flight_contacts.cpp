@@ -20,7 +20,8 @@ namespace {
 // normals at the start are good: past a ball of radius r, a way x leads below its tangent plane by
 // x^2 / (4 r) at most.
 constexpr double kFarWay = 0.1;
-// Clearance, relative to the same, that counts as touch.
+// Clearance, relative to the same, that counts as touch: a graze must not be lost to what the mean
+// motion leaves out of the true one, and a miss by so little may as well touch.
 constexpr double kClearance = 1e-3;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
 // good: a face that lands flat keeps all of its points.
@@ -230,7 +231,7 @@ class FlightSearch {
       impact = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
                               std::max(0.0, contact.margin) + clearance);
     } catch (const std::runtime_error&) {
-      return;  // undecided
+      return;  // undecided: contacts stay as they were found
     }
     flight.misses = !impact.hit;
     flight.normal = impact.at.normal;

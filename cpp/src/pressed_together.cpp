@@ -9,7 +9,8 @@ namespace dashpot {
 
 namespace {
 
-// Pushes of opposite normals cancel: least square frequency, relative to that of a contact alone.
+// Pushes of opposite normals cancel, and damping in proportion to 1 / omega would grow without
+// bound: least square frequency, relative to that of a contact alone.
 constexpr double kLeastPressed = 0.1;
 
 bool has_ratio(const GroupMaterial& given) {
