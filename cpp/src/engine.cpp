@@ -79,7 +79,6 @@ struct Stepper::Impl {
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
   Part part;
-  std::vector<GeomPair> missed;  // near misses, without contacts in the part
   FlightContacts flights;
   ProvenApart proven_apart;
   host::Detection detection;
@@ -193,9 +192,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
 // Bodies in flight may meet elsewhere than found, or pass by. With the complementarity-free law
 // contact does not start within a step.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
-  missed.clear();
   if (parameters.options.law == Law::kComFree) return;
-  missed = flights.follow(model, d, detection.buffers, constraints, length, contacts);
+  flights.follow(model, d, detection.buffers, constraints, length, contacts);
 }
 
 // Ends this part of the step where the next impact begins.
@@ -217,7 +215,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   const host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                                     constraints);
   drop_pairs(apart, contacts);
-  drop_pairs(missed, contacts);
+  drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);
   motion.freeze_at_middle(d, length, data);
   build_rows(d);

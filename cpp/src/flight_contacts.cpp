@@ -262,15 +262,13 @@ class FlightSearch {
 
 }  // namespace
 
-const std::vector<GeomPair>& FlightContacts::follow(const mjModel_* model, mjData_* data,
-                                                    const host::ReachBuffers& reach,
-                                                    const std::vector<ConstraintInput>& constraints,
-                                                    double length,
-                                                    std::vector<ContactInput>& contacts) {
+void FlightContacts::follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
+                            const std::vector<ConstraintInput>& constraints, double length,
+                            std::vector<ContactInput>& contacts) {
   misses_.clear();
   redirected_.clear();
   FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbed_);
-  if (!search.find_flights()) return misses_;
+  if (!search.find_flights()) return;
   search.follow(constraints);
   search.near_misses(misses_);
   search.redirected(redirected_);
@@ -289,7 +287,6 @@ const std::vector<GeomPair>& FlightContacts::follow(const mjModel_* model, mjDat
     contacts.erase(first + 1, last);
   }
   drop_pairs(misses_, contacts);
-  return misses_;
 }
 
 }  // namespace dashpot

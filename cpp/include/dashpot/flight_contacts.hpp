@@ -51,11 +51,12 @@ struct Flight {
 class FlightContacts {
  public:
   // Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the
-  // detection that found them. Returns the near misses, sorted; valid until the next call.
-  const std::vector<GeomPair>& follow(const mjModel_* model, mjData_* data,
-                                      const host::ReachBuffers& reach,
-                                      const std::vector<ConstraintInput>& constraints,
-                                      double length, std::vector<ContactInput>& contacts);
+  // detection that found them.
+  void follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
+              const std::vector<ConstraintInput>& constraints, double length,
+              std::vector<ContactInput>& contacts);
+  // Pairs whose contacts follow() left out, sorted.
+  const std::vector<GeomPair>& near_misses() const { return misses_; }
 
  private:
   GeomShapes shapes_;
