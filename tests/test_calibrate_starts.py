@@ -155,7 +155,7 @@ def test_a_tumbling_box_is_fitted_from_a_far_start():
     parameters = [
         Parameter.pair("box", "floor", name, start=start, bounds=bounds)
         for name, start, bounds in (
-            ("stiffness", 7e2, (1e2, 1e6)),
+            ("stiffness", 3e2, (1e2, 1e6)),
             ("restitution", 0.9, (0.01, 0.99)),
             ("sliding_friction", 0.05, (0.01, 2.0)),
         )

@@ -17,6 +17,7 @@
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_turning.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/pressed_together.hpp"
 #include "dashpot/row_assembly.hpp"
@@ -50,6 +51,7 @@ struct Stepper::Impl {
   // The stages of a step (DESIGN section 2).
   void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
+  void take_turning_contacts_to_middle(mjData_* d);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
   void build_rows(mjData_* d);
@@ -97,6 +99,7 @@ struct Stepper::Impl {
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> held;                      // by tree: rows that have a position moved it
+  std::vector<char> may_turn, turned;          // by tree: its contacts are those of the middle
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
@@ -166,10 +169,12 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
   geometry_of_middle = !part.impact.empty();
+  turned.assign(motion.tree_count(), 0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
   } else {
+    take_turning_contacts_to_middle(d);
     build_rows(d);
   }
   if (parameters.options.law == Law::kComFree) {
@@ -205,6 +210,21 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   ++cuts;
   length = part.length;
   parts.set_length(length);
+}
+
+// Not bodies that constraints hold: those are frozen at the start.
+void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
+  if (parameters.options.law == Law::kComFree) return;
+  may_turn.resize(motion.tree_count());
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    may_turn[tree] = motion.can_freeze_ahead(tree);
+  for (const ConstraintInput& constraint : constraints)
+    for (int tree : constraint.tree)
+      if (tree >= 0) may_turn[tree] = 0;
+  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), may_turn, contacts,
+                       turned);
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
 }
 
 void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
@@ -347,7 +367,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!comfree)
       motion.advance(d, index, length,
-                     {touched[index] != 0, held[index] != 0, geometry_of_middle,
+                     {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
                       trapezoid.holds(index), trapezoid.added_velocity()},
                      data);
     else if (touched[index])

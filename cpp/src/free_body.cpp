@@ -96,14 +96,6 @@ class SplitRotation {
   double pending_ = 0.0;
 };
 
-Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle) {
-  const double norm = angle.norm();
-  if (norm == 0.0) return Eigen::Quaterniond::Identity();
-  const auto [sine, cosine] = sine_cosine(0.5 * norm);
-  const Eigen::Vector3d vector = sine / norm * angle;
-  return {cosine, vector[0], vector[1], vector[2]};
-}
-
 // Angular momentum of a world angular velocity at a principal orientation.
 Eigen::Vector3d momentum_of(const Eigen::Quaterniond& orientation, const Eigen::Vector3d& inertia,
                             const Eigen::Vector3d& omega) {
@@ -111,6 +103,14 @@ Eigen::Vector3d momentum_of(const Eigen::Quaterniond& orientation, const Eigen::
 }
 
 }  // namespace
+
+Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle) {
+  const double norm = angle.norm();
+  if (norm == 0.0) return Eigen::Quaterniond::Identity();
+  const auto [sine, cosine] = sine_cosine(0.5 * norm);
+  const Eigen::Vector3d vector = sine / norm * angle;
+  return {cosine, vector[0], vector[1], vector[2]};
+}
 
 Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia) {
   const Eigen::Vector3d local = rotation.orientation.conjugate() * rotation.angular_momentum;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco_moved_geom.hpp"
+
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
 // any two convex geoms.
 extern "C" int mjc_Convex(const mjModel* m, mjData* d, mjPreContact* con, int g1, int g2,
@@ -38,50 +40,6 @@ void column_of(const mjtNum* rotation, int column, mjtNum* out) {
   for (int i = 0; i < 3; ++i) out[i] = rotation[3 * i + column];
 }
 
-// A geom where it will be at the end of the step, while this lives.
-class MovedGeom {
- public:
-  MovedGeom(const mjModel* m, mjData* d, int geom)
-      : position_(d->geom_xpos + 3 * geom), rotation_(d->geom_xmat + 9 * geom) {
-    mju_copy3(start_position_, position_);
-    mju_copy(start_rotation_, rotation_, 9);
-    mjtNum velocity[6], quaternion[4];
-    mj_objectVelocity(m, d, mjOBJ_GEOM, geom, velocity, 0);
-    mju_addToScl3(position_, velocity + 3, m->opt.timestep);
-    mjtNum angle[3];
-    mju_scl3(angle, velocity, m->opt.timestep);
-    const mjtNum norm = mju_normalize3(angle);
-    mju_axisAngle2Quat(quaternion, angle, norm);
-    mju_quat2Mat(turn_, quaternion);
-    mju_mulMatMat(rotation_, turn_, start_rotation_, 3, 3, 3);
-  }
-  ~MovedGeom() {
-    mju_copy3(position_, start_position_);
-    mju_copy(rotation_, start_rotation_, 9);
-  }
-  MovedGeom(const MovedGeom&) = delete;
-  MovedGeom& operator=(const MovedGeom&) = delete;
-  // Where a point that moves with the geom is now, given where it will be.
-  void move_back(mjtNum* point) const {
-    mjtNum arm[3];
-    mju_sub3(arm, point, position_);
-    mju_mulMatTVec3(point, turn_, arm);
-    mju_addTo3(point, start_position_);
-  }
-  // Where it will be, given where it is now.
-  void move_on(mjtNum* point) const {
-    mjtNum arm[3];
-    mju_sub3(arm, point, start_position_);
-    mju_mulMatVec3(point, turn_, arm);
-    mju_addTo3(point, position_);
-  }
-
- private:
-  mjtNum* position_;
-  mjtNum* rotation_;
-  mjtNum start_position_[3], start_rotation_[9], turn_[9];
-};
-
 // Least half-width of a geom's box of bounds.
 mjtNum half_width(const mjModel* m, int geom) {
   const mjtNum* half = m->geom_aabb + 6 * geom + 3;
@@ -108,7 +66,7 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   if (count == 0 || count >= most) return count;
   const int known = count;
   mjPreContact end[mjMAXCONPAIR];
-  const MovedGeom moved1(m, d, geom1), moved2(m, d, geom2);
+  const MovedGeom moved1(m, d, geom1, m->opt.timestep), moved2(m, d, geom2, m->opt.timestep);
   // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
   const int end_count = collide(m, d, end, geom1, geom2, 0.0);
   for (int i = 0; i < end_count && count < most; ++i) {

@@ -92,6 +92,17 @@ void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
   start_motion_ = data.velocity;
 }
 
+void TreeMotion::freeze_ahead(int index, double time) {
+  FreeMotion& motion = free_motion_[index];
+  const Eigen::Quaterniond turn = rotation_of(time * motion.angular_velocity);
+  freeze_at(motion, (turn * motion.start.orientation).normalized());
+  // Columns four apart, see Trees::inverse.
+  using Inverse = Eigen::Map<Eigen::Matrix3d, 0, Eigen::OuterStride<4>>;
+  Inverse inverse(trees_.inverse.data() + trees_.tree[index].inverse + 4);
+  const Eigen::Matrix3d rotation = turn.toRotationMatrix();
+  inverse = (rotation * inverse * rotation.transpose()).eval();
+}
+
 void TreeMotion::invert_inertia(const std::array<int, 2>& tree) {
   for (int index : tree) {
     if (index < 0 || inverted_[index]) continue;

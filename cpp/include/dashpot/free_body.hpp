@@ -37,6 +37,9 @@ struct Rotation {
 // Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
 Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
 
+// The rotation by an angle (rad) about the axis along which it points.
+Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle);
+
 // Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about
 // 1e-6 instead of rounding.
 Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,

@@ -48,6 +48,10 @@ class TreeMotion {
   void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data);
   // The same as the geometry of the middle sees it, which `d` holds.
   void freeze_at_middle(mjData_* d, double length, RowData& data);
+  // The same of one free body, where its velocity takes it in `time` (s).
+  void freeze_ahead(int tree, double time);
+  // Whether it is a free body in the coordinates of one, and moves accurately.
+  bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
   // Fills in inv(H) of up to two trees (-1: none): those that no row touches never need it.
   void invert_inertia(const std::array<int, 2>& tree);
 

@@ -1,0 +1,133 @@
+"""Energy of bodies that roll without slip on a plane, beside MuJoCo, and the phase of a tumbler.
+
+    python benchmarks/rolling.py
+
+A tumbler (a ball with its centre of mass below its middle) swings by 0.3 rad; exactly, it does so
+for ever. A coin and an egg are dropped at a tilt with some spin and wobble: once they have landed
+nothing takes energy out of rolling, and nothing may put any in. Friction 1, no spin or rolling
+friction, rigid contact.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import dashpot
+from scene import Array
+
+MASS, RADIUS, OFFSET, INERTIA = 1.0, 0.05, 0.01, 1e-3
+MOMENTS = f"{INERTIA} {INERTIA} {INERTIA}"
+SWING = 0.3
+GRAVITY = 9.81
+TIMESTEPS = (0.001, 0.002, 0.005)
+SHAPES = {
+    "coin": 'type="cylinder" size=".04 .01"',
+    "egg": 'type="ellipsoid" size=".04 .032 .02"',
+}
+
+
+def tumbler(timestep: float) -> mujoco.MjModel:
+    """Return the tumbler at the end of its swing."""
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <geom type="plane" size="0 0 1" friction="1 0 0"/>
+          <body pos="0 0 {RADIUS}" euler="0 {np.degrees(SWING)} 0"><freejoint/>
+            <inertial pos="0 0 {-OFFSET}" mass="{MASS}" diaginertia="{MOMENTS}"/>
+            <geom type="sphere" size="{RADIUS}" friction="1 0 0"/></body></worldbody></mujoco>"""
+    )
+
+
+def swing_of_tumbler(times: Array) -> Array:
+    """Return the angle (rad) at `times` from the equation of motion of rolling without slip.
+
+    T = (I + m (r^2 + e^2 - 2 r e cos a)) a'^2 / 2, V = -m g e cos a.
+    """
+
+    def rates(_: float, state: Array) -> tuple[float, float]:
+        angle, speed = state
+        inertia = INERTIA + MASS * (RADIUS**2 + OFFSET**2 - 2 * RADIUS * OFFSET * np.cos(angle))
+        turning = MASS * RADIUS * OFFSET * np.sin(angle) * speed**2
+        return speed, -(MASS * GRAVITY * OFFSET * np.sin(angle) + turning) / inertia
+
+    solution = solve_ivp(
+        rates, (0.0, times[-1]), (SWING, 0.0), t_eval=times, method="DOP853", rtol=1e-11, atol=1e-13
+    )
+    return solution.y[0]
+
+
+def dropped(shape: str, timestep: float) -> mujoco.MjModel:
+    """Return a coin or an egg, tilted, 1 to 3 cm above the plane."""
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <geom type="plane" size="0 0 1" friction="1 0 0"/>
+          <body pos="0 0 .05" euler="20 30 0"><freejoint/>
+            <geom {SHAPES[shape]} density="1000" friction="1 0 0"/></body></worldbody></mujoco>"""
+    )
+
+
+def energies(model: mujoco.MjModel, *, spin: float, duration: float, peer: bool) -> Array:
+    """Return kinetic and potential energy (J) every 10 ms, of dashpot or of MuJoCo (`peer`)."""
+    engine = None if peer else dashpot.Engine(model)
+    model = model if engine is None else engine.model
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data = mujoco.MjData(model) if engine is None else engine.make_data()
+    data.qvel[3] = spin
+    steps = round(0.01 / model.opt.timestep)
+    rows = []
+    for _ in range(round(duration / 0.01)):
+        if engine is None:
+            mujoco.mj_step(model, data, steps)
+        else:
+            engine.step(data, nstep=steps)
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_energyPos(model, data)
+        mujoco.mj_energyVel(model, data)
+        rows.append(data.energy.sum())
+    return np.array(rows)
+
+
+def phase_error(timestep: float, *, duration: float) -> float:
+    """Return the largest error (rad) of the tumbler's angle over `duration` (s)."""
+    engine = dashpot.Engine(tumbler(timestep))
+    data = engine.make_data()
+    angles = []
+    for _ in range(round(duration / timestep)):
+        engine.step(data)
+        angles.append(2 * np.arctan2(data.qpos[5], data.qpos[3]))
+    times = timestep * np.arange(1, len(angles) + 1)
+    return float(np.abs(np.array(angles) - swing_of_tumbler(times)).max())
+
+
+def main() -> None:
+    """Print one line a body and time step."""
+    lowest = MASS * GRAVITY * (RADIUS - OFFSET)
+    for timestep in TIMESTEPS:
+        start = MASS * GRAVITY * OFFSET * (1 - np.cos(SWING))
+        kept = [
+            (energies(tumbler(timestep), spin=0.0, duration=20.0, peer=peer)[-1] - lowest) / start
+            for peer in (False, True)
+        ]
+        error = phase_error(timestep, duration=5.0)
+        print(
+            f"tumbler {1e3 * timestep:g} ms: energy after 20 s {kept[0]:.4f} of its start, MuJoCo "
+            f"{kept[1]:.4f}; angle within {error:.1e} rad over 5 s"
+        )
+    for shape in SHAPES:
+        for timestep in TIMESTEPS:
+            model = dropped(shape, timestep)
+            weight = GRAVITY * model.body_mass[1]
+            lines = []
+            for peer in (False, True):
+                energy = energies(model, spin=5.0, duration=10.0, peer=peer) / weight * 1e3
+                rise = (energy - np.minimum.accumulate(energy)).max()
+                lines.append(f"{energy[99]:.1f}, {energy[499]:.1f}, {energy[-1]:.1f} ({rise:.2f})")
+            print(
+                f"{shape} {1e3 * timestep:g} ms: energy over weight at 1, 5, 10 s (largest rise), "
+                f"mm: {lines[0]}; MuJoCo {lines[1]}"
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+// A geom where its velocity takes it. Part of the mujoco_host room.
+
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+namespace dashpot::host {
+
+// While it lives, the geom is where it will be after `time` (s) at the velocity that it has now.
+class MovedGeom {
+ public:
+  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time);
+  ~MovedGeom();
+  MovedGeom(const MovedGeom&) = delete;
+  MovedGeom& operator=(const MovedGeom&) = delete;
+  // Where a point that moves with the geom is now, given where it will be.
+  void move_back(mjtNum* point) const;
+  // Where it will be, given where it is now.
+  void move_on(mjtNum* point) const;
+
+ private:
+  mjtNum* position_;
+  mjtNum* rotation_;
+  mjtNum start_position_[3], start_rotation_[9], turn_[9];
+};
+
+}  // namespace dashpot::host

@@ -1,0 +1,237 @@
+#include "dashpot/mujoco_turning.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "dashpot/mujoco_collisions.hpp"
+#include "dashpot/mujoco_moved_geom.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Turn in a step (rad), and way relative to the size of the smaller geom, up to which a pair is at
+// rest: what curves there is a height of 1e-10 of that size.
+constexpr double kStill = 1e-5;
+// The same way up to which a pair meets where it did: a ball that slides off a tile meets its edge
+// in the middle, though it is on the next tile by then. Planes have no edges.
+constexpr double kFarWay = 0.1;
+// Cosine between the normals of one contact at the start and in the middle.
+constexpr double kSame = 0.85;
+
+// A contact that the collision of a pair finds in the middle, and its place on the two geoms.
+struct MiddleContact {
+  mjtNum distance, position[3], normal[3];
+  std::array<double, 3> local[2];
+};
+
+// One of the two geoms of a pair.
+struct Side {
+  int geom = -1, body = -1;
+  bool turns = false;                // belongs to a free body that may be taken to the middle
+  mjtNum angular[3]{}, linear[3]{};  // of its body's centre of mass, world
+};
+
+double squared_distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
+
+// On the geom on which the two are nearer.
+double squared_distance(const ContactInput& start, const MiddleContact& middle) {
+  return std::min(squared_distance(start.local_position[0], middle.local[0]),
+                  squared_distance(start.local_position[1], middle.local[1]));
+}
+
+// A ball that turns about its middle looks the same.
+bool is_ball(const mjModel* m, int geom) {
+  return m->geom_type[geom] == mjGEOM_SPHERE &&
+         mju_dist3(m->geom_pos + 3 * geom, m->body_ipos + 3 * m->geom_bodyid[geom]) == 0.0;
+}
+
+// Whether collision knows a geom's surface as a whole.
+bool is_convex(const mjModel* m, int geom) {
+  return m->geom_type[geom] != mjGEOM_HFIELD && m->geom_type[geom] != mjGEOM_SDF;
+}
+
+// Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
+bool has_corners(const mjModel* m, int geom) {
+  const int type = m->geom_type[geom];
+  return type == mjGEOM_PLANE || type == mjGEOM_BOX || type == mjGEOM_MESH;
+}
+
+class TurningPair {
+ public:
+  // Of the contacts from `first` to `last`; `time` (s) leads to the middle.
+  TurningPair(const mjModel* m, mjData* d, double time, ContactInput* first, ContactInput* last)
+      : model_(m), data_(d), time_(time), first_(first), last_(last) {}
+
+  // Finds how the pair moves; whether it does, and may touch up to the middle.
+  bool moves(const std::vector<char>& may_turn, const Trees& trees, const double* motion) {
+    for (int i = 0; i < 2; ++i) {
+      Side& side = side_[i];
+      side.geom = first_->geom[i];
+      if (side.geom < 0 || !is_convex(model_, side.geom)) return false;
+      side.body = model_->geom_bodyid[side.geom];
+      const int tree = first_->tree[i];
+      side.turns = tree >= 0 && may_turn[tree];
+    }
+    if (!side_[0].turns && !side_[1].turns) return false;
+    const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
+    if (on_plane && is_ball(model_, side_[1].geom)) return false;
+    for (int i = 0; i < 2; ++i) find_motion(first_->tree[i], trees, motion, side_[i]);
+    mju_sub3(relative_, side_[1].linear, side_[0].linear);
+    const double way = 2.0 * time_ * mju_norm3(relative_);
+    const double turn =
+        2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
+    if (turn <= kStill && way <= kStill * size()) return false;
+    if (way > kFarWay * size() && !on_plane) return false;
+    way_ = way_to_middle();
+    return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
+  }
+
+  // Takes the contacts that are found there to the middle; whether there were any.
+  bool take() {
+    find_contacts();
+    const bool corners = has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
+    bool any = false;
+    for (ContactInput* contact = first_; contact != last_; ++contact) {
+      const MiddleContact* const same = nearest(*contact);
+      if (!same || nearest(*same) != contact) continue;
+      if (corners && squared_distance(*contact, *same) > 4.0 * way_ * way_) continue;
+      if (mju_dot3(same->normal, contact->frame.data()) < kSame) continue;
+      take(*same, *contact);
+      any = true;
+    }
+    return any;
+  }
+
+ private:
+  // Free bodies have theirs in the coordinates of their tree.
+  void find_motion(int tree, const Trees& trees, const double* motion, Side& side) const {
+    if (side.turns) {
+      mju_copy3(side.linear, motion + trees.tree[tree].begin);
+      mju_copy3(side.angular, motion + trees.tree[tree].begin + 4);
+      return;
+    }
+    mjtNum velocity[6];
+    mj_objectVelocity(model_, data_, mjOBJ_BODY, side.body, velocity, 0);
+    mju_copy3(side.angular, velocity);
+    mju_copy3(side.linear, velocity + 3);
+  }
+
+  // Radius about the smaller geom; planes have none.
+  double size() const {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Side& side : side_)
+      if (model_->geom_rbound[side.geom] > 0.0)
+        least = std::min<double>(least, model_->geom_rbound[side.geom]);
+    return least;
+  }
+
+  // The farthest that any two points of the geoms move along each other.
+  double way_to_middle() const {
+    double speed = mju_norm3(relative_);
+    for (const Side& side : side_)
+      speed += mju_norm3(side.angular) *
+               (model_->geom_rbound[side.geom] +
+                mju_dist3(data_->geom_xpos + 3 * side.geom, data_->xipos + 3 * side.body));
+    return time_ * speed;
+  }
+
+  void find_contacts() {
+    const int geom1 = side_[0].geom, geom2 = side_[1].geom;
+    const MovedGeom moved1(model_, data_, geom1, time_), moved2(model_, data_, geom2, time_);
+    const ReplacedCollisions replaced;
+    mjPreContact found[mjMAXCONPAIR];
+    const mjfCollision collide =
+        mjCOLLISIONFUNC[model_->geom_type[geom1]][model_->geom_type[geom2]];
+    count_ = collide(model_, data_, found, geom1, geom2, first_->margin + way_);
+    for (int i = 0; i < count_; ++i) {
+      MiddleContact& middle = middle_[i];
+      middle.distance = found[i].dist;
+      mju_copy3(middle.position, found[i].pos);
+      mju_copy3(middle.normal, found[i].normal);
+      for (int side = 0; side < 2; ++side) {
+        const int geom = side_[side].geom;
+        mjtNum arm[3];
+        mju_sub3(arm, found[i].pos, data_->geom_xpos + 3 * geom);
+        mju_mulMatTVec3(middle.local[side].data(), data_->geom_xmat + 9 * geom, arm);
+      }
+    }
+    mju_copy(rotation_, data_->geom_xmat + 9 * geom1, 9);
+  }
+
+  const MiddleContact* nearest(const ContactInput& contact) const {
+    const MiddleContact* const end = middle_.data() + count_;
+    const MiddleContact* const least =
+        std::min_element(middle_.data(), end, [&](const MiddleContact& a, const MiddleContact& b) {
+          return squared_distance(contact, a) < squared_distance(contact, b);
+        });
+    return least == end ? nullptr : least;
+  }
+
+  const ContactInput* nearest(const MiddleContact& middle) const {
+    return std::min_element(first_, last_, [&](const ContactInput& a, const ContactInput& b) {
+      return squared_distance(a, middle) < squared_distance(b, middle);
+    });
+  }
+
+  // A body at its start sees the point where it will be seen in the middle. One that stays as it is
+  // at the start is touched at the same place on it.
+  void take(const MiddleContact& middle, ContactInput& contact) const {
+    const double apart = std::max(0.0, middle.distance - contact.margin);
+    mjtNum point[2][3];
+    for (int i = 0; i < 2; ++i) {
+      mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
+      if (side_[i].turns)
+        mju_addToScl3(point[i], side_[i].linear, -time_);
+      else if (contact.tree[i] >= 0)
+        MovedGeom(model_, data_, side_[i].geom, time_).move_back(point[i]);
+    }
+    for (int i = 0; i < 3; ++i) {
+      contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
+      contact.apart[i] = point[1][i] - point[0][i];
+    }
+    mjtNum* const frame = contact.frame.data();
+    mju_copy3(frame, middle.normal);
+    mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
+    mju_normalize3(frame + 3);
+    mju_cross(frame + 6, frame, frame + 3);
+    mju_copy(data_->contact[contact.source].frame, frame, 9);
+    std::copy_n(rotation_, 9, contact.rotation.begin());
+  }
+
+  const mjModel* model_;
+  mjData* data_;
+  double time_;
+  ContactInput *first_, *last_;
+  std::array<Side, 2> side_;
+  mjtNum relative_[3]{};  // velocity of side 1 to side 0
+  double way_ = 0.0;      // m, to the middle
+  std::array<MiddleContact, mjMAXCONPAIR> middle_;
+  int count_ = 0;
+  mjtNum rotation_[9]{};  // of the first geom in the middle
+};
+
+}  // namespace
+
+void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
+                    const double* motion, const std::vector<char>& may_turn,
+                    std::vector<ContactInput>& contacts, std::vector<char>& turned) {
+  for (size_t first = 0, last; first < contacts.size(); first = last) {
+    last = first + 1;
+    while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
+    TurningPair pair(m, d, 0.5 * length, contacts.data() + first, contacts.data() + last);
+    if (!pair.moves(may_turn, trees, motion) || !pair.take()) continue;
+    for (int tree : contacts[first].tree)
+      if (tree >= 0 && may_turn[tree]) turned[tree] = 1;
+  }
+}
+
+}  // namespace dashpot::host
