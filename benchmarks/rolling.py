@@ -57,13 +57,13 @@ def swing_of_tumbler(times: Array) -> Array:
     return solution.y[0]
 
 
-def dropped(shape: str, timestep: float) -> mujoco.MjModel:
+def dropped(shape: str, timestep: float, *, friction: str = 'friction="1 0 0"') -> mujoco.MjModel:
     """Return a coin or an egg, tilted, 1 to 3 cm above the plane."""
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}"/><worldbody>
           <geom type="plane" size="0 0 1" friction="1 0 0"/>
           <body pos="0 0 .05" euler="20 30 0"><freejoint/>
-            <geom {SHAPES[shape]} density="1000" friction="1 0 0"/></body></worldbody></mujoco>"""
+            <geom {SHAPES[shape]} density="1000" {friction}/></body></worldbody></mujoco>"""
     )
 
 

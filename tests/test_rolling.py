@@ -27,8 +27,7 @@ def test_a_tumbler_swings_on_with_its_energy(timestep):
     energy = energies(tumbler(timestep), spin=0.0, duration=20.0, peer=False)
     swing = MASS * GRAVITY * OFFSET * (1.0 - np.cos(SWING))
     kept = (energy - MASS * GRAVITY * (RADIUS - OFFSET)) / swing
-    # Dashpots take what the normal's turn leaves, of first order in the step.
-    assert kept[-1] == pytest.approx(1.0, abs=2.0 * timestep)
+    assert kept[-1] == pytest.approx(1.0, abs=2e-3)
     assert kept.max() < 1.0 + 1e-3
 
 
@@ -48,17 +47,23 @@ def test_rolling_gains_no_energy(shape, timestep):
     height = energy / (GRAVITY * model.body_mass[1])
     landed = height[50:]
     rise = (landed - np.minimum.accumulate(landed)).max()
-    # Of a few centimetres; overlap that a rim makes by turning far in a step is recovered.
-    assert rise < 0.1 * timestep + 2e-4
+    # Of a few centimetres. What a rim's fast turn leaves in a step is of first order for bodies that
+    # land again and again, as the coin does.
+    assert rise < 0.25 * timestep
 
 
-def test_a_coin_comes_to_rest():
-    model = dropped("coin", 0.002)
-    engine = dashpot.Engine(model)
-    data = engine.make_data()
-    data.qvel[3] = 5.0
-    engine.step(data, nstep=5000)
-    assert np.abs(data.qvel).max() < 1e-6
+def test_a_coin_rolls_on_and_comes_to_rest_by_rolling_friction():
+    """Without it nothing takes energy out of rolling on an edge."""
+    speeds = []
+    for friction in ('friction="1 0 0"', 'condim="6" friction="1 1e-3 1e-3"'):
+        model = dropped("coin", 0.002, friction=friction)
+        engine = dashpot.Engine(model)
+        data = engine.make_data()
+        data.qvel[3] = 5.0
+        engine.step(data, nstep=5000)
+        speeds.append(np.abs(data.qvel).max())
+    assert speeds[0] > 1.0
+    assert speeds[1] < 1e-6
     assert data.qpos[2] == pytest.approx(0.01, abs=1e-5)
 
 

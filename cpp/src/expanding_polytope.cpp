@@ -35,6 +35,8 @@ class Polytope {
   // Tetrahedron of four support points; false where no four of them span a volume.
   bool start(const std::array<DifferencePoint, 4>& corners, double flat) {
     vertices_.assign(corners.begin(), corners.end());
+    faces_.clear();
+    rim_.clear();
     const Vector3d edge1 = at(1) - at(0), edge2 = at(2) - at(0), edge3 = at(3) - at(0);
     const Vector3d normal = edge1.cross(edge2);
     const double height = normal.norm() > 0.0 ? edge3.dot(normal.normalized()) : 0.0;
@@ -160,7 +162,7 @@ std::optional<Penetration> expand_polytope(const Shape& shape1, const Pose& pose
   const double height = up.dot(above.difference - corner[0].difference);
   const double depth = up.dot(corner[0].difference - below.difference);
   corner[3] = height >= depth ? above : below;
-  Polytope polytope;
+  thread_local Polytope polytope;  // kept by the thread: no allocation in a step
   if (!polytope.start(corner, kFlat * size)) return std::nullopt;
 
   Penetration best;

@@ -115,6 +115,10 @@ void MicrostepLoop::Impl::pack_law(const RowGroup& c, int lane, ContactLanes<Dim
   law.loaded_friction[lane] = c.loaded_friction;
   law.inverse_friction_load[lane] = 1.0 / c.friction_load;
   law.load_dependent = law.load_dependent || c.loaded_friction < 1.0;
+  for (int i = 0; i < std::min(Dim, 3); ++i) {
+    law.turning[i][lane] = c.turning[i];
+    law.turns = law.turns || c.turning[i] != 0.0;
+  }
   for (int i = 1; i < Dim; ++i) {
     const double mu = rows->friction[c.row + i];
     if (mu > 0.0) {
@@ -210,8 +214,13 @@ void MicrostepLoop::Impl::run_microsteps() {
   double& turning = data->velocity[kTurningCoordinate];
   const double turning_at_start = turning;
   sweep_rows(Sweep::kPrepare, m);
+  const double middle = 0.5 * h * island->microsteps;
+  m.rate_time = -middle;
   for (int i = 0; i < island->microsteps; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
+    m.work_time = i * h + 0.5 * h - middle;
+    m.displacement_time = h * m.work_time;
+    m.rate_time = (i + 1) * h - middle;
     // The ground's motion in every micro-step; none before the first.
     displacement[kSurfaceCoordinate] = h;
     displacement[kTurningCoordinate] = h * (turning + 0.5 * h);

@@ -20,6 +20,9 @@ constexpr double kStill = 1e-5;
 // The same way up to which a pair meets where it did: a ball that slides off a tile meets its edge
 // in the middle, though it is on the next tile by then. Planes have no edges.
 constexpr double kFarWay = 0.1;
+// How far, relative to the same, a contact point moves on along a rim or a surface up to the
+// middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
+constexpr double kFarPoint = 0.5;
 // Cosine between the normals of one contact at the start and in the middle.
 constexpr double kSame = 0.85;
 
@@ -103,7 +106,8 @@ class TurningPair {
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       const MiddleContact* const same = nearest(*contact);
       if (!same || nearest(*same) != contact) continue;
-      if (corners && squared_distance(*contact, *same) > 4.0 * way_ * way_) continue;
+      const double far = corners ? 2.0 * way_ : kFarPoint * size();
+      if (squared_distance(*contact, *same) > far * far) continue;
       if (mju_dot3(same->normal, contact->frame.data()) < kSame) continue;
       take(*same, *contact);
       any = true;
@@ -185,6 +189,7 @@ class TurningPair {
   // A body at its start sees the point where it will be seen in the middle. One that stays as it is
   // at the start is touched at the same place on it.
   void take(const MiddleContact& middle, ContactInput& contact) const {
+    const std::array<double, 3> start_rate = point_rate(contact);
     const double apart = std::max(0.0, middle.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
@@ -203,8 +208,28 @@ class TurningPair {
     mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
+    const std::array<double, 3> rate = point_rate(contact);
+    for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / time_;
     mju_copy(data_->contact[contact.source].frame, frame, 9);
     std::copy_n(rotation_, 9, contact.rotation.begin());
+  }
+
+  // Velocity of the point on the second geom to that on the first, in the contact's frame.
+  std::array<double, 3> point_rate(const ContactInput& contact) const {
+    mjtNum relative[3] = {0, 0, 0};
+    for (int i = 0; i < 2; ++i) {
+      const mjtNum sign = i == 0 ? -1.0 : 1.0;
+      mjtNum arm[3], velocity[3];
+      for (int k = 0; k < 3; ++k)
+        arm[k] = contact.position[k] + 0.5 * sign * contact.apart[k] -
+                 data_->xipos[3 * side_[i].body + k];
+      mju_cross(velocity, side_[i].angular, arm);
+      mju_addTo3(velocity, side_[i].linear);
+      mju_addToScl3(relative, velocity, sign);
+    }
+    std::array<double, 3> rate;
+    mju_mulMatVec3(rate.data(), contact.frame.data(), relative);
+    return rate;
   }
 
   const mjModel* model_;

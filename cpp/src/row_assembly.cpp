@@ -55,6 +55,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     const Material& material = materials.back().material;
     c.loaded_friction = material.loaded_friction;
     c.friction_load = material.friction_load;
+    c.turning = input.turning;
     const std::array<double, 5> friction = friction_of(input, material);
     std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
     host::append_jacobian(model, data, input, motion.trees(), rows);

@@ -9,6 +9,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "dashpot/friction.hpp"
@@ -54,9 +55,11 @@ struct ContactLanes : RowLanes<Dim> {
   SpringCoefficients spring[kFrictionRows];
   Lanes inverse_friction[kFrictionRows];
   bool load_dependent = false;  // s < 1 in any lane
+  bool turns = false;           // any of `turning` is not 0
   RelaxationCoefficients relaxation[kFrictionRows];
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
   Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
+  Lanes turning[Dim < 3 ? Dim : 3];              // of RowGroup
 };
 
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
@@ -164,6 +167,21 @@ template <int Dim>
 [[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate) {
   c.work[i > 0] += 0.5 * c.impulse[i] * (c.rate[i] + rate);
   c.rate[i] = rate;
+}
+
+// What the turn of its geometry adds to a contact's rates and displacements: `rate_time` (s) times
+// its acceleration, and `displacement_time` (s^2) times it. The first half of a step takes from the
+// rates, and the second adds: no motion of bodies, so no work is booked of it. `work_time` (s): its
+// mean time during the last impulses.
+template <int Dim>
+[[gnu::always_inline]] inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
+                                             double displacement_time, double work_time,
+                                             Lanes* rate, Lanes* displacement) {
+  for (int i = 0; i < std::min(Dim, 3); ++i) {
+    rate[i] += c.turning[i] * rate_time;
+    displacement[i] += c.turning[i] * displacement_time;
+    c.work[i > 0] -= c.impulse[i] * c.turning[i] * work_time;
+  }
 }
 
 // The second term, of all micro-steps. `load`: of every row.
@@ -348,10 +366,13 @@ template <int Dim>
 [[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h,
                                         Lanes* moment) {
   const Lanes zero{};
-  flow_normal(c, motion[0] - c.inverse_mass[0] * c.force[0], h, moment[0]);
+  Lanes load[Dim];
+  for (int i = 0; i < Dim; ++i) load[i] = motion[i] - c.inverse_mass[i] * c.force[i];
+  if (c.turns)
+    for (int i = 0; i < std::min(Dim, 3); ++i) load[i] += c.turning[i];
+  flow_normal(c, load[0], h, moment[0]);
   if (Dim > 1) {
-    for (int i = 1; i < Dim; ++i)
-      flow_spring(c, i, c.spring[i - 1], motion[i] - c.inverse_mass[i] * c.force[i], moment[i]);
+    for (int i = 1; i < Dim; ++i) flow_spring(c, i, c.spring[i - 1], load[i], moment[i]);
     LaneMask inside;
     return_friction(c, c.impulse, inside, h);
     const LaneMask pressed = c.impulse[0] > zero;

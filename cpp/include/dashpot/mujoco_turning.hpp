@@ -7,7 +7,9 @@
 // start bring the bodies in the middle, the errors before and after it cancel: neither gains.
 //
 // Collision of the pair alone is asked again, with its geoms in the poses of the middle. Gaps stay
-// those of the start: from there the rates in the middle lead to those of the end.
+// those of the start: from there the rates in the middle lead to those of the end. Rates and slip
+// in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
+// ContactInput::turning, without which dampers would take from every turn what the next step finds.
 
 #pragma once
 

@@ -34,6 +34,9 @@ struct ContactInput {
   // From the point of geom 1 on which the contact acts to that of geom 2, about `position`: where
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
+  // Acceleration (m/s^2) of the gap and of sliding because normal and arms turn, frozen in the
+  // middle of the step.
+  std::array<double, 3> turning{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
@@ -92,6 +95,7 @@ struct RowGroup {
   // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
   double soft_load = 0.0;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
+  std::array<double, 3> turning{};                    // of ContactInput
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;

@@ -41,6 +41,8 @@ struct Blocks {
 struct IslandMotion {
   double h = 0.0;
   double recovery_speed = 0.0;
+  // Times for turn_rows(), from the middle of the step on.
+  double rate_time = 0.0, displacement_time = 0.0, work_time = 0.0;
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
@@ -77,6 +79,9 @@ template <typename Jacobian, typename Law>
   Lanes rate[kDim], displacement[kDim];
   gather<kDim>(block.jacobian, m.velocity, rate);
   gather<kDim>(block.jacobian, m.displacement, displacement);
+  if constexpr (!std::is_same_v<Law, SpringLanes>)
+    if (law.turns)
+      turn_rows(law, m.rate_time, m.displacement_time, m.work_time, rate, displacement);
   read_motion(law, rate, displacement, m.h, m.recovery_speed);
   if (sweep == Sweep::kRead) {
     Lanes load[kDim];
