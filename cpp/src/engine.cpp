@@ -122,6 +122,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
+  detection.faces_of_flat_boxes = p.options.law != Law::kComFree;
   memory_layout = dashpot::memory_layout(m);
   data_size = host::data_size(m);
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/flat_boxes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
@@ -32,7 +33,7 @@ constexpr double kAsDeep = 0.8;
 constexpr double kFlat = 1e-6;
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
-thread_local bool replaced = false;
+thread_local bool replaced = false, faces_of_flat_boxes = false;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
 
 // A column of a rotation matrix.
@@ -95,14 +96,40 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   return count;
 }
 
+PlacedBox placed_box(const mjModel* m, const mjData* d, int geom) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  return {{Eigen::Map<const Eigen::Vector3d>(d->geom_xpos + 3 * geom),
+           Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)},
+          Eigen::Map<const Eigen::Vector3d>(m->geom_size + 3 * geom)};
+}
+
+// Collision of boxes that gives the points of faces where MuJoCo gives the crossing of their edges.
+int collide_boxes(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                  mjtNum margin) {
+  const mjfCollision collide = collide_now[mjGEOM_BOX][mjGEOM_BOX];
+  const int count = collide(m, d, contact, geom1, geom2, margin);
+  if (count != 1 || !faces_of_flat_boxes) return count;
+  const FaceManifold faces = meet_flat(placed_box(m, d, geom1), placed_box(m, d, geom2),
+                                       Eigen::Map<const Eigen::Vector3d>(contact->normal), margin);
+  if (faces.count < 2) return count;  // the crossing alone: along its own normal
+  for (int i = 0; i < faces.count; ++i) {
+    contact[i].dist = faces.point[i].distance;
+    mju_copy3(contact[i].pos, faces.point[i].position.data());
+    mju_copy3(contact[i].normal, faces.normal.data());
+    mju_zero3(contact[i].tangent);
+  }
+  return faces.count;
+}
+
 int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                    mjtNum margin) {
-  const mjfCollision collide = collide_now[m->geom_type[geom1]][m->geom_type[geom2]];
+  const bool are_boxes = m->geom_type[geom1] == mjGEOM_BOX && m->geom_type[geom2] == mjGEOM_BOX;
+  mjfCollision collide = collide_now[m->geom_type[geom1]][m->geom_type[geom2]];
+  if (!replaced) return collide(m, d, contact, geom1, geom2, margin);
+  if (are_boxes) collide = collide_boxes;
   int count = collide(m, d, contact, geom1, geom2, margin);
-  if (!replaced) return count;
   const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
   if (margin <= kFarReach * width) return count;
-  const bool are_boxes = m->geom_type[geom1] == mjGEOM_BOX && m->geom_type[geom2] == mjGEOM_BOX;
   if (are_boxes && count == 0) count = mjc_Convex(m, d, contact, geom1, geom2, margin);
   if (margin <= kFastReach * width) return count;
   return add_coming(m, d, geom1, geom2, margin, collide, contact, count);
@@ -161,11 +188,16 @@ void install() {
 
 }  // namespace
 
-ReplacedCollisions::ReplacedCollisions() : outer_(replaced) {
+ReplacedCollisions::ReplacedCollisions(bool faces)
+    : outer_(replaced), outer_faces_(faces_of_flat_boxes) {
   install();
   replaced = true;
+  faces_of_flat_boxes = faces;
 }
 
-ReplacedCollisions::~ReplacedCollisions() { replaced = outer_; }
+ReplacedCollisions::~ReplacedCollisions() {
+  replaced = outer_;
+  faces_of_flat_boxes = outer_faces_;
+}
 
 }  // namespace dashpot::host

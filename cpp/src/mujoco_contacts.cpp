@@ -110,7 +110,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints) {
   {
-    WidenedReach reach(m, d, acceleration, detection.buffers);
+    WidenedReach reach(m, d, acceleration, detection.faces_of_flat_boxes, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     call_with_callbacks(mj_collision, m, d);
     for (int i = 0; i < d->ncon; ++i) {

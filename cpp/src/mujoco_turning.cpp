@@ -151,7 +151,7 @@ class TurningPair {
   void find_contacts() {
     const int geom1 = side_[0].geom, geom2 = side_[1].geom;
     const MovedGeom moved1(model_, data_, geom1, time_), moved2(model_, data_, geom2, time_);
-    const ReplacedCollisions replaced;
+    const ReplacedCollisions replaced(true);
     mjPreContact found[mjMAXCONPAIR];
     const mjfCollision collide =
         mjCOLLISIONFUNC[model_->geom_type[geom1]][model_->geom_type[geom2]];

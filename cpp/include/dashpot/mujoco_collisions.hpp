@@ -3,6 +3,10 @@
 // Boxes: MuJoCo finds nothing between boxes that are apart and face each other with corners or
 // edges. Under a widened reach such contacts may start in the step: that of the nearest points.
 //
+// Boxes that lie flat on each other: of two faces tilted by a hair MuJoCo finds one crossing of
+// their edges in some steps. There the contacts are all points that the faces share, see
+// flat_boxes.hpp; but for the complementarity-free law, which is published with what MuJoCo finds.
+//
 // Capsules, cylinders, boxes and meshes: MuJoCo finds the nearest points and, of shapes that face
 // each other, others at about the same distance. Of a body that turns fast another one may come
 // faster. Where geoms move far in a step, points that overlap at its end, at the velocities of its
@@ -21,13 +25,13 @@ namespace dashpot::host {
 // While it lives, collisions of this thread are those; others stay as they are.
 class ReplacedCollisions {
  public:
-  ReplacedCollisions();
+  explicit ReplacedCollisions(bool faces_of_flat_boxes);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
 
  private:
-  bool outer_;  // a callback of collision may step another model
+  bool outer_, outer_faces_;  // a callback of collision may step another model
 };
 
 }  // namespace dashpot::host

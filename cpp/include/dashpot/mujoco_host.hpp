@@ -130,6 +130,7 @@ enum class ContactRows { kNone, kIfTheyFit, kRequired };
 // How to detect, and what detection keeps from step to step.
 struct Detection {
   ContactRows contact_rows = ContactRows::kRequired;
+  bool faces_of_flat_boxes = true;  // see mujoco_collisions.hpp
   ReachBuffers buffers;
   SeamBuffers seams;
 };
