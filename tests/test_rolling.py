@@ -47,8 +47,8 @@ def test_rolling_gains_no_energy(shape, timestep):
     height = energy / (GRAVITY * model.body_mass[1])
     landed = height[50:]
     rise = (landed - np.minimum.accumulate(landed)).max()
-    # Of a few centimetres. What a rim's fast turn leaves in a step is of first order for bodies that
-    # land again and again, as the coin does.
+    # Of a few centimetres. What a rim's fast turn leaves is of first order in the step for bodies
+    # that land again and again, as the coin does.
     assert rise < 0.25 * timestep
 
 
