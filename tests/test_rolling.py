@@ -107,3 +107,32 @@ def test_rolling_does_not_depend_on_the_world_frame():
     assert np.linalg.norm(ends[0][:2]) > 2e-3  # it has rolled
     # Rounding of the collision's search on an ellipsoid.
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (2.0, 0.0)])
+def test_a_box_rides_on_a_disc_that_spins_and_moves(velocity):
+    """A mocap body. Friction holds the box in its place, at whatever velocity both are seen."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.002"/><worldbody>
+          <body mocap="true"><geom type="cylinder" size=".3 .02" friction="5"/></body>
+          <body pos=".1 0 .03"><freejoint/>
+            <geom type="box" size=".03 .03 .01" mass="1" friction="5"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model, mocap_timeconst=0.0)
+    data = engine.make_data()
+    spin, step = 6.0, 0.002
+    shift = np.array([*velocity, 0.0])
+    data.qvel[:3] = shift + (0.0, 0.1 * spin, 0.0)
+    data.qvel[5] = spin
+    places = []
+    for i in range(1, 501):
+        angle = spin * i * step
+        data.mocap_pos[0] = shift * (i * step)
+        data.mocap_quat[0] = np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)
+        engine.step(data)
+        x, y, _ = data.qpos[:3] - shift * (i * step)
+        turn = np.exp(-1j * angle)
+        places.append((x + 1j * y) * turn)
+    # In half a second, when friction has taken its load; 2 mm with frozen starts.
+    assert abs(places[-1] - places[249]) < 2e-5

@@ -87,12 +87,19 @@ class TurningPair {
     if (!side_[0].turns && !side_[1].turns) return false;
     const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
     if (on_plane && is_ball(model_, side_[1].geom)) return false;
-    for (int i = 0; i < 2; ++i) find_motion(first_->tree[i], trees, motion, side_[i]);
+    for (int i = 0; i < 2; ++i) {
+      Side& side = side_[i];
+      find_motion(first_->tree[i], trees, motion, side);
+      const bool is_link = first_->tree[i] >= 0 && !side.turns;
+      if (is_link &&
+          !is_still(2.0 * time_ * mju_norm3(side.angular), 2.0 * time_ * mju_norm3(side.linear)))
+        return false;
+    }
     mju_sub3(relative_, side_[1].linear, side_[0].linear);
     const double way = 2.0 * time_ * mju_norm3(relative_);
     const double turn =
         2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
-    if (turn <= kStill && way <= kStill * size()) return false;
+    if (is_still(turn, way)) return false;
     if (way > kFarWay * size() && !on_plane) return false;
     way_ = way_to_middle();
     return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
@@ -116,6 +123,9 @@ class TurningPair {
   }
 
  private:
+  // `turn` (rad) and `way` (m) in a step.
+  bool is_still(double turn, double way) const { return turn <= kStill && way <= kStill * size(); }
+
   // Free bodies have theirs in the coordinates of their tree.
   void find_motion(int tree, const Trees& trees, const double* motion, Side& side) const {
     if (side.turns) {
@@ -123,10 +133,7 @@ class TurningPair {
       mju_copy3(side.angular, motion + trees.tree[tree].begin + 4);
       return;
     }
-    mjtNum velocity[6];
-    mj_objectVelocity(model_, data_, mjOBJ_BODY, side.body, velocity, 0);
-    mju_copy3(side.angular, velocity);
-    mju_copy3(side.linear, velocity + 3);
+    velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
   }
 
   // Radius about the smaller geom; planes have none.
@@ -186,18 +193,14 @@ class TurningPair {
     });
   }
 
-  // A body at its start sees the point where it will be seen in the middle. One that stays as it is
-  // at the start is touched at the same place on it.
+  // From where its centre of mass is at the start each body sees the point as in the middle.
   void take(const MiddleContact& middle, ContactInput& contact) const {
     const std::array<double, 3> start_rate = point_rate(contact);
     const double apart = std::max(0.0, middle.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
       mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
-      if (side_[i].turns)
-        mju_addToScl3(point[i], side_[i].linear, -time_);
-      else if (contact.tree[i] >= 0)
-        MovedGeom(model_, data_, side_[i].geom, time_).move_back(point[i]);
+      mju_addToScl3(point[i], side_[i].linear, -time_);
     }
     for (int i = 0; i < 3; ++i) {
       contact.position[i] = 0.5 * (point[0][i] + point[1][i]);

@@ -6,6 +6,11 @@
 
 namespace dashpot::host {
 
+// Velocity of a body at a point (world): also that of mocap bodies and of what hangs on them, which
+// mj_objectVelocity leaves out.
+void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
+                 mjtNum* linear);
+
 // While it lives, the geom is where it will be after `time` (s) at the velocity that it has now.
 class MovedGeom {
  public:
