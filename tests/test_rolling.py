@@ -123,7 +123,7 @@ def test_a_box_rides_on_a_disc_that_spins_and_moves(velocity):
     data = engine.make_data()
     spin, step = 6.0, 0.002
     shift = np.array([*velocity, 0.0])
-    data.qvel[:3] = shift + (0.0, 0.1 * spin, 0.0)
+    data.qvel[:3] = np.add(shift, (0.0, 0.1 * spin, 0.0))
     data.qvel[5] = spin
     places = []
     for i in range(1, 501):
