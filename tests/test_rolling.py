@@ -138,6 +138,6 @@ def test_a_box_rides_on_a_disc_that_spins_and_moves(velocity):
         x, y, _ = data.qpos[:3] - shift * (i * step)
         turn = np.exp(-1j * angle)
         places.append((x + 1j * y) * turn)
-    # In half a second, when friction has taken its load: a hundredth of the 2 mm that a start frozen
-    # on either side gives.
+    # In half a second, when friction has taken its load: a hundredth of the 2 mm that starts
+    # frozen on either side give.
     assert abs(places[-1] - places[249]) < 2e-5
