@@ -236,7 +236,8 @@ def test_the_ledger_of_a_double_pendulum_closes_as_well_as_rk4(scene, most):
     """Semi-implicitly it swings by half a step times some 20 rad/s."""
     error = ledger_error(scene, "RK4")
     assert error < most
-    assert error < 0.5 * ledger_error(scene, "Euler")
+    # Limits hold Euler's trees to the trapezoidal rule, so that an impact is most of either.
+    assert error < (0.8 if "range" in scene else 0.5) * ledger_error(scene, "Euler")
 
 
 @pytest.mark.parametrize("scene", [pendulum('damping=".02"'), pendulum('frictionloss=".05"')])
@@ -273,8 +274,8 @@ def test_a_limit_that_gives_way_costs_little_of_the_accuracy(timestep):
     assert error < 0.05 * np.abs(swing(xml, "Euler", timestep, 0.3) - converged).max()
 
 
-def test_a_tip_on_soft_ground_converges_to_first_order():
-    """Geometry frozen over the step is what is left."""
+def test_a_tip_on_soft_ground_converges_to_second_order():
+    """Its geometry is that of the middle of the step."""
     tip = '<geom name="tip" pos=".3 0 0" size=".03" mass=".1" condim="1"/>'
     soft = dashpot.Material(500.0, damping=2.0)
     xml = pendulum('damping=".05"', 'damping=".02"', tip)
@@ -282,11 +283,12 @@ def test_a_tip_on_soft_ground_converges_to_first_order():
     errors = {
         (integrator, h): np.abs(swing(xml, integrator, h, 0.4, soft) - converged).max()
         for integrator in ("RK4", "Euler")
-        for h in (0.002, 0.001)
+        for h in (0.008, 0.002)
     }
-    assert errors["RK4", 0.002] / errors["RK4", 0.001] == pytest.approx(2.0, rel=0.2)
-    for h in (0.002, 0.001):
-        assert errors["RK4", h] < 0.25 * errors["Euler", h]
+    # 16, but for the step in which it lands; 4 with the geometry of the start.
+    assert errors["RK4", 0.008] / errors["RK4", 0.002] > 12.0
+    for h in (0.008, 0.002):
+        assert errors["RK4", h] < 0.05 * errors["Euler", h]
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.004, 0.01])

@@ -1,5 +1,6 @@
 #include "dashpot/contacts.hpp"
 
+#include <algorithm>
 #include <utility>
 
 #include "dashpot/mocap_motion.hpp"
@@ -35,8 +36,10 @@ MemoryLayout memory_layout(const mjModel_* m) {
   MemoryLayout layout;
   layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m);
   layout.constraints = host::constraint_memory_count(m);
-  if (host::has_equalities(m)) {
-    const Trees trees = host::make_trees(m);
+  const Trees trees = host::make_trees(m);
+  const bool has_links = std::any_of(trees.tree.begin(), trees.tree.end(),
+                                     [](const Tree& tree) { return !tree.free_body; });
+  if (has_links || host::has_equalities(m)) {
     layout.held_trees = static_cast<int>(trees.tree.size());
     layout.held_dofs = host::dof_count(m);
     layout.held_coordinates = trees.coordinates;

@@ -213,7 +213,7 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   parts.set_length(length);
 }
 
-// Not bodies that constraints hold: those are frozen at the start.
+// Not free bodies that constraints hold: those are frozen at the start.
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   may_turn.resize(motion.tree_count());
@@ -418,8 +418,8 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   mocap.remember(view);
   view.remember(contacts, constraints, rows, data);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
-  trapezoid.keep(model, d, length, leaves_half, mean_displacement, constraints, motion, rows, data,
-                 view, ledger);
+  trapezoid.keep(model, d, length, leaves_half, held, mean_displacement, constraints, motion, rows,
+                 data, view, ledger);
   view.set_ledger(ledger);
 }
 

@@ -14,7 +14,7 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, whether a step was taken, motion that equalities hold, mocap
+// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, mocap
 // bodies, constraints (deformation, stiffness, slack, and the two numbers of equality() of each),
 // contacts.
 constexpr int kHeader = 9;

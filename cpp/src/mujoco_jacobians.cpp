@@ -6,6 +6,7 @@
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_moved_axes.hpp"
 
 namespace dashpot::host {
 
@@ -139,8 +140,8 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
   int k = c.columns[block] - 1;
   for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
     while (column[k] != t.begin + dof - t.dof_begin) --k;
-    const mjtNum* axis = d->cdof + 6 * dof;
-    mjtNum linear[3];
+    mjtNum axis[6], linear[3];
+    axis_ahead(m, d, dof, input.ahead, axis);
     mju_cross(linear, axis, arm);
     mju_addTo3(linear, axis + 3);
     for (int i = 0; i < c.dim; ++i)

@@ -7,7 +7,9 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_collisions.hpp"
+#include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 
 namespace dashpot::host {
@@ -36,7 +38,10 @@ struct MiddleContact {
 struct Side {
   int geom = -1, body = -1;
   bool turns = false;                // belongs to a free body that may be taken to the middle
+  bool is_link = false;              // moved by the axes of its joints
   mjtNum angular[3]{}, linear[3]{};  // of its body's centre of mass, world
+  // Of a link, about its tree's centre of mass, at the start and in the middle.
+  mjtNum twist[2][6]{};
 };
 
 double squared_distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
@@ -83,15 +88,16 @@ class TurningPair {
       side.body = model_->geom_bodyid[side.geom];
       const int tree = first_->tree[i];
       side.turns = tree >= 0 && may_turn[tree];
+      side.is_link = tree >= 0 && !trees.tree[tree].free_body && !is_carried(side.body);
     }
-    if (!side_[0].turns && !side_[1].turns) return false;
+    if (!may_move(side_[0]) && !may_move(side_[1])) return false;
     const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
     if (on_plane && is_ball(model_, side_[1].geom)) return false;
     for (int i = 0; i < 2; ++i) {
       Side& side = side_[i];
       find_motion(first_->tree[i], trees, motion, side);
-      const bool is_link = first_->tree[i] >= 0 && !side.turns;
-      if (is_link &&
+      const bool is_held = first_->tree[i] >= 0 && !may_move(side);
+      if (is_held &&
           !is_still(2.0 * time_ * mju_norm3(side.angular), 2.0 * time_ * mju_norm3(side.linear)))
         return false;
     }
@@ -126,6 +132,14 @@ class TurningPair {
   // `turn` (rad) and `way` (m) in a step.
   bool is_still(double turn, double way) const { return turn <= kStill && way <= kStill * size(); }
 
+  static bool may_move(const Side& side) { return side.turns || side.is_link; }
+
+  // Whether a mocap body that moves carries what hangs on it by joints.
+  bool is_carried(int body) const {
+    const double* twist = mocap_twist(model_, data_, body);
+    return twist && std::any_of(twist, twist + 6, [](double rate) { return rate != 0.0; });
+  }
+
   // Free bodies have theirs in the coordinates of their tree.
   void find_motion(int tree, const Trees& trees, const double* motion, Side& side) const {
     if (side.turns) {
@@ -134,6 +148,9 @@ class TurningPair {
       return;
     }
     velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
+    if (!side.is_link) return;
+    twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
+    twist_ahead(model_, data_, side.body, time_, side.twist[1]);
   }
 
   // Radius about the smaller geom; planes have none.
@@ -193,14 +210,15 @@ class TurningPair {
     });
   }
 
-  // From where its centre of mass is at the start each body sees the point as in the middle.
+  // From where its centre of mass is at the start each free body sees the point as in the middle;
+  // axes of links go there themselves.
   void take(const MiddleContact& middle, ContactInput& contact) const {
-    const std::array<double, 3> start_rate = point_rate(contact);
+    const std::array<double, 3> start_rate = point_rate(contact, 0);
     const double apart = std::max(0.0, middle.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
       mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
-      mju_addToScl3(point[i], side_[i].linear, -time_);
+      if (!side_[i].is_link) mju_addToScl3(point[i], side_[i].linear, -time_);
     }
     for (int i = 0; i < 3; ++i) {
       contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
@@ -211,23 +229,27 @@ class TurningPair {
     mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
-    const std::array<double, 3> rate = point_rate(contact);
+    const std::array<double, 3> rate = point_rate(contact, 1);
+    contact.ahead = time_;
     for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / time_;
     mju_copy(data_->contact[contact.source].frame, frame, 9);
     std::copy_n(rotation_, 9, contact.rotation.begin());
   }
 
-  // Velocity of the point on the second geom to that on the first, in the contact's frame.
-  std::array<double, 3> point_rate(const ContactInput& contact) const {
+  // Velocity of the point on the second geom to that on the first, in the contact's frame; `when`:
+  // 0 at the start, 1 in the middle.
+  std::array<double, 3> point_rate(const ContactInput& contact, int when) const {
     mjtNum relative[3] = {0, 0, 0};
     for (int i = 0; i < 2; ++i) {
+      const Side& side = side_[i];
       const mjtNum sign = i == 0 ? -1.0 : 1.0;
+      const mjtNum* centre = side.is_link ? data_->subtree_com + 3 * model_->body_rootid[side.body]
+                                          : data_->xipos + 3 * side.body;
       mjtNum arm[3], velocity[3];
       for (int k = 0; k < 3; ++k)
-        arm[k] = contact.position[k] + 0.5 * sign * contact.apart[k] -
-                 data_->xipos[3 * side_[i].body + k];
-      mju_cross(velocity, side_[i].angular, arm);
-      mju_addTo3(velocity, side_[i].linear);
+        arm[k] = contact.position[k] + 0.5 * sign * contact.apart[k] - centre[k];
+      mju_cross(velocity, side.is_link ? side.twist[when] : side.angular, arm);
+      mju_addTo3(velocity, side.is_link ? side.twist[when] + 3 : side.linear);
       mju_addToScl3(relative, velocity, sign);
     }
     std::array<double, 3> rate;

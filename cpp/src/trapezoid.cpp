@@ -55,6 +55,16 @@ void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
       }
     }
   }
+  for (int first : first_)
+    if (first >= 0) coupled_[first].by_equalities = true;
+}
+
+void Trapezoid::find_held_trees(const mjModel_* model, const Rows& rows) {
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kContact && c.kind != RowKind::kUnilateral) continue;
+    for (int tree : c.tree)
+      if (tree >= 0 && first_[tree] < 0 && !moves_accurately(model, tree)) first_[tree] = tree;
+  }
 }
 
 void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
@@ -67,6 +77,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   if (!before.length) return;
   const Trees& trees = motion.trees();
   find_coupled_trees(rows, motion.tree_count());
+  find_held_trees(model, rows);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
@@ -76,11 +87,14 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
   find_second_half(model, d, before, motion);
+  if (std::none_of(coupled_.begin(), coupled_.end(),
+                   [](const Coupled& c) { return c.by_equalities || c.left_half; }))
+    return;
   find_energies(model, d, motion);
   for (Coupled& coupled : coupled_) {
     if (!coupled.left_half) continue;
     coupled.scale = coupled.find_scale();
-    coupled.turns = coupled.scale != 0.0;
+    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }
   added_.assign(trees.coordinates, 0.0);
@@ -165,7 +179,7 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
 }
 
 void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-                     const std::vector<double>& displacement,
+                     const std::vector<char>& held, const std::vector<double>& displacement,
                      const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
                      const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
   const HeldMotion now = memory.held_motion();
@@ -182,13 +196,19 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     scatter(rows, c, equality, wrench_.data());
     ledger.dissipated_constraint += equality[1];
   }
+  bool any = false;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const bool leaves =
+        leaves_half && held[index] && first_[index] >= 0 && coupled_[first_[index]].turns;
+    now.length[index] = leaves ? length : 0.0;
+    any = any || leaves;
+  }
+  if (!any) return;
   momentum_.resize(displacement.size());
   host::times_inertia(model, d, velocity, momentum_.data());
   for (int index = 0; index < motion.tree_count(); ++index) {
+    if (now.length[index] == 0.0) continue;
     const Tree& t = trees.tree[index];
-    const bool leaves = leaves_half && first_[index] >= 0 && coupled_[first_[index]].turns;
-    now.length[index] = leaves ? length : 0.0;
-    if (!leaves) continue;
     std::copy_n(velocity + t.dof_begin, t.dof_count, now.velocity + t.dof_begin);
     std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
     double* acceleration = now.acceleration + t.begin;

@@ -168,7 +168,7 @@ bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_ro
   if (!by_rows.touched) return true;
   if (host::is_runge_kutta(model_)) return resolves_dampers(index, length);
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
-  return host::adds_to_smooth_motion(model_) && !by_rows.coupled;
+  return host::adds_to_smooth_motion(model_) && !by_rows.trapezoidal;
 }
 
 // Whether the joint dampers of a tree that rows move take less than they could in a step: the

@@ -37,8 +37,8 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
 };
 
-// What trees that equalities hold remember of the last step, see trapezoid.hpp. Views of storage;
-// null in models without equalities.
+// What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
+// models of free bodies alone.
 struct HeldMotion {
   double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
   double* energy = nullptr;        // by tree, J
@@ -55,7 +55,7 @@ struct RememberedMocap {
 };
 
 // Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that
-// equalities may hold, and mocap bodies.
+// rows may hold, and mocap bodies.
 struct MemoryLayout {
   int contacts = 0;
   int constraints = 0;

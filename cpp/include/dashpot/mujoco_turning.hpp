@@ -1,4 +1,4 @@
-// Contacts of free bodies that turn, frozen in the middle of a step. Part of the mujoco_host room.
+// Contacts of bodies that turn, frozen in the middle of a step. Part of the mujoco_host room.
 //
 // Rows freeze the geometry over a step of length H. Frozen at its start, the force does not follow
 // the contact as it moves on, and the gap misses what curves it, g'' H^2 / 2, which recovery of
@@ -10,6 +10,9 @@
 // those of the start: from there the rates in the middle lead to those of the end. Rates and slip
 // in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
 // ContactInput::turning, without which dampers would take from every turn what the next step finds.
+//
+// Of links the axes of the joints go to the middle (mujoco_moved_axes). Their inertia stays that of
+// the start: the second half of the step corrects it (trapezoid.hpp).
 
 #pragma once
 
@@ -23,11 +26,12 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// Takes contacts of free bodies that touch and turn to the middle of a step of `length` (s): their
-// frames, also in `d`, and where they act on each body, seen from where its centre of mass is at
-// the start. `motion`: velocities in motion coordinates. `may_turn`, by tree: a free body that may
-// be taken there; `turned`, zeros before: one that was. Contacts without a counterpart in the
-// middle stay as they are, and so do those with moving links, whose rows are frozen at the start.
+// Takes contacts of bodies that touch and turn to the middle of a step of `length` (s): their
+// frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
+// of mass is at the start. `motion`: velocities in motion coordinates. `may_turn`, by tree: a free
+// body that may be taken there; `turned`, zeros before: one that was. Contacts without a
+// counterpart in the middle stay as they are, and so do those with moving bodies that may not be
+// taken there: free ones, and links that hang on a moving mocap body.
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, const std::vector<char>& may_turn,
                     std::vector<ContactInput>& contacts, std::vector<char>& turned);

@@ -34,8 +34,9 @@ struct ContactInput {
   // From the point of geom 1 on which the contact acts to that of geom 2, about `position`: where
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
-  // Acceleration (m/s^2) of the gap and of sliding because normal and arms turn, frozen in the
-  // middle of the step.
+  // Of contacts frozen in the middle of the step: the time (s) that leads there, and the
+  // acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
+  double ahead = 0.0;
   std::array<double, 3> turning{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};

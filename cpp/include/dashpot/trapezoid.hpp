@@ -1,17 +1,20 @@
-// The second half of the trapezoidal rule for trees that equalities hold.
+// The second half of the trapezoidal rule for trees that rows hold.
 //
-// Rows see the geometry and the smooth forces of the start of a step. Under rows that act for good,
-// as equalities do, a motion integrated so gains energy, in parts about omega^2 H / 2 a second.
-// Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the accelerations
-// at both ends of the step instead. That at the end is known when the next step has its rows:
+// Rows see the smooth forces of the start of a step, and those of equalities its geometry. Under
+// rows that act for good a motion integrated so gains energy, in parts about omega^2 H / 2 a
+// second. Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the
+// accelerations at both ends of the step instead. That at the end is known when the next step has
+// its rows:
 //
 //     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
 //                                 a' = inv(H1) (f1 + g + J1' lambda),
 //
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
-// forces; lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective
-// inertia. The smooth motion of a free body is exact, and rows change its momentum: there, a' - a
-// is inv(H1) (J1 - J0)' lambda. So it is with RK4, whose stages see how smooth forces change.
+// forces, those of limits and contacts too, which have the geometry of the middle (mujoco_turning);
+// lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective inertia.
+// The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
+// (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
+// smooth forces change.
 //
 // s is 1 to first order in H, and such that energy is conserved:
 //
@@ -20,9 +23,10 @@
 // v: what the step left, v1: with the second half; p: the part of f that has a potential; dq:
 // displacement over the step. The first term is the energy that the frozen geometry of the step
 // has; the second replaces the work of f0 by the change of potential energy; the last is the work
-// that rows did because they turned. Where an impact or a configuration near a singular one leaves
-// no s near 1, or rows would turn too far in a step, frozen geometry stays: the second half is left
-// out, rows do not turn in that step, and the work of those that did is booked as dissipation.
+// that equalities did because they turned. Where an impact or a configuration near a singular one
+// leaves no s near 1, or equalities would turn too far in a step, frozen geometry stays: the second
+// half is left out, they do not turn in that step, and the work of those that did is booked as
+// dissipation.
 
 #pragma once
 
@@ -40,47 +44,52 @@ namespace dashpot {
 class Trapezoid {
  public:
   // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
-  // last step left over, where a tree is still held by equalities and goes on with the velocity
-  // that step gave it. Trees that equalities couple share s. Takes the turning from `rows` where
-  // they may not turn in this step.
+  // last step left over, where a tree still has rows that may hold it and goes on with the velocity
+  // that step gave it. Trees that equalities couple share s. Takes the turning from `rows` of
+  // equalities where they may not turn in this step.
   void finish_last_step(const mjModel_* model, const mjData_* d, double length,
                         const Memory& memory, const std::vector<ConstraintInput>& constraints,
                         const TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
 
   // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember.
-  // `displacement` (nv) is what the change of kinetic energy went with. `leaves_half` false: the
-  // step had the geometry of its middle, or another law, and leaves nothing over.
+  // `held`, by tree: rows that have a position moved it. `displacement` (nv) is what the change of
+  // kinetic energy went with. `leaves_half` false: the step had the geometry of its middle, or
+  // another law, and leaves nothing over.
   void keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-            const std::vector<double>& displacement,
+            const std::vector<char>& held, const std::vector<double>& displacement,
             const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
             const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
 
-  // Of this step: whether equalities hold a tree, and what was added to velocities, by motion
-  // coordinate; null where nothing was.
+  // Of this step: whether rows that may hold a tree leave a second half, and what was added to
+  // velocities, by motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
 
  private:
-  // Of the trees that equalities couple, J: v'M v / 2, v'M k and k'M k / 2 with k the whole second
-  // half, the kinetic energy that there ought to be, and the work that rows did because they
-  // turned.
+  // Of trees that equalities couple, or one that other rows may hold, J: v'M v / 2, v'M k and k'M k
+  // / 2 with k the whole second half, the kinetic energy that there ought to be, and the work that
+  // rows did because they turned.
   struct Coupled {
     double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
-    double scale = 0.0;      // s
+    double scale = 0.0;  // s
+    bool by_equalities = false;
     bool left_half = false;  // in the last step, at least one tree
-    bool turns = true;       // its rows, in this step
+    bool turns = true;       // its equalities, in this step
     double find_scale() const;
   };
 
   void find_coupled_trees(const Rows& rows, int trees);
+  void find_held_trees(const mjModel_* model, const Rows& rows);
   void find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
                         const TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   void stop_fast_turns(double length, Rows& rows);
 
-  std::vector<int> first_;        // by tree: the first one that equalities couple it to, -1 if none
-  std::vector<char> left_half_;   // by tree
-  std::vector<Coupled> coupled_;  // by first tree
+  // By tree: the first one that equalities couple it to, itself where other rows may hold it, -1
+  // if none do.
+  std::vector<int> first_;
+  std::vector<char> left_half_;                                    // by tree
+  std::vector<Coupled> coupled_;                                   // by first tree
   std::vector<double> wrench_, second_half_, added_;               // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
 };

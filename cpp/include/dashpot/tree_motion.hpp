@@ -30,7 +30,7 @@ struct RowsOnTree {
   bool touched = false;      // moved it
   bool held = false;         // so did rows that have a position, which dry friction has not
   bool from_middle = false;  // in the geometry of the middle of the part
-  bool coupled = false;      // so did equalities (trapezoid.hpp)
+  bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
   const double* added_velocity = nullptr;
 };
