@@ -99,7 +99,7 @@ struct Stepper::Impl {
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> held;                      // by tree: rows that have a position moved it
-  std::vector<char> may_turn, turned;          // by tree: its contacts are those of the middle
+  std::vector<char> turned;                    // by tree: its inertia is that of the middle
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
@@ -213,19 +213,18 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   parts.set_length(length);
 }
 
-// Not free bodies that constraints hold: those are frozen at the start.
+// The inertia of a free body goes there too, unless constraints hold it, which are those of the
+// start.
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  may_turn.resize(motion.tree_count());
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
-    may_turn[tree] = motion.can_freeze_ahead(tree);
+  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), contacts, turned);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
-      if (tree >= 0) may_turn[tree] = 0;
-  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), may_turn, contacts,
-                       turned);
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
+      if (tree >= 0) turned[tree] = 0;
+  for (int tree = 0; tree < motion.tree_count(); ++tree) {
+    turned[tree] = turned[tree] && motion.can_freeze_ahead(tree);
     if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
+  }
 }
 
 void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,

@@ -54,8 +54,8 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
   for (int side = 0; side < 2; ++side) {
     if (!is_on_moving_mocap(m, d, input.geom[side])) continue;
     const int body = m->geom_bodyid[input.geom[side]];
-    const mjtNum* twist = mocap_twist(m, d, body);
-    mjtNum velocity[3];
+    mjtNum twist[6], velocity[3];
+    mocap_twist_ahead(m, d, body, input.ahead, twist);
     velocity_of_point(m, d, body, twist, acting_point(input, side).data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {

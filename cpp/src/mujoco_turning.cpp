@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_collisions.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
@@ -37,10 +36,9 @@ struct MiddleContact {
 // One of the two geoms of a pair.
 struct Side {
   int geom = -1, body = -1;
-  bool turns = false;                // belongs to a free body that may be taken to the middle
-  bool is_link = false;              // moved by the axes of its joints
+  bool is_free = false;              // belongs to a free body
   mjtNum angular[3]{}, linear[3]{};  // of its body's centre of mass, world
-  // Of a link, about its tree's centre of mass, at the start and in the middle.
+  // Of all but free bodies, about the centre of mass of the tree: at the start and in the middle.
   mjtNum twist[2][6]{};
 };
 
@@ -80,27 +78,16 @@ class TurningPair {
       : model_(m), data_(d), time_(time), first_(first), last_(last) {}
 
   // Finds how the pair moves; whether it does, and may touch up to the middle.
-  bool moves(const std::vector<char>& may_turn, const Trees& trees, const double* motion) {
+  bool moves(const Trees& trees, const double* motion) {
     for (int i = 0; i < 2; ++i) {
       Side& side = side_[i];
       side.geom = first_->geom[i];
       if (side.geom < 0 || !is_convex(model_, side.geom)) return false;
       side.body = model_->geom_bodyid[side.geom];
-      const int tree = first_->tree[i];
-      side.turns = tree >= 0 && may_turn[tree];
-      side.is_link = tree >= 0 && !trees.tree[tree].free_body && !is_carried(side.body);
     }
-    if (!may_move(side_[0]) && !may_move(side_[1])) return false;
     const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
     if (on_plane && is_ball(model_, side_[1].geom)) return false;
-    for (int i = 0; i < 2; ++i) {
-      Side& side = side_[i];
-      find_motion(first_->tree[i], trees, motion, side);
-      const bool is_held = first_->tree[i] >= 0 && !may_move(side);
-      if (is_held &&
-          !is_still(2.0 * time_ * mju_norm3(side.angular), 2.0 * time_ * mju_norm3(side.linear)))
-        return false;
-    }
+    for (int i = 0; i < 2; ++i) find_motion(first_->tree[i], trees, motion, side_[i]);
     mju_sub3(relative_, side_[1].linear, side_[0].linear);
     const double way = 2.0 * time_ * mju_norm3(relative_);
     const double turn =
@@ -114,6 +101,11 @@ class TurningPair {
   // Takes the contacts that are found there to the middle; whether there were any.
   bool take() {
     find_contacts();
+    for (Side& side : side_) {
+      if (side.is_free) continue;
+      twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
+      twist_ahead(model_, data_, side.body, time_, side.twist[1]);
+    }
     const bool corners = has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
     bool any = false;
     for (ContactInput* contact = first_; contact != last_; ++contact) {
@@ -132,25 +124,15 @@ class TurningPair {
   // `turn` (rad) and `way` (m) in a step.
   bool is_still(double turn, double way) const { return turn <= kStill && way <= kStill * size(); }
 
-  static bool may_move(const Side& side) { return side.turns || side.is_link; }
-
-  // Whether a mocap body that moves carries what hangs on it by joints.
-  bool is_carried(int body) const {
-    const double* twist = mocap_twist(model_, data_, body);
-    return twist && std::any_of(twist, twist + 6, [](double rate) { return rate != 0.0; });
-  }
-
   // Free bodies have theirs in the coordinates of their tree.
   void find_motion(int tree, const Trees& trees, const double* motion, Side& side) const {
-    if (side.turns) {
+    side.is_free = tree >= 0 && trees.tree[tree].free_body;
+    if (side.is_free) {
       mju_copy3(side.linear, motion + trees.tree[tree].begin);
       mju_copy3(side.angular, motion + trees.tree[tree].begin + 4);
       return;
     }
     velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
-    if (!side.is_link) return;
-    twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
-    twist_ahead(model_, data_, side.body, time_, side.twist[1]);
   }
 
   // Radius about the smaller geom; planes have none.
@@ -211,14 +193,14 @@ class TurningPair {
   }
 
   // From where its centre of mass is at the start each free body sees the point as in the middle;
-  // axes of links go there themselves.
+  // axes of joints and twists go there themselves.
   void take(const MiddleContact& middle, ContactInput& contact) const {
     const std::array<double, 3> start_rate = point_rate(contact, 0);
     const double apart = std::max(0.0, middle.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
       mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
-      if (!side_[i].is_link) mju_addToScl3(point[i], side_[i].linear, -time_);
+      if (side_[i].is_free) mju_addToScl3(point[i], side_[i].linear, -time_);
     }
     for (int i = 0; i < 3; ++i) {
       contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
@@ -243,13 +225,13 @@ class TurningPair {
     for (int i = 0; i < 2; ++i) {
       const Side& side = side_[i];
       const mjtNum sign = i == 0 ? -1.0 : 1.0;
-      const mjtNum* centre = side.is_link ? data_->subtree_com + 3 * model_->body_rootid[side.body]
-                                          : data_->xipos + 3 * side.body;
+      const mjtNum* centre = side.is_free ? data_->xipos + 3 * side.body
+                                          : data_->subtree_com + 3 * model_->body_rootid[side.body];
       mjtNum arm[3], velocity[3];
       for (int k = 0; k < 3; ++k)
         arm[k] = contact.position[k] + 0.5 * sign * contact.apart[k] - centre[k];
-      mju_cross(velocity, side.is_link ? side.twist[when] : side.angular, arm);
-      mju_addTo3(velocity, side.is_link ? side.twist[when] + 3 : side.linear);
+      mju_cross(velocity, side.is_free ? side.angular : side.twist[when], arm);
+      mju_addTo3(velocity, side.is_free ? side.linear : side.twist[when] + 3);
       mju_addToScl3(relative, velocity, sign);
     }
     std::array<double, 3> rate;
@@ -272,15 +254,15 @@ class TurningPair {
 }  // namespace
 
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, const std::vector<char>& may_turn,
-                    std::vector<ContactInput>& contacts, std::vector<char>& turned) {
+                    const double* motion, std::vector<ContactInput>& contacts,
+                    std::vector<char>& taken) {
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;
     while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
     TurningPair pair(m, d, 0.5 * length, contacts.data() + first, contacts.data() + last);
-    if (!pair.moves(may_turn, trees, motion) || !pair.take()) continue;
+    if (!pair.moves(trees, motion) || !pair.take()) continue;
     for (int tree : contacts[first].tree)
-      if (tree >= 0 && may_turn[tree]) turned[tree] = 1;
+      if (tree >= 0) taken[tree] = 1;
   }
 }
 

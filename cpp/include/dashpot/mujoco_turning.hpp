@@ -12,7 +12,8 @@
 // ContactInput::turning, without which dampers would take from every turn what the next step finds.
 //
 // Of links the axes of the joints go to the middle (mujoco_moved_axes). Their inertia stays that of
-// the start: the second half of the step corrects it (trapezoid.hpp).
+// the start, where smooth forces are: the second half of the step corrects both (trapezoid.hpp). So
+// does that of free bodies that constraints hold, whose rows have the geometry of the start.
 
 #pragma once
 
@@ -28,12 +29,10 @@ namespace dashpot::host {
 
 // Takes contacts of bodies that touch and turn to the middle of a step of `length` (s): their
 // frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
-// of mass is at the start. `motion`: velocities in motion coordinates. `may_turn`, by tree: a free
-// body that may be taken there; `turned`, zeros before: one that was. Contacts without a
-// counterpart in the middle stay as they are, and so do those with moving bodies that may not be
-// taken there: free ones, and links that hang on a moving mocap body.
+// of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by tree, zeros
+// before: a contact of it was. Contacts without a counterpart in the middle stay as they are.
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, const std::vector<char>& may_turn,
-                    std::vector<ContactInput>& contacts, std::vector<char>& turned);
+                    const double* motion, std::vector<ContactInput>& contacts,
+                    std::vector<char>& taken);
 
 }  // namespace dashpot::host
