@@ -32,6 +32,16 @@ JOINTS = {
     "ball joint": SLIDES + '<joint type="ball"/>',
     "floating base": f"<freejoint/><body><joint axis='1 0 0'/>{FLYWHEEL}</body>",
 }
+PLANE = '<geom type="plane" size="0 0 1" friction="1 0 0"/>'
+GROUNDS = {
+    "plane": PLANE,
+    "box": '<geom type="box" size="2 2 .1" pos="0 0 -.1" friction="1 0 0"/>',
+    "mesh": '<geom type="mesh" mesh="slab" pos="0 0 -.1" friction="1 0 0"/>',
+    "height field": '<geom type="hfield" hfield="flat" friction="1 0 0"/>',
+}
+CORNERS = " ".join(f"{x} {y} {z}" for x in (-2, 2) for y in (-2, 2) for z in (-0.1, 0.1))
+ASSETS = f"""<asset><mesh name="slab" vertex="{CORNERS}"/>
+  <hfield name="flat" nrow="21" ncol="21" size="2 2 .1 .1"/></asset>"""
 SHAPES = {
     "coin": 'type="cylinder" size=".04 .01"',
     "egg": 'type="ellipsoid" size=".04 .032 .02"',
@@ -44,12 +54,11 @@ def tumbler_xml(joints: str, attributes: str) -> str:
       <geom type="sphere" size="{RADIUS}" friction="1 0 0"/></body>"""
 
 
-def tumbler(timestep: float, joints: str = "free") -> mujoco.MjModel:
+def tumbler(timestep: float, joints: str = "free", ground: str = "plane") -> mujoco.MjModel:
     """Return the tumbler at the end of its swing."""
-    attributes = f'pos="0 0 {RADIUS}" euler="0 {np.degrees(SWING)} 0"'
+    attributes = f'pos=".03 .02 {RADIUS}" euler="0 {np.degrees(SWING)} 0"'
     return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{timestep}"/><worldbody>
-          <geom type="plane" size="0 0 1" friction="1 0 0"/>
+        f"""<mujoco><option timestep="{timestep}"/>{ASSETS}<worldbody>{GROUNDS[ground]}
           {tumbler_xml(joints, attributes)}</worldbody></mujoco>"""
     )
 
@@ -87,7 +96,7 @@ def dropped(shape: str, timestep: float, *, friction: str = 'friction="1 0 0"') 
     """Return a coin or an egg, tilted, 1 to 3 cm above the plane."""
     return mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}"/><worldbody>
-          <geom type="plane" size="0 0 1" friction="1 0 0"/>
+          {PLANE}
           <body pos="0 0 .05" euler="20 30 0"><freejoint/>
             <geom {SHAPES[shape]} density="1000" {friction}/></body></worldbody></mujoco>"""
     )
