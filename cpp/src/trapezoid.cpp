@@ -14,6 +14,9 @@ constexpr double kScaleRange = 0.5;
 // Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
 // not determine s, and an impact leaves far more.
 constexpr double kResidual = 1e-6;
+// Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
+// much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
+constexpr double kBoost = 0.01;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -36,6 +39,13 @@ double Trapezoid::Coupled::find_scale() const {
   const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
   const double residual = std::abs(kinetic + s * (linear + s * square) - wanted);
   return residual <= kResidual * kinetic ? s : 0.0;
+}
+
+// The part of the velocity to take away for the energy to be what it ought to.
+double Trapezoid::Coupled::find_brake() const {
+  if (kinetic <= 0.0) return 0.0;
+  const double brake = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
+  return brake < -kBoost ? 0.0 : brake;
 }
 
 void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
@@ -95,15 +105,17 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     if (!coupled.left_half) continue;
     coupled.scale = coupled.find_scale();
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
+    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.brake = coupled.find_brake();
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }
   added_.assign(trees.coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (first_[index] < 0) continue;
     const double scale = coupled_[first_[index]].scale;
+    const double brake = coupled_[first_[index]].brake;
     const Tree& t = trees.tree[index];
     for (int i = t.begin; i < t.begin + t.count; ++i) {
-      added_[i] = scale * second_half_[i];
+      added_[i] = scale * second_half_[i] - brake * data.velocity[i];
       data.velocity[i] += added_[i];
     }
   }

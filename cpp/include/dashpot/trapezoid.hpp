@@ -26,7 +26,8 @@
 // that equalities did because they turned. Where an impact or a configuration near a singular one
 // leaves no s near 1, or equalities would turn too far in a step, frozen geometry stays: the second
 // half is left out, they do not turn in that step, and the work of those that did is booked as
-// dissipation.
+// dissipation. A tree that only contacts and limits hold is then brought to v1'M1 v1 / 2 by its
+// speed, unless much of it would have to be added.
 
 #pragma once
 
@@ -72,10 +73,12 @@ class Trapezoid {
   struct Coupled {
     double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
     double scale = 0.0;  // s
+    double brake = 0.0;  // part of the velocity to take away where there is no s
     bool by_equalities = false;
     bool left_half = false;  // in the last step, at least one tree
     bool turns = true;       // its equalities, in this step
     double find_scale() const;
+    double find_brake() const;
   };
 
   void find_coupled_trees(const Rows& rows, int trees);
