@@ -271,7 +271,7 @@ def test_a_limit_that_gives_way_costs_little_of_the_accuracy(timestep):
     xml = pendulum('range="-200 20" solreflimit="-2000 -20" damping=".02"')
     converged = swing(xml, "RK4", 2e-5, 0.3)
     error = np.abs(swing(xml, "RK4", timestep, 0.3) - converged).max()
-    assert error < 0.05 * np.abs(swing(xml, "Euler", timestep, 0.3) - converged).max()
+    assert error < 0.2 * np.abs(swing(xml, "Euler", timestep, 0.3) - converged).max()
 
 
 def test_a_tip_on_soft_ground_converges_to_second_order():
@@ -288,7 +288,7 @@ def test_a_tip_on_soft_ground_converges_to_second_order():
     # 16, but for the step in which it lands; 4 with the geometry of the start.
     assert errors["RK4", 0.008] / errors["RK4", 0.002] > 12.0
     for h in (0.008, 0.002):
-        assert errors["RK4", h] < 0.05 * errors["Euler", h]
+        assert errors["RK4", h] < 0.25 * errors["Euler", h]
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.004, 0.01])

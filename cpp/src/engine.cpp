@@ -11,6 +11,7 @@
 #include "dashpot/flight_contacts.hpp"
 #include "dashpot/impact.hpp"
 #include "dashpot/islands.hpp"
+#include "dashpot/leapfrog.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
 #include "dashpot/middle.hpp"
@@ -75,6 +76,7 @@ struct Stepper::Impl {
   MemoryLayout memory_layout;
   long long data_size;
   TreeMotion motion;
+  Leapfrog leapfrog;
   Trapezoid trapezoid;
 
   // Rebuilt in every step.
@@ -267,6 +269,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, length, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
+  leapfrog.fall_back(model, view, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands() {
@@ -275,6 +278,8 @@ void Stepper::Impl::run_islands() {
     if (!stays_apart(rows, island, length, data))
       microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data);
   check_velocities();
+  find_touched_trees();
+  leapfrog.lead(length, held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data), ledger);
   recovery_displacement.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
@@ -286,7 +291,6 @@ void Stepper::Impl::run_islands() {
   }
   for (int i = 0; i < motion.trees().coordinates; ++i)
     data.total_displacement[i] += recovery_displacement[i];
-  find_touched_trees();
 }
 
 // Nothing is remembered but the ledger, and no spring stores energy.
@@ -398,6 +402,8 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
       motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
       for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
+      if (!tree.free_body)
+        for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
     }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   }
@@ -416,6 +422,7 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
   view.remember(contacts, constraints, rows, data);
+  leapfrog.keep(d, length, held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(model, d, length, leaves_half, held, mean_displacement, constraints, motion, rows,
                  data, view, ledger);

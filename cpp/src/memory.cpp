@@ -14,9 +14,9 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, mocap
-// bodies, constraints (deformation, stiffness, slack, and the two numbers of equality() of each),
-// contacts.
+// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold and that
+// lags, mocap bodies, constraints (deformation, stiffness, slack, and the two numbers of equality()
+// of each), contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kConstraint = 5;
@@ -115,13 +115,18 @@ class SlotsByPair {
 
 int MemoryLayout::held_size() const { return 2 * (held_trees + held_dofs + held_coordinates); }
 
+int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
+
 int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
 
 int MemoryLayout::size() const {
-  return kHeader + held_size() + mocap_size() + kConstraint * constraints + kSlot * contacts;
+  return kHeader + held_size() + leading_size() + mocap_size() + kConstraint * constraints +
+         kSlot * contacts;
 }
 
-double* Memory::mocap_storage() const { return storage_ + kHeader + layout_.held_size(); }
+double* Memory::mocap_storage() const {
+  return storage_ + kHeader + layout_.held_size() + layout_.leading_size();
+}
 
 double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
 
@@ -138,6 +143,14 @@ HeldMotion Memory::held_motion() const {
   motion.displacement = motion.velocity + layout_.held_dofs;
   motion.acceleration = motion.displacement + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;
+  return motion;
+}
+
+LeadingMotion Memory::leading_motion() const {
+  if (layout_.held_trees == 0) return {};
+  LeadingMotion motion;
+  motion.length = storage_ + kHeader + layout_.held_size();
+  motion.velocity = motion.length + layout_.held_trees;
   return motion;
 }
 

@@ -10,7 +10,8 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
 }
 
 void RowData::reset_motion(int coordinates) {
-  for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse})
+  for (auto* array :
+       {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse, &shift})
     array->assign(coordinates, 0.0);
   velocity[kSurfaceCoordinate] = 1.0;
   smooth_acceleration[kTurningCoordinate] = 1.0;
@@ -51,7 +52,9 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
     const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;
     const double least = turns ? gap - 0.5 * rate[0] * rate[0] / load[0] : end;
     if (least <= 0.0) return false;
-    if (gap + time * (rate[0] + time * load[0]) <= 0.0) return false;
+    double shift[kMaxRows];
+    gather(rows, c, data.shift.data(), shift);
+    if (gap - shift[0] + time * (rate[0] + time * load[0]) <= 0.0) return false;
   }
   return true;
 }

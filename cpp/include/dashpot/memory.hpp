@@ -48,6 +48,13 @@ struct HeldMotion {
   double* other_force = nullptr;   // g, by motion coordinate
 };
 
+// What trees whose positions lead remember of the last step, see leapfrog.hpp. Views of storage;
+// null in models of free bodies alone.
+struct LeadingMotion {
+  double* length = nullptr;    // by tree: of the step, s; 0 where both are in time
+  double* velocity = nullptr;  // at its end, by degree of freedom
+};
+
 // What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
 struct RememberedMocap {
   std::array<double, 7> command, pose;      // position (m) and quaternion
@@ -63,6 +70,7 @@ struct MemoryLayout {
   int mocap_bodies = 0;
   int size() const;  // doubles
   int held_size() const;
+  int leading_size() const;
   int mocap_size() const;
 };
 
@@ -80,6 +88,7 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
+  LeadingMotion leading_motion() const;
   RememberedMocap mocap(int index) const;
   void set_mocap(int index, const RememberedMocap& mocap);
   // Mean force of an equality over the last step (N, N m), and the work that it did because its row

@@ -34,8 +34,9 @@ struct RowData {
   std::vector<double> force_moment;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
-  // body, a generalized impulse elsewhere.
-  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse;
+  // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in
+  // `total_displacement`.
+  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse, shift;
 
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;

@@ -1,0 +1,128 @@
+#include "dashpot/leapfrog.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot {
+
+namespace {
+
+void stay(const Tree& tree, AlignedDoubles& shift) {
+  std::fill_n(shift.begin() + tree.begin, tree.count, 0.0);
+}
+
+}  // namespace
+
+void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                         const Rows& rows, RowData& data) {
+  leads_.assign(motion.tree_count(), 0);
+  recovers_.assign(motion.tree_count(), 0);
+  const LeadingMotion before = memory.leading_motion();
+  leapfrogs_.clear();
+  if (!before.length) return;
+  leapfrogs_.resize(motion.tree_count());
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (!c.is_unilateral() || data.offset[i] <= std::abs(data.deformation[c.row])) continue;
+    for (int tree : c.tree)
+      if (tree >= 0) recovers_[tree] = 1;
+  }
+  bool any = false;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
+    const Tree& t = motion.trees().tree[index];
+    const double* velocity = motion.start_velocity().data() + t.dof_begin;
+    leads_[index] = leapfrogs_[index] && before.length[index] > 0.0 &&
+                    std::equal(velocity, velocity + t.dof_count, before.velocity + t.dof_begin);
+    for (int i = 0; i < t.dof_count && leads_[index]; ++i)
+      data.shift[t.begin + i] = -0.5 * before.length[index] * velocity[i];
+    any = any || leads_[index];
+  }
+  if (!any) return;
+  const auto gap_in_time = [&](const RowGroup& c) {
+    double way[kMaxRows];
+    gather(rows, c, data.shift.data(), way);
+    return data.deformation[c.row] + way[0];
+  };
+  const auto is_apart = [&](const RowGroup& c) {
+    return c.is_unilateral() && data.deformation[c.row] > 0.0;
+  };
+  // Where the way back is barred, by a second limit as a rule, they stay.
+  for (const RowGroup& c : rows.group) {
+    if (!is_apart(c) || gap_in_time(c) > 0.0) continue;
+    for (int tree : c.tree)
+      if (tree >= 0) stay(motion.trees().tree[tree], data.shift);
+  }
+  for (const RowGroup& c : rows.group)
+    if (is_apart(c)) data.deformation[c.row] = std::max(0.0, gap_in_time(c));
+  for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
+}
+
+void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
+                    const Rows& rows, RowData& data) {
+  if (leapfrogs_.empty()) return;
+  for (int index = 0; index < motion.tree_count(); ++index)
+    leads_[index] = leapfrogs_[index] && held[index] && !recovers_[index];
+  for (const RowGroup& c : rows.group) {
+    if (c.kind == RowKind::kSlider) continue;
+    const double gap = data.deformation[c.row];
+    const double force = -rows.stiffness[c.row] * gap - rows.damping[c.row] * data.rate[c.row];
+    if (!c.is_unilateral() || (gap < 0.0 && force > 0.0)) stop(c);
+  }
+  if (std::find(leads_.begin(), leads_.end(), 1) == leads_.end()) return;
+  ahead_.assign(motion.trees().coordinates, 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = motion.trees().tree[index];
+    for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
+      ahead_[i] = 0.5 * length * data.velocity[i];
+  }
+  // None into another row.
+  double way[kMaxRows];
+  for (bool stopped = true; stopped;) {
+    stopped = false;
+    for (const RowGroup& c : rows.group) {
+      if (!is_led(c)) continue;
+      gather(rows, c, ahead_.data(), way);
+      if (data.deformation[c.row] + way[0] > 0.0) continue;
+      stopped = true;
+      stop(c);
+      for (int tree : c.tree)
+        if (tree >= 0) stay(motion.trees().tree[tree], ahead_);
+    }
+  }
+  for (const RowGroup& c : rows.group) {
+    if (!is_led(c)) continue;
+    gather(rows, c, ahead_.data(), way);
+    data.deformation[c.row] += way[0];
+  }
+  for (size_t i = 0; i < ahead_.size(); ++i) {
+    data.shift[i] += ahead_[i];
+    data.total_displacement[i] += ahead_[i];
+  }
+}
+
+bool Leapfrog::is_led(const RowGroup& c) const {
+  if (c.kind == RowKind::kSlider) return false;
+  return std::any_of(c.tree.begin(), c.tree.end(),
+                     [&](int tree) { return tree >= 0 && leads_[tree]; });
+}
+
+void Leapfrog::stop(const RowGroup& c) {
+  for (int tree : c.tree)
+    if (tree >= 0) leads_[tree] = 0;
+}
+
+void Leapfrog::keep(const mjData_* d, double length, const std::vector<char>& held,
+                    const TreeMotion& motion, Memory& memory) const {
+  const LeadingMotion now = memory.leading_motion();
+  if (!now.length) return;
+  std::copy_n(host::velocity(d), motion.start_velocity().size(), now.velocity);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const bool leads = !leapfrogs_.empty() && leapfrogs_[index] && (!held[index] || leads_[index]);
+    now.length[index] = leads ? length : 0.0;
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,84 @@
+"""Trees land and leave in time, where MuJoCo's integrator has velocities of half a step before."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+HEIGHT = 0.5
+
+
+def ball(joint: str, timestep: float, *, restitution: float = 1.0) -> dashpot.Engine:
+    """Return an engine of a ball of radius 0.1 m, its lowest point 0.5 m above a plane."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <geom name="floor" type="plane" size="1 1 .1"/>
+          <body pos="0 0 {HEIGHT + 0.1}"><joint type="slide" axis="0 0 1" {joint}/>
+            <geom name="ball" size=".1" mass="1"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    for geom in ("floor", "ball"):
+        engine.set_material(geom, dashpot.Material(1e6, restitution=restitution))
+    return engine
+
+
+def peaks(heights: np.ndarray) -> np.ndarray:
+    """Return the tops of the parabolas through the highest samples."""
+    middle = heights[1:-1]
+    top = 1 + np.flatnonzero((middle > heights[:-2]) & (middle >= heights[2:]))
+    before, at, after = heights[top - 1], heights[top], heights[top + 1]
+    return at + (after - before) ** 2 / (16 * at - 8 * (before + after))
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+def test_a_ball_on_a_slide_bounces_to_its_height(timestep):
+    """Landing with the velocity of half a step before lost 0.6 to 3 % at each bounce."""
+    engine = ball("", timestep)
+    data = engine.make_data()
+    heights = []
+    for _ in range(round(3.0 / timestep)):
+        engine.step(data)
+        heights.append(HEIGHT + data.qpos[0])
+    found = peaks(np.array(heights))
+    assert len(found) >= 4
+    # Of second order in the 8 to 80 steps of a flight.
+    np.testing.assert_allclose(found, HEIGHT, rtol=5e-4)
+
+
+def test_a_ball_on_a_slide_bounces_by_its_restitution():
+    engine = ball("", 0.002, restitution=0.8)
+    data = engine.make_data()
+    heights = []
+    for _ in range(1000):
+        engine.step(data)
+        heights.append(HEIGHT + data.qpos[0])
+    # The restitution holds from the speed of impact on, which weight changes while in touch.
+    np.testing.assert_allclose(peaks(np.array(heights))[:2], HEIGHT * 0.8 ** np.array([2, 4]), 1e-2)
+
+
+def test_velocities_that_are_set_do_not_catch_up():
+    """Only what the last step left lags."""
+    engine = ball("", 0.002)
+    data, fresh = engine.make_data(), engine.make_data()
+    engine.step(data, nstep=150)
+    data.qvel[0] = fresh.qvel[0] = -2.0
+    fresh.qpos[0] = data.qpos[0] = -HEIGHT + 0.003
+    engine.step(data)
+    engine.step(fresh)
+    assert data.qvel[0] == fresh.qvel[0]
+    assert data.qpos[0] == fresh.qpos[0]
+
+
+def test_dry_friction_holds_a_ball_just_above_the_ground():
+    """Weight is less than the friction: nothing falls, whatever its velocity lags."""
+    engine = ball('frictionloss="20"', 0.002)
+    data = engine.make_data()
+    data.qpos[0] = -HEIGHT + 1e-5
+    engine.step(data, nstep=500)
+    assert abs(data.qvel[0]) < 1e-9
+    assert engine.contacts(data).force.sum() == 0.0
+    # Its spring takes the load; MuJoCo's default material of joints is rigid.
+    assert data.qpos[0] == pytest.approx(-HEIGHT + 1e-5, abs=1e-6)
