@@ -73,8 +73,8 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
                    const std::vector<double>& sag_time, double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
-  has_friction_.assign(trees.tree.size(), 0);
-  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_, &rigid_normal_}) sum->reset(trees);
+  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
+    sum->reset(trees);
   for (Island& island : islands_) {
     for (int index : island.group)
       if (!materials[index].rigid())
@@ -105,10 +105,6 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
 
 void Islands::measure(const Island& island, const Rows& rows, const Trees& trees,
                       const std::vector<GroupMaterial>& materials, bool all_rigid) {
-  for (int index : island.group)
-    if (const RowGroup& c = rows.group[index]; c.dim > 1)
-      for (int tree : c.tree)
-        if (tree >= 0) has_friction_[tree] = 1;
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const bool is_rigid = all_rigid || materials[index].rigid();
@@ -121,20 +117,22 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
       split[1][i] = w1 > 0.0 ? (w1 + both) / w1 : 0.0;
     }
     double weight[kMaxRows];
-    const auto add = [&](CoupledSum& sum, int side, const auto& weight_of_row) {
+    const auto weigh = [&](int side, const auto& weight_of_row) {
       for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * weight_of_row(c.row + i);
-      sum.add(rows, trees, c, side, c.dim, weight);
     };
     for (int side = 0; side < 2; ++side) {
       if (c.tree[side] < 0) continue;
       if (is_rigid) {
-        add(rigid_, side, [&](int row) {
+        weigh(side, [&](int row) {
           return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
         });
-        if (has_friction_[c.tree[side]]) rigid_normal_.add(rows, trees, c, side, 1, weight);
+        rigid_normal_.add(rows, trees, c, side, 0, 1, weight);
+        if (c.dim > 1) rigid_friction_.add(rows, trees, c, side, 1, c.dim - 1, weight + 1);
       } else {
-        add(stiffness_, side, [&](int row) { return rows.stiffness[row]; });
-        add(damping_, side, [&](int row) { return rows.damping[row]; });
+        weigh(side, [&](int row) { return rows.stiffness[row]; });
+        stiffness_.add(rows, trees, c, side, 0, c.dim, weight);
+        weigh(side, [&](int row) { return rows.damping[row]; });
+        damping_.add(rows, trees, c, side, 0, c.dim, weight);
       }
     }
   }
@@ -142,9 +140,15 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
     TreeBounds& b = bounds_[tree];
     b.stiffness = stiffness_.take_bound(trees, tree);
     b.damping = damping_.take_bound(trees, tree);
-    b.rigid = rigid_.take_bound(trees, tree);
-    b.coupling = split_coupling(b.rigid / b.rigid_share(),
-                                rigid_normal_.take_bound(trees, tree) / b.rigid_share());
+    if (rigid_friction_.empty(tree)) {
+      b.rigid = rigid_normal_.take_bound(trees, tree);
+      const double all = b.rigid / b.rigid_share();
+      b.coupling = {all, all, all};
+      continue;
+    }
+    const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_);
+    b.rigid = rigid_friction_.take_bound(trees, tree);
+    b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
   }
 }
 
