@@ -76,18 +76,22 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, JointLanes&
 }
 
 void MicrostepLoop::Impl::make_room_for_sparse_rows() {
-  size_t size = 0;
+  int size = 0, largest = 0;
   for (int index : island->group) {
     const RowGroup& c = rows->group[index];
-    if (c.pair < 0) size += sparse_size(c.dim, c.width());
+    if (c.pair >= 0) continue;
+    const int of_group = sparse_size(c.dim, c.width());
+    size += of_group;
+    largest = std::max(largest, of_group);
   }
-  sparse_values.assign(size, 0.0);
-  packed_values = 0;
+  sparse_values.assign(largest + size, 0.0);
+  packed_values = largest;  // zeros before, for lanes to spare
 }
 
 void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) {
   pack_sparse(rows->value.data() + c.value, rows->column.data() + c.column, c.dim, c.width(),
               sparse_values.data() + packed_values, lane, j);
+  spare_sparse(sparse_values.data(), lane, j);
   packed_values += sparse_size(c.dim, c.width());
 }
 
