@@ -36,7 +36,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   };
   const auto tree_of = [](const RowGroup& c) { return c.tree[0] >= 0 ? c.tree[0] : c.tree[1]; };
   for (const RowGroup& c : rows.group)
-    if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+    if (c.can_be_loaded && c.tree[0] >= 0 && c.tree[1] >= 0) {
       const int a = find_root(c.tree[0]), b = find_root(c.tree[1]);
       root_[std::max(a, b)] = std::min(a, b);
     }
@@ -44,6 +44,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   island_of_.assign(tree_count, -1);
   int count = 0;
   for (const RowGroup& c : rows.group) {
+    if (!c.can_be_loaded) continue;
     int& island = island_of_[find_root(tree_of(c))];
     if (island < 0) island = count++;
   }
@@ -64,7 +65,11 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   };
   sort_into(
       group_order_, static_cast<int>(rows.group.size()),
-      [&](int i) { return island_of_[find_root(tree_of(rows.group[i]))]; }, &Island::group);
+      [&](int i) {
+        const RowGroup& c = rows.group[i];
+        return c.can_be_loaded ? island_of_[find_root(tree_of(c))] : -1;
+      },
+      &Island::group);
   sort_into(
       tree_order_, tree_count, [&](int i) { return island_of_[find_root(i)]; }, &Island::tree);
   return islands_;

@@ -61,6 +61,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());
+    c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
   }
 }
 

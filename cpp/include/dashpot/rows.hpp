@@ -109,6 +109,10 @@ struct RowGroup {
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;
 
+  // False of a contact apart that nothing can close, since no joint moves its bodies along the
+  // normal: it belongs to no island.
+  bool can_be_loaded = true;
+
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
   // One row over one coordinate of a tree, as limits and dry friction of hinges and slides have.
