@@ -3,9 +3,9 @@
 
 #include "dashpot/mujoco_reach.hpp"
 
-#include <Eigen/Geometry>
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
