@@ -70,3 +70,20 @@ def test_reach_leaves_the_model_as_it_was():
     engine.step(data)
     assert engine.model.body_margin.tolist() == before[0].tolist()
     assert engine.model.geom_gap.tolist() == before[1].tolist()
+
+
+def test_a_contact_that_no_joint_can_close_belongs_to_no_island():
+    """A sled on a rail beside a wall is within reach of it at speed, but moves along it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
+        <geom type="plane" size="9 9 1"/>
+        <body pos="0 0 .1001"><joint type="slide" axis="1 0 0"/>
+        <geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = 1.0
+    stats = engine.step(data)
+    assert stats.contacts > 0
+    assert stats.islands == 0
+    assert data.qpos[0] == pytest.approx(0.01, rel=1e-15)

@@ -18,7 +18,8 @@ constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a fr
 // (n, a x n) with the arm a and whose angular rows are (0, n). Of the two mixed blocks, each the
 // other's transpose, the one below the diagonal is added.
 DASHPOT_VECTOR_CLONES
-void add_pair(const PairGeometry& pair, int side, int dim, const double* weight, double* sum) {
+void add_pair(const PairGeometry& pair, int side, int begin, int dim, const double* weight,
+              double* sum) {
   const auto column = [&](int j) { return sum + j * kBodyCoordinates; };
   Lanes linear[3], mixed[3], angular[3];
   for (int j = 0; j < 3; ++j) {
@@ -28,9 +29,10 @@ void add_pair(const PairGeometry& pair, int side, int dim, const double* weight,
   }
   const double* a = pair.arm[side].data();
   for (int i = 0; i < dim; ++i) {
-    const double* n = pair.frame.data() + 3 * (i % 3);
+    const int row = begin + i;
+    const double* n = pair.frame.data() + 3 * (row % 3);
     const Lanes direction{n[0], n[1], n[2], 0.0};
-    if (i >= 3) {
+    if (row >= 3) {
       for (int j = 0; j < 3; ++j) angular[j] += weight[i] * n[j] * direction;
       continue;
     }
@@ -47,6 +49,21 @@ void add_pair(const PairGeometry& pair, int side, int dim, const double* weight,
     store_lanes(linear[j], column(j));
     store_lanes(mixed[j], column(j) + 4);
     store_lanes(angular[j], column(4 + j) + 4);
+  }
+}
+
+// The same over the sparse rows of a free body.
+void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int dim, const Tree& t,
+                const double* weight, double* sum) {
+  const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
+  const int* column = rows.column.data() + c.column + first;
+  const int width = c.width();
+  const double* value = rows.value.data() + c.value + begin * width + first;
+  for (int k = 0; k < count; ++k) {
+    double* to = sum + (column[k] - t.begin) * t.count - t.begin;
+    for (int l = 0; l < count; ++l)
+      for (int i = 0; i < dim; ++i)
+        to[column[l]] += weight[i] * value[i * width + k] * value[i * width + l];
   }
 }
 
@@ -92,92 +109,198 @@ double body_bound(double* sum, const double* inverse) {
   return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
 }
 
-// trace(B^4)^(1/4), B = inverse sum, of n x n matrices with columns `count` apart. `room`: for two
-// such matrices.
-double tree_bound(const double* sum, const double* inverse, int n, int count, double* room) {
-  double* b = room;
-  double* square = room + count * count;
-  multiply(inverse, sum, n, count, b);
-  double trace = 0.0;
-  for (int i = 0; i < n; ++i) trace += b[i * (count + 1)];
-  if (trace == 0.0) return 0.0;
-  for (int i = 0; i < n * count; ++i) b[i] /= trace;
-  multiply(b, b, n, count, square);
-  double fourth = 0.0;
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) fourth += square[i * count + j] * square[j * count + i];
-  return trace * std::sqrt(std::sqrt(fourth));
+// The sum of the squares of all entries of C C, that is trace(C^4), of a symmetric matrix C with
+// columns `count` apart, a multiple of four.
+DASHPOT_VECTOR_CLONES
+double fourth_power(const double* c, int n, int count) {
+  double on_diagonal = 0.0, above_diagonal = 0.0;
+  for (int j = 0; j < n; ++j) {
+    const double* column = c + j * count;
+    const int begin = j / kLanes * kLanes;
+    alignas(kCacheLine) double square[kMostLanesOfBlock * kLanes];
+    for_each_block(
+        count - begin, [&](int first, auto width) __attribute__((always_inline)) {
+          Lanes sum[width()] = {};
+          // Trees that branch leave zeros.
+          for (int k = 0; k < n; ++k)
+            if (column[k] != 0.0) add_scaled(c + k * count + begin + first, column[k], sum);
+          for (Lanes& lanes : sum) lanes *= lanes;
+          store_block(sum, square);
+          for (int i = 0; i < width() * kLanes; ++i) {
+            const int row = begin + first + i;
+            if (row == j) on_diagonal += square[i];
+            if (row > j) above_diagonal += square[i];
+          }
+        });
+  }
+  return on_diagonal + 2.0 * above_diagonal;
 }
 
-// The entries of `matrix`, whose columns are `stride` apart, at the coordinates in `reached`, as a
-// matrix with columns `count` apart, which is zero before.
-void compress(const double* matrix, int stride, const std::vector<int>& reached, int count,
-              double* compressed) {
-  for (size_t j = 0; j < reached.size(); ++j)
-    for (size_t i = 0; i < reached.size(); ++i)
-      compressed[j * count + i] = matrix[reached[j] * stride + reached[i]];
+// S += sum_i weight_i y_i' y_i over the lower triangle, whose rows are `count` apart, at the
+// columns of y, which fall.
+DASHPOT_VECTOR_CLONES
+void add_weighted(const double* y, int stride, const int* column, int columns, int begin, int dim,
+                  const double* weight, double* sum, int count) {
+  for (int a = 0; a < columns; ++a) {
+    double* row = sum + (column[a] - begin) * count - begin;
+    double scaled[kMaxRows];
+    for (int i = 0; i < dim; ++i) scaled[i] = weight[i] * y[i * stride + a];
+    for (int first = a / kLanes * kLanes; first < columns; first += kLanes) {
+      Lanes entry{};
+      for (int i = 0; i < dim; ++i) entry += scaled[i] * load_lanes(y + i * stride + first);
+      for (int k = std::max(a, first); k < std::min(first + kLanes, columns); ++k)
+        row[column[k]] += entry[k - first];
+    }
+  }
 }
 
 }  // namespace
 
 void CoupledSum::reset(const Trees& trees) {
   entry_.resize(trees.inverse.size(), 0.0);
+  joint_.resize(trees.coordinates, 0.0);
   reaches_.resize(trees.coordinates, 0);
   empty_.assign(trees.tree.size(), 1);
+  wide_.assign(trees.tree.size(), 0);
   size_t largest = 0;
   for (const Tree& t : trees.tree)
     if (!t.free_body) largest = std::max<size_t>(largest, t.count);
-  room_.resize(4 * largest * largest);
+  room_.resize(largest * largest);
+  weighted_row_.resize(largest);
 }
 
-void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side, int dim,
-                     const double* weight) {
-  empty_[c.tree[side]] = 0;
-  const Tree& t = trees.tree[c.tree[side]];
+void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side, int first,
+                     int dim, const double* weight) {
+  const int tree = c.tree[side];
+  const Tree& t = trees.tree[tree];
   double* sum = entry_.data() + t.inverse;
-  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, dim, weight, sum);
-  const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
-  const int* column = rows.column.data() + c.column + first;
-  const double* value = rows.value.data() + c.value + first;
-  const int width = c.width();
-  for (int k = 0; k < count; ++k) {
-    reaches_[column[k]] = 1;
-    double scaled[kMaxRows];
-    for (int i = 0; i < dim; ++i) scaled[i] = weight[i] * value[i * width + k];
-    double* to = sum + (column[k] - t.begin) * t.count - t.begin;
-    for (int l = 0; l < count; ++l) {
-      double entry = to[column[l]];
-      for (int i = 0; i < dim; ++i) entry += scaled[i] * value[i * width + l];
-      to[column[l]] = entry;
+  empty_[tree] = 0;
+  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, first, dim, weight, sum);
+  if (t.free_body) return add_sparse(rows, c, side, first, dim, t, weight, sum);
+  if (c.is_of_one_coordinate(side)) {
+    const int index = side == 0 ? 0 : c.columns[0];
+    const double value = rows.value[c.value + index];
+    joint_[rows.column[c.column + index]] += weight[0] * value * value;
+    return;
+  }
+  wide_[tree] = 1;
+  const MassWeighted& weighted = c.weighted[side];
+  const int* column = rows.weighted_column.data() + weighted.column;
+  const int stride = padded(weighted.count);
+  for (int k = 0; k < weighted.count; ++k) reaches_[column[k]] = 1;
+  add_weighted(rows.weighted_value.data() + weighted.value + first * stride, stride, column,
+               weighted.count, t.begin, dim, weight, sum, t.count);
+}
+
+// Rows of one coordinate each: B has the eigenvalues of C = K^1/2 inv(H) K^1/2, K = diag(joint).
+double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t) {
+  const double* inverse = trees.inverse.data() + t.inverse;
+  reached_.clear();
+  double trace = 0.0;
+  for (int i = 0; i < t.dof_count; ++i) {
+    if (joint_[t.begin + i] == 0.0) continue;
+    reached_.push_back(i);
+    trace += joint_[t.begin + i] * inverse[i * (t.count + 1)];
+  }
+  const int n = static_cast<int>(reached_.size()), count = padded(n);
+  if (trace == 0.0) return 0.0;
+  for (int i = 0; i < n; ++i) weighted_row_[i] = std::sqrt(joint_[t.begin + reached_[i]] / trace);
+  std::fill_n(room_.data(), n * count, 0.0);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j)
+      room_[i * count + j] =
+          weighted_row_[i] * weighted_row_[j] * inverse[reached_[i] * t.count + reached_[j]];
+  return trace * std::sqrt(std::sqrt(fourth_power(room_.data(), n, count)));
+}
+
+// Makes the rows of one coordinate each a part of S.
+void CoupledSum::add_joints(const Trees& trees, const Tree& t) {
+  const double* factor = trees.factor.data() + t.inverse;
+  const double* inverse_root = trees.inverse_root.data() + t.begin;
+  double* sum = entry_.data() + t.inverse;
+  const int n = t.dof_count;
+  for (int k = 0; k < n; ++k) {
+    const double weight = joint_[t.begin + k];
+    if (weight == 0.0) continue;
+    joint_[t.begin + k] = 0.0;
+    reached_.clear();
+    for (int dof = t.dof_begin + k; dof >= 0; dof = trees.above[dof])
+      reached_.push_back(dof - t.dof_begin);
+    const int count = static_cast<int>(reached_.size());
+    double* y = weighted_row_.data();
+    std::fill_n(y, count, 0.0);
+    y[0] = 1.0;
+    for (int a = 0; a < count; ++a) {
+      const double* row = factor + reached_[a] * n;
+      for (int b = a + 1; b < count; ++b) y[b] -= row[reached_[b]] * y[a];
+      y[a] *= inverse_root[reached_[a]];
+    }
+    for (int a = 0; a < count; ++a) {
+      reaches_[t.begin + reached_[a]] = 1;
+      double* row = sum + reached_[a] * t.count;
+      for (int b = a; b < count; ++b) row[reached_[b]] += weight * y[a] * y[b];
     }
   }
 }
 
-// Of a tree rows may reach a part only, as the legs of a robot: the rest of B is zero.
-double CoupledSum::bound_of_reached(const Tree& t, const double* inverse) {
+// Of a tree rows may reach a part only, as the legs of a robot: the rest of S is zero.
+double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t) {
+  add_joints(trees, t);
   const double* sum = entry_.data() + t.inverse;
   reached_.clear();
-  for (int i = 0; i < t.dof_count; ++i)
-    if (reaches_[t.begin + i]) reached_.push_back(i);
+  double trace = 0.0;
+  for (int i = 0; i < t.dof_count; ++i) {
+    if (!reaches_[t.begin + i]) continue;
+    reached_.push_back(i);
+    trace += sum[i * (t.count + 1)];
+  }
+  const int n = static_cast<int>(reached_.size()), count = padded(n);
+  if (trace == 0.0) return 0.0;
+  std::fill_n(room_.data(), n * count, 0.0);
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j)
+      room_[i * count + j] = room_[j * count + i] =
+          sum[reached_[i] * t.count + reached_[j]] / trace;
+  return trace * std::sqrt(std::sqrt(fourth_power(room_.data(), n, count)));
+}
+
+double CoupledSum::bound(const Trees& trees, int tree) {
+  const Tree& t = trees.tree[tree];
+  if (empty_[tree]) return 0.0;
+  if (t.free_body) return body_bound(entry_.data() + t.inverse, trees.inverse.data() + t.inverse);
+  return wide_[tree] ? bound_of_reached(trees, t) : bound_of_joints(trees, t);
+}
+
+void CoupledSum::clear(const Trees& trees, int tree) {
+  if (empty_[tree]) return;
+  const Tree& t = trees.tree[tree];
+  if (t.free_body || wide_[tree]) std::fill_n(entry_.data() + t.inverse, t.count * t.count, 0.0);
+  std::fill_n(joint_.data() + t.begin, t.count, 0.0);
   std::fill_n(reaches_.begin() + t.begin, t.count, 0);
-  const int n = static_cast<int>(reached_.size());
-  if (n == t.dof_count) return tree_bound(sum, inverse, n, t.count, room_.data());
-  const int count = padded(n), size = count * count;
-  std::fill_n(room_.data(), 4 * size, 0.0);
-  compress(sum, t.count, reached_, count, room_.data() + 2 * size);
-  compress(inverse, t.count, reached_, count, room_.data() + 3 * size);
-  return tree_bound(room_.data() + 2 * size, room_.data() + 3 * size, n, count, room_.data());
+  empty_[tree] = 1;
+  wide_[tree] = 0;
 }
 
 double CoupledSum::take_bound(const Trees& trees, int tree) {
-  if (empty_[tree]) return 0.0;
+  const double result = bound(trees, tree);
+  clear(trees, tree);
+  return result;
+}
+
+double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to) {
+  const double result = bound(trees, tree);
+  if (empty_[tree]) return result;
   const Tree& t = trees.tree[tree];
-  double* sum = entry_.data() + t.inverse;
-  const double* inverse = trees.inverse.data() + t.inverse;
-  const double bound = t.free_body ? body_bound(sum, inverse) : bound_of_reached(t, inverse);
-  std::fill_n(sum, t.count * t.count, 0.0);
-  empty_[tree] = 1;
-  return bound;
+  const auto add_range = [](const auto& from, int begin, int count, auto& sum) {
+    for (int i = begin; i < begin + count; ++i) sum[i] += from[i];
+  };
+  if (t.free_body || wide_[tree]) add_range(entry_, t.inverse, t.count * t.count, to.entry_);
+  add_range(joint_, t.begin, t.count, to.joint_);
+  for (int i = t.begin; i < t.begin + t.count; ++i) to.reaches_[i] |= reaches_[i];
+  to.empty_[tree] = 0;
+  to.wide_[tree] |= wide_[tree];
+  clear(trees, tree);
+  return result;
 }
 
 }  // namespace dashpot

@@ -36,7 +36,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   };
   const auto tree_of = [](const RowGroup& c) { return c.tree[0] >= 0 ? c.tree[0] : c.tree[1]; };
   for (const RowGroup& c : rows.group)
-    if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+    if (c.can_be_loaded && c.tree[0] >= 0 && c.tree[1] >= 0) {
       const int a = find_root(c.tree[0]), b = find_root(c.tree[1]);
       root_[std::max(a, b)] = std::min(a, b);
     }
@@ -44,6 +44,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   island_of_.assign(tree_count, -1);
   int count = 0;
   for (const RowGroup& c : rows.group) {
+    if (!c.can_be_loaded) continue;
     int& island = island_of_[find_root(tree_of(c))];
     if (island < 0) island = count++;
   }
@@ -64,7 +65,11 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   };
   sort_into(
       group_order_, static_cast<int>(rows.group.size()),
-      [&](int i) { return island_of_[find_root(tree_of(rows.group[i]))]; }, &Island::group);
+      [&](int i) {
+        const RowGroup& c = rows.group[i];
+        return c.can_be_loaded ? island_of_[find_root(tree_of(c))] : -1;
+      },
+      &Island::group);
   sort_into(
       tree_order_, tree_count, [&](int i) { return island_of_[find_root(i)]; }, &Island::tree);
   return islands_;
@@ -73,8 +78,8 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
                    const std::vector<double>& sag_time, double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
-  has_friction_.assign(trees.tree.size(), 0);
-  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_, &rigid_normal_}) sum->reset(trees);
+  for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
+    sum->reset(trees);
   for (Island& island : islands_) {
     for (int index : island.group)
       if (!materials[index].rigid())
@@ -105,10 +110,6 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
 
 void Islands::measure(const Island& island, const Rows& rows, const Trees& trees,
                       const std::vector<GroupMaterial>& materials, bool all_rigid) {
-  for (int index : island.group)
-    if (const RowGroup& c = rows.group[index]; c.dim > 1)
-      for (int tree : c.tree)
-        if (tree >= 0) has_friction_[tree] = 1;
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const bool is_rigid = all_rigid || materials[index].rigid();
@@ -121,20 +122,22 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
       split[1][i] = w1 > 0.0 ? (w1 + both) / w1 : 0.0;
     }
     double weight[kMaxRows];
-    const auto add = [&](CoupledSum& sum, int side, const auto& weight_of_row) {
+    const auto weigh = [&](int side, const auto& weight_of_row) {
       for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * weight_of_row(c.row + i);
-      sum.add(rows, trees, c, side, c.dim, weight);
     };
     for (int side = 0; side < 2; ++side) {
       if (c.tree[side] < 0) continue;
       if (is_rigid) {
-        add(rigid_, side, [&](int row) {
+        weigh(side, [&](int row) {
           return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
         });
-        if (has_friction_[c.tree[side]]) rigid_normal_.add(rows, trees, c, side, 1, weight);
+        rigid_normal_.add(rows, trees, c, side, 0, 1, weight);
+        if (c.dim > 1) rigid_friction_.add(rows, trees, c, side, 1, c.dim - 1, weight + 1);
       } else {
-        add(stiffness_, side, [&](int row) { return rows.stiffness[row]; });
-        add(damping_, side, [&](int row) { return rows.damping[row]; });
+        weigh(side, [&](int row) { return rows.stiffness[row]; });
+        stiffness_.add(rows, trees, c, side, 0, c.dim, weight);
+        weigh(side, [&](int row) { return rows.damping[row]; });
+        damping_.add(rows, trees, c, side, 0, c.dim, weight);
       }
     }
   }
@@ -142,9 +145,15 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
     TreeBounds& b = bounds_[tree];
     b.stiffness = stiffness_.take_bound(trees, tree);
     b.damping = damping_.take_bound(trees, tree);
-    b.rigid = rigid_.take_bound(trees, tree);
-    b.coupling = split_coupling(b.rigid / b.rigid_share(),
-                                rigid_normal_.take_bound(trees, tree) / b.rigid_share());
+    if (rigid_friction_.empty(tree)) {
+      b.rigid = rigid_normal_.take_bound(trees, tree);
+      const double all = b.rigid / b.rigid_share();
+      b.coupling = {all, all, all};
+      continue;
+    }
+    const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_);
+    b.rigid = rigid_friction_.take_bound(trees, tree);
+    b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
   }
 }
 

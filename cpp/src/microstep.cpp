@@ -13,6 +13,15 @@ namespace dashpot {
 
 namespace {
 
+// Whether an island is one frictionless row, whose flow is closed form over any time. Overlap that
+// recovers does so micro-step by micro-step.
+bool flows_alone(const Rows& rows, const Island& island, const RowData& data) {
+  const int index = *island.group.begin();
+  const RowGroup& c = rows.group[index];
+  return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
+         c.turning[0] == 0.0 && data.offset[index] == 0.0;
+}
+
 using AllBlocks =
     std::tuple<Blocks<PairLanes, ContactLanes<1>>, Blocks<PairLanes, ContactLanes<3>>,
                Blocks<PairLanes, ContactLanes<4>>, Blocks<PairLanes, ContactLanes<6>>,
@@ -28,6 +37,7 @@ struct MicrostepLoop::Impl {
   const Trees* trees = nullptr;
   const Island* island = nullptr;
   RowData* data = nullptr;
+  int count = 0;  // micro-steps
   double h = 0.0;
   double recovery_speed = 0.0;
   AllBlocks blocks;
@@ -76,18 +86,22 @@ void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, JointLanes&
 }
 
 void MicrostepLoop::Impl::make_room_for_sparse_rows() {
-  size_t size = 0;
+  int size = 0, largest = 0;
   for (int index : island->group) {
     const RowGroup& c = rows->group[index];
-    if (c.pair < 0) size += sparse_size(c.dim, c.width());
+    if (c.pair >= 0) continue;
+    const int of_group = sparse_size(c.dim, c.width());
+    size += of_group;
+    largest = std::max(largest, of_group);
   }
-  sparse_values.assign(size, 0.0);
-  packed_values = 0;
+  sparse_values.assign(largest + size, 0.0);
+  packed_values = largest;  // zeros before, for lanes to spare
 }
 
 void MicrostepLoop::Impl::pack_jacobian(const RowGroup& c, int lane, SparseLanes& j) {
   pack_sparse(rows->value.data() + c.value, rows->column.data() + c.column, c.dim, c.width(),
               sparse_values.data() + packed_values, lane, j);
+  spare_sparse(sparse_values.data(), lane, j);
   packed_values += sparse_size(c.dim, c.width());
 }
 
@@ -214,9 +228,9 @@ void MicrostepLoop::Impl::run_microsteps() {
   double& turning = data->velocity[kTurningCoordinate];
   const double turning_at_start = turning;
   sweep_rows(Sweep::kPrepare, m);
-  const double middle = 0.5 * h * island->microsteps;
+  const double middle = 0.5 * h * count;
   m.rate_time = -middle;
-  for (int i = 0; i < island->microsteps; ++i) {
+  for (int i = 0; i < count; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
     m.work_time = i * h + 0.5 * h - middle;
     m.displacement_time = h * m.work_time;
@@ -276,7 +290,10 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const Island& isla
   impl_->trees = &trees;
   impl_->island = &island;
   impl_->data = &data;
-  impl_->h = island.duration;
+  // Its stiffness is that of the micro-steps planned.
+  const bool at_once = flows_alone(rows, island, data);
+  impl_->count = at_once ? 1 : island.microsteps;
+  impl_->h = at_once ? island.microsteps * island.duration : island.duration;
   impl_->recovery_speed = recovery_speed;
   impl_->pack();
   impl_->run_microsteps();

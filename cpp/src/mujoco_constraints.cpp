@@ -13,9 +13,22 @@ namespace dashpot::host {
 
 namespace {
 
+struct Range {
+  int begin, end;
+};
+
 constexpr int kEqualityRows = 6;  // most rows of one equality (weld)
 constexpr int kLimitSides = 2;
 constexpr int kStrainRows = 18;  // of one cell of a flex
+
+// The degrees of freedom that a row of efc_J may reach: those of its joint, or all.
+Range dofs_of_row(const mjModel* m, const mjData* d, int row) {
+  const int id = d->efc_id[row];
+  if (d->efc_type[row] == mjCNSTR_FRICTION_DOF) return {id, id + 1};
+  if (d->efc_type[row] != mjCNSTR_LIMIT_JOINT) return {0, static_cast<int>(m->nv)};
+  const int first = m->jnt_dofadr[id];
+  return {first, first + (m->jnt_type[id] == mjJNT_BALL ? 3 : 1)};
+}
 
 // Calls visit(dof, value) for every nonzero of a row of efc_J.
 template <typename Visit>
@@ -25,7 +38,8 @@ void for_each_nonzero(const mjModel* m, const mjData* d, int row, Visit visit) {
     for (int k = address; k < address + d->efc_J_rownnz[row]; ++k)
       if (d->efc_J[k] != 0.0) visit(d->efc_J_colind[k], d->efc_J[k]);
   } else {
-    for (int dof = 0; dof < m->nv; ++dof)
+    const Range dofs = dofs_of_row(m, d, row);
+    for (int dof = dofs.begin; dof < dofs.end; ++dof)
       if (d->efc_J[row * m->nv + dof] != 0.0) visit(dof, d->efc_J[row * m->nv + dof]);
   }
 }
@@ -108,10 +122,13 @@ void to_centre(const mjModel* m, const mjData* d, const Tree& t, double* row) {
 }  // namespace
 
 bool is_default_impedance(const double* solref, const double* solimp) {
-  mjtNum default_solref[mjNREF], default_solimp[mjNIMP];
-  mj_defaultSolRefImp(default_solref, default_solimp);
-  return std::equal(solref, solref + mjNREF, default_solref) &&
-         std::equal(solimp, solimp + mjNIMP, default_solimp);
+  struct Default {
+    mjtNum solref[mjNREF], solimp[mjNIMP];
+    Default() { mj_defaultSolRefImp(solref, solimp); }
+  };
+  static const Default impedance;
+  return std::equal(solref, solref + mjNREF, impedance.solref) &&
+         std::equal(solimp, solimp + mjNIMP, impedance.solimp);
 }
 
 std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source) {

@@ -244,28 +244,25 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
   if (takes_derivatives(m)) mjd_smooth_vel(m, d, 0);
 }
 
-void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
-                            std::vector<double>& factor) {
-  factor.resize(trees.inverse.size());
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, index);
     if (t.free_body)
       invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
     else
-      factor_tree(m, d, trees, index, factor.data() + t.inverse);
+      factor_tree(m, d, trees, index, trees.factor.data() + t.inverse);
   }
 }
 
-void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
-                         const std::vector<double>& factor, double* acceleration) {
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration) {
   const Tree& t = trees.tree[tree];
   if (t.free_body) {
     std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
     return;
   }
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
-  solve_inertia(trees, tree, factor.data() + t.inverse, acceleration);
+  solve_inertia(trees, tree, trees.factor.data() + t.inverse, acceleration);
 }
 
 bool is_free_body(const mjModel_* m, int tree) {

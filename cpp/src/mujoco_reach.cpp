@@ -5,6 +5,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -18,13 +19,10 @@ namespace {
 // Largest speed of any point of a body within `radius` of `point`.
 double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
                    const double* body_velocity) {
-  const double* v = body_velocity + 6 * body;
-  const mjtNum* com = d->subtree_com + 3 * m->body_rootid[body];
-  mjtNum arm[3], at_point[3];
-  mju_sub3(arm, point, com);
-  mju_cross(at_point, v, arm);
-  mju_addTo3(at_point, v + 3);
-  return mju_norm3(at_point) + mju_norm3(v) * radius;
+  using Vector = Eigen::Map<const Eigen::Vector3d>;
+  const Vector centre(d->subtree_com + 3 * m->body_rootid[body]);
+  const Vector angular(body_velocity + 6 * body), linear(body_velocity + 6 * body + 3);
+  return (linear + angular.cross(Vector(point) - centre)).norm() + angular.norm() * radius;
 }
 
 double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {

@@ -34,7 +34,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   materials.clear();
   for (size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintInput& input = constraints[i];
-    const RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
+    RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
     rows.friction[c.row] = input.limit;
     host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
     materials.push_back(material_of(model, data, input));
@@ -61,6 +61,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());
+    c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
   }
 }
 

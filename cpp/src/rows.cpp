@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mass_weighted.hpp"
+
 namespace dashpot {
 
 namespace {
@@ -34,31 +36,26 @@ double body_inverse_mass(const PairGeometry& pair, int i, int side, const double
   return sum;
 }
 
-// The same of all rows of a group over their sparse entries in one tree, whose columns are the
-// `count` from `first` on. Row by row a sum would wait for its last addition.
+// The same of all rows of a group over their sparse entries for a free body, whose columns are the
+// `count` from `first` on.
 void sparse_inverse_mass(const Rows& rows, const RowGroup& c, int first, int count,
                          const Tree& tree, const double* inverse, double* sum) {
-  const int width = c.width();
   const double* value = rows.value.data() + c.value + first;
   const int* column = rows.column.data() + c.column + first;
-  std::fill_n(sum, c.dim, 0.0);
-  if (tree.free_body) {
-    for (int i = 0; i < c.dim; ++i, value += width) {
-      double row[kBodyCoordinates] = {};
-      for (int k = 0; k < count; ++k) row[column[k] - tree.begin] = value[k];
-      sum[i] = inverse[0] * dot(row, row);
-      for (int j = 0; j < 3; ++j) sum[i] += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
-    }
-    return;
+  for (int i = 0; i < c.dim; ++i, value += c.width()) {
+    double row[kBodyCoordinates] = {};
+    for (int k = 0; k < count; ++k) row[column[k] - tree.begin] = value[k];
+    sum[i] = inverse[0] * dot(row, row);
+    for (int j = 0; j < 3; ++j) sum[i] += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
   }
-  for (int k = 0; k < count; ++k) {
-    const double* response = inverse + (column[k] - tree.begin) * tree.count - tree.begin;
-    for (int l = 0; l < count; ++l) {
-      const double coupling = response[column[l]];
-      for (int i = 0; i < c.dim; ++i)
-        sum[i] += value[i * width + k] * coupling * value[i * width + l];
-    }
-  }
+}
+
+// The same of a row of one coordinate, which is that of its column `index`.
+double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, const Tree& tree,
+                          const double* inverse) {
+  const int coordinate = rows.column[c.column + index] - tree.begin;
+  const double value = rows.value[c.value + index];
+  return value * value * inverse[coordinate * (tree.count + 1)];
 }
 
 }  // namespace
@@ -72,6 +69,8 @@ void Rows::reset(int count) {
   pair.clear();
   column.clear();
   value.clear();
+  weighted_column.clear();
+  weighted_value.clear();
   appended = 0;
   for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
     array->assign(count, 0.0);
@@ -190,18 +189,22 @@ double bearable_compression(const Rows& rows, const RowGroup& c, double recovery
   return std::max(recovery_speed / std::sqrt(k * w), c.soft_load / k);
 }
 
-void find_inverse_mass(Rows& rows, const RowGroup& c, const Trees& trees) {
+void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {
   int column = 0;
   for (int side = 0; side < 2; ++side) {
     double part[kMaxRows] = {};
     if (c.tree[side] >= 0) {
       const Tree& tree = trees.tree[c.tree[side]];
       const double* inverse = trees.inverse.data() + tree.inverse;
-      if (c.pair < 0)
-        sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
-      else
+      if (c.pair >= 0)
         for (int i = 0; i < c.dim; ++i)
           part[i] = body_inverse_mass(rows.pair[c.pair], i, side, inverse);
+      else if (tree.free_body)
+        sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
+      else if (c.is_of_one_coordinate(side))
+        part[0] = joint_inverse_mass(rows, c, column, tree, inverse);
+      else
+        weight_by_mass(rows, c, side, trees, part);
       column += c.columns[side];
     }
     for (int i = 0; i < c.dim; ++i) rows.tree_inverse_mass[c.row + i][side] = part[i];

@@ -41,7 +41,7 @@ bool TreeMotion::is_accurate(int tree) const {
 
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data) {
   host::prepare_effective_inertia(model_, d);
-  host::find_effective_inertia(model_, d, trees_, inertia_factor_);
+  host::find_effective_inertia(model_, d, trees_);
   data.reset_motion(trees_.coordinates);
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
@@ -51,7 +51,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
     inverted_[index] = tree.free_body;
-    host::smooth_acceleration(d, trees_, index, inertia_factor_, acceleration);
+    host::smooth_acceleration(d, trees_, index, acceleration);
     if (host::is_free_body(model_, index)) {
       FreeMotion& motion = free_motion_[index];
       motion =
@@ -71,7 +71,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
 }
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
-  host::find_effective_inertia(model_, d, trees_, inertia_factor_);
+  host::find_effective_inertia(model_, d, trees_);
   data.velocity[kTurningCoordinate] = -0.5 * length;
   for (int index = 0; index < tree_count(); ++index) {
     const Tree& tree = trees_.tree[index];
@@ -106,7 +106,7 @@ void TreeMotion::freeze_ahead(int index, double time) {
 void TreeMotion::invert_inertia(const std::array<int, 2>& tree) {
   for (int index : tree) {
     if (index < 0 || inverted_[index]) continue;
-    dashpot::invert_inertia(trees_, index, inertia_factor_.data() + trees_.tree[index].inverse);
+    dashpot::invert_inertia(trees_, index, trees_.factor.data() + trees_.tree[index].inverse);
     inverted_[index] = 1;
   }
 }

@@ -71,6 +71,8 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   t.inverse = static_cast<int>(inverse.size());
   coordinates += t.count;
   inverse.resize(inverse.size() + t.count * t.count, 0.0);
+  factor.resize(inverse.size(), 0.0);
+  inverse_root.resize(coordinates, 0.0);
   tree.push_back(t);
   above.insert(above.end(), above_dofs, above_dofs + dof_count);
 }
@@ -131,6 +133,8 @@ void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
   invert(factor, trees.above.data(), t.dof_begin, t.dof_count, t.count,
          trees.inverse.data() + t.inverse);
+  for (int i = 0; i < t.dof_count; ++i)
+    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
 }
 
 }  // namespace dashpot

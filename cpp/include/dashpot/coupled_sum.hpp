@@ -8,6 +8,8 @@
 //
 // w_r^T being the part of w_r that tree T contributes. The eigenvalues of B = inv(H_T) S_T are real
 // and not negative, so lambda_max(B) <= trace(B^m)^(1/m): m = 8 for free bodies, 4 for other trees.
+// In mass-weighted coordinates, where H_T = 1, B is the symmetric S_T: trace(B^4) is the sum of the
+// squares of the entries of B B.
 
 #pragma once
 
@@ -20,24 +22,36 @@
 namespace dashpot {
 
 // S_T of every tree, dense, `count` columns each (of a free body the columns of the linear
-// coordinates and the angular block); zero between islands. Keeps its arrays from step to step.
+// coordinates and the angular block, of others the lower triangle, mass-weighted); zero between
+// islands. Keeps its arrays from step to step.
 class CoupledSum {
  public:
   void reset(const Trees& trees);
-  // Adds the first `dim` rows of a group over one of its trees, `weight` for each.
-  void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int dim,
-           const double* weight);
+  // Adds `dim` rows of a group from the row `first` on over one of its trees, `weight` for each.
+  void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int first,
+           int dim, const double* weight);
+  bool empty(int tree) const { return empty_[tree]; }
   // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
   double take_bound(const Trees& trees, int tree);
+  // The same, but what was added goes to another sum.
+  double hand_over(const Trees& trees, int tree, CoupledSum& to);
 
  private:
-  double bound_of_reached(const Tree& tree, const double* inverse);
+  double bound_of_joints(const Trees& trees, const Tree& tree);
+  double bound_of_reached(const Trees& trees, const Tree& tree);
+  void add_joints(const Trees& trees, const Tree& tree);
+  double bound(const Trees& trees, int tree);
+  void clear(const Trees& trees, int tree);
 
   AlignedDoubles entry_;
-  std::vector<char> empty_;    // by tree
-  std::vector<char> reaches_;  // by motion coordinate: a sparse row has it
-  std::vector<int> reached_;   // coordinates of one tree, from its first
-  AlignedDoubles room_;        // for the matrices of a bound
+  // By motion coordinate: the sum of the rows of this one coordinate, not mass-weighted.
+  AlignedDoubles joint_;
+  // By tree: nothing was added; rows of several coordinates were.
+  std::vector<char> empty_, wide_;
+  std::vector<char> reaches_;         // by motion coordinate: a sparse row has it
+  std::vector<int> reached_;          // coordinates of one tree, from its first
+  AlignedDoubles room_;               // for the matrix of a bound
+  std::vector<double> weighted_row_;  // of a joint
 };
 
 }  // namespace dashpot

@@ -78,8 +78,7 @@ class Islands {
   std::vector<Island> islands_;
   std::vector<int> root_, island_of_, tree_order_, group_order_, first_;
   std::vector<TreeBounds> bounds_;  // by tree
-  std::vector<char> has_friction_;  // by tree: of contacts
-  CoupledSum stiffness_, damping_, rigid_, rigid_normal_;
+  CoupledSum stiffness_, damping_, rigid_normal_, rigid_friction_;
 };
 
 }  // namespace dashpot

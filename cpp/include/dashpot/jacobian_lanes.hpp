@@ -34,6 +34,7 @@ struct SparseLanes {
   const double *by_row[kLanes], *by_column[kLanes];
   const int* column[kLanes];
   int width[kLanes];
+  int common_width = 0;  // columns for which every lane has values, of its own or zeros
 };
 // Numbers that `dim` rows of `width` values take in both orders.
 inline constexpr int sparse_size(int dim, int width) {
@@ -50,6 +51,16 @@ inline void pack_sparse(const double* value, const int* column, int dim, int wid
   j.by_column[lane] = by_column;
   j.column[lane] = column;
   j.width[lane] = width;
+  j.common_width = lane == kLanes - 1 ? *std::min_element(j.width, j.width + kLanes) : 0;
+}
+// Lets the lanes after `last` take part in the sums of the others with `zeros`, padded(dim) for
+// each of their columns.
+inline void spare_sparse(const double* zeros, int last, SparseLanes& j) {
+  j.common_width = *std::min_element(j.width, j.width + last + 1);
+  for (int lane = last + 1; lane < kLanes; ++lane) {
+    j.by_column[lane] = zeros;
+    j.column[lane] = j.column[0];
+  }
 }
 
 [[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
@@ -137,38 +148,93 @@ template <int Dim>
   for (int lane = 0; lane < kLanes; ++lane) force[j.column[lane]] += generalized[lane];
 }
 
+// The same of several motions, whose sums do not wait for each other, nor those of the lanes.
+template <int Dim, int Count>
+[[gnu::always_inline]] inline void gather_all(const SparseLanes& j,
+                                              const double* const (&motion)[Count],
+                                              Lanes* const (&out)[Count]) {
+  constexpr int kParts = padded(Dim) / kLanes;
+  Lanes sum[Count][kParts][kLanes] = {};
+  const auto add_column = [&](int lane, int k) __attribute__((always_inline)) {
+    const double* value = j.by_column[lane] + k * kParts * kLanes;
+    const int column = j.column[lane][k];
+    for (int part = 0; part < kParts; ++part) {
+      const Lanes of_column = load_lanes(value + part * kLanes);
+      for (int i = 0; i < Count; ++i) sum[i][part][lane] += of_column * motion[i][column];
+    }
+  };
+  for (int k = 0; k < j.common_width; ++k)
+    for (int lane = 0; lane < kLanes; ++lane) add_column(lane, k);
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int k = j.common_width; k < j.width[lane]; ++k) add_column(lane, k);
+  for (int i = 0; i < Count; ++i)
+    for (int part = 0; part < kParts; ++part) {
+      transpose(sum[i][part]);
+      for (int row = 0; row < kLanes && part * kLanes + row < Dim; ++row)
+        out[i][part * kLanes + row] = sum[i][part][row];
+    }
+}
+
 template <int Dim>
 [[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
-  constexpr int kParts = padded(Dim) / kLanes;
-  Lanes sum[kParts][kLanes] = {};
+  gather_all<Dim, 1>(j, {motion}, {out});
+}
+
+template <int Dim, typename Jacobian>
+[[gnu::always_inline]] inline void gather_two(const Jacobian& j, const double* first,
+                                              const double* second, Lanes* of_first,
+                                              Lanes* of_second) {
+  gather<Dim>(j, first, of_first);
+  gather<Dim>(j, second, of_second);
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void gather_two(const SparseLanes& j, const double* first,
+                                              const double* second, Lanes* of_first,
+                                              Lanes* of_second) {
+  gather_all<Dim, 2>(j, {first, second}, {of_first, of_second});
+}
+
+// The same of several impulses.
+template <int Dim, int Count>
+[[gnu::always_inline]] inline void scatter_all(const SparseLanes& j,
+                                               const Lanes* const (&impulse)[Count],
+                                               double* const (&force)[Count]) {
   for (int lane = 0; lane < kLanes; ++lane) {
+    const int width = j.width[lane], stride = padded(width);
     const int* column = j.column[lane];
-    const double* value = j.by_column[lane];
-    for (int k = 0; k < j.width[lane]; ++k, value += kParts * kLanes)
-      for (int part = 0; part < kParts; ++part)
-        sum[part][lane] += load_lanes(value + part * kLanes) * motion[column[k]];
-  }
-  for (int part = 0; part < kParts; ++part) {
-    transpose(sum[part]);
-    for (int i = 0; i < kLanes && part * kLanes + i < Dim; ++i)
-      out[part * kLanes + i] = sum[part][i];
+    for (int first = 0; first < width; first += kLanes) {
+      Lanes sum[Count] = {};
+      for (int row = 0; row < Dim; ++row) {
+        const Lanes of_row = load_lanes(j.by_row[lane] + row * stride + first);
+        for (int i = 0; i < Count; ++i) sum[i] += of_row * impulse[i][row][lane];
+      }
+      const int count = std::min(kLanes, width - first);
+      for (int k = 0; k < count; ++k)
+        for (int i = 0; i < Count; ++i) force[i][column[first + k]] += sum[i][k];
+    }
   }
 }
 
 template <int Dim>
 [[gnu::always_inline]] inline void scatter(const SparseLanes& j, const Lanes* impulse,
                                            double* force) {
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const int width = j.width[lane], stride = padded(width);
-    const int* column = j.column[lane];
-    for (int first = 0; first < width; first += kLanes) {
-      Lanes sum{};
-      for (int i = 0; i < Dim; ++i)
-        sum += load_lanes(j.by_row[lane] + i * stride + first) * impulse[i][lane];
-      const int count = std::min(kLanes, width - first);
-      for (int k = 0; k < count; ++k) force[column[first + k]] += sum[k];
-    }
-  }
+  scatter_all<Dim, 1>(j, {impulse}, {force});
+}
+
+template <int Dim, typename Jacobian>
+[[gnu::always_inline]] inline void scatter_two(const Jacobian& j, const Lanes* first,
+                                               const Lanes* second, double* to_first,
+                                               double* to_second) {
+  scatter<Dim>(j, first, to_first);
+  scatter<Dim>(j, second, to_second);
+}
+
+template <int Dim>
+[[gnu::always_inline]] inline void scatter_two(const SparseLanes& j, const Lanes* first,
+                                               const Lanes* second, double* to_first,
+                                               double* to_second) {
+  scatter_all<Dim, 2>(j, {first, second}, {to_first, to_second});
 }
 
 }  // namespace dashpot

@@ -220,12 +220,10 @@ double joint_damping(const mjModel_* m, int dof, double velocity);
 // Computes the derivatives where they are needed.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
-// factor_inertia in `factor`, at the tree's `inverse` offset and dof_count wide.
-void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees,
-                            std::vector<double>& factor);
+// factor_inertia.
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia.
-void smooth_acceleration(const mjData_* d, const Trees& trees, int tree,
-                         const std::vector<double>& factor, double* acceleration);
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
 
 // The trees that a row of MuJoCo's constraint Jacobian reaches, -1 where fewer than two. Throws
 // std::invalid_argument if there are more.

@@ -79,6 +79,14 @@ struct PairGeometry {
   std::array<std::array<double, 3>, 2> arm{};  // from the centre of mass to the contact, world, m
 };
 
+// Rows over one tree that is no free body in coordinates in which its inertia H = L' D L is 1,
+// y = J inv(D^1/2 L), so that A = y y'. They reach what J reaches and all that is above.
+struct MassWeighted {
+  int column = 0;  // first in Rows::weighted_column
+  int count = 0;
+  int value = 0;  // first in Rows::weighted_value; rows are padded(count) apart, with zeros behind
+};
+
 // A group of rows. Per-row arrays of Rows are indexed by RowGroup::row + i, i < dim.
 struct RowGroup {
   RowKind kind = RowKind::kContact;
@@ -89,10 +97,11 @@ struct RowGroup {
   int pair = -1;                    // index in Rows::pair, or -1 for sparse rows
   // Sparse rows share their columns: those of tree[0], those of tree[1], and a coordinate of the
   // ground if a surface moves by itself or the row turns.
-  int column = 0;                // first in Rows::column
-  std::array<int, 2> columns{};  // number in each tree
-  int ground = -1;               // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
-  int value = 0;                 // first in Rows::value; rows are `width()` apart
+  int column = 0;                          // first in Rows::column
+  std::array<int, 2> columns{};            // number in each tree
+  int ground = -1;                         // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
+  int value = 0;                           // first in Rows::value; rows are `width()` apart
+  std::array<MassWeighted, 2> weighted{};  // by side; of rows of several coordinates
   // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
   double soft_load = 0.0;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
@@ -101,16 +110,24 @@ struct RowGroup {
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;
 
+  // False of a contact apart that nothing can close, since no joint moves its bodies along the
+  // normal: it belongs to no island.
+  bool can_be_loaded = true;
+
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
+  // One row over one coordinate of a tree, as limits and dry friction of hinges and slides have.
+  bool is_of_one_coordinate(int side) const { return pair < 0 && dim == 1 && columns[side] == 1; }
   int width() const { return columns[0] + columns[1] + (ground >= 0); }
 };
 
 struct Rows {
   std::vector<RowGroup> group;
   std::vector<PairGeometry> pair;
-  std::vector<int> column;    // motion coordinates
-  std::vector<double> value;  // of sparse rows
+  std::vector<int> column;           // motion coordinates
+  std::vector<double> value;         // of sparse rows
+  std::vector<int> weighted_column;  // motion coordinates, the lowest of a tree first
+  AlignedDoubles weighted_value;
 
   // Per row: w, diagonal of J inv(H) J', and the parts of it that the two trees contribute.
   std::vector<double> inverse_mass;
@@ -155,8 +172,8 @@ double surface_work(const Rows& rows, const RowGroup& group, const double* impul
 // the soft load. Recovery moves bodies, it does not squeeze what cannot move.
 double bearable_compression(const Rows& rows, const RowGroup& group, double recovery_speed);
 
-// Fills in the inverse masses of a group's rows.
-void find_inverse_mass(Rows& rows, const RowGroup& group, const Trees& trees);
+// Fills in the inverse masses of a group's rows, and what is mass-weighted of them.
+void find_inverse_mass(Rows& rows, RowGroup& group, const Trees& trees);
 
 // The entries of row i of a pair for one of its bodies: linear (3) and angular (3).
 std::array<double, 6> pair_row(const PairGeometry& pair, int i, int side);

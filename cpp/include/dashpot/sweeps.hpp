@@ -72,13 +72,11 @@ template <typename Jacobian, typename Law>
     flow(law, acceleration, m.h, moment);
     if constexpr (std::is_same_v<Law, SpringLanes>)
       law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - moment[0];
-    scatter<kDim>(block.jacobian, law.impulse, m.impulse);
-    scatter<kDim>(block.jacobian, moment, m.moment);
+    scatter_two<kDim>(block.jacobian, law.impulse, moment, m.impulse, m.moment);
     return;
   }
   Lanes rate[kDim], displacement[kDim];
-  gather<kDim>(block.jacobian, m.velocity, rate);
-  gather<kDim>(block.jacobian, m.displacement, displacement);
+  gather_two<kDim>(block.jacobian, m.velocity, m.displacement, rate, displacement);
   if constexpr (!std::is_same_v<Law, SpringLanes>)
     if (law.turns)
       turn_rows(law, m.rate_time, m.displacement_time, m.work_time, rate, displacement);

@@ -88,7 +88,6 @@ class TreeMotion {
   std::vector<double> smooth_acceleration_;              // generalized
   AlignedDoubles start_motion_;
   std::vector<FreeMotion> free_motion_;  // by tree; meaningful for free bodies
-  std::vector<double> inertia_factor_;   // of trees that are not free bodies
   std::vector<char> inverted_;           // by tree: its inverse inertia is filled in
   std::vector<char> integrated_;
   std::vector<double> displacement_, end_velocity_;  // generalized, of one tree

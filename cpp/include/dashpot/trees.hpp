@@ -44,6 +44,10 @@ struct Trees {
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
   AlignedDoubles inverse;
+  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia.
+  AlignedDoubles factor;
+  // By motion coordinate of these: 1 / sqrt(D).
+  AlignedDoubles inverse_root;
   // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
   // below it, and to no others.
   std::vector<int> above;
@@ -67,7 +71,7 @@ void check_bounded(const Tree& tree, const double* motion, double largest);
 void factor_inertia(const Trees& trees, int tree, double* inertia);
 // Solution of H x = f; x is f before.
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
-// Fills in inv(H) of a tree that is not a free body.
+// Fills in inv(H) and 1 / sqrt(D) of a tree that is not a free body.
 void invert_inertia(Trees& trees, int tree, const double* factor);
 
 }  // namespace dashpot

@@ -1,0 +1,127 @@
+#include "dashpot/mass_weighted.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <vector>
+
+#include "dashpot/instruction_sets.hpp"
+#include "dashpot/lanes.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Whether columns, which rise, have all that is above them among them, as those of contacts do.
+bool is_closed(const int* column, int count, const Tree& t, const int* above) {
+  for (int k = 0; k < count; ++k) {
+    const int dof = above[t.dof_begin + column[k] - t.begin];
+    if (dof < 0) continue;
+    const int wanted = t.begin + dof - t.dof_begin;
+    int i = k - 1;
+    while (i >= 0 && column[i] > wanted) --i;
+    if (i < 0 || column[i] != wanted) return false;
+  }
+  return true;
+}
+
+// Appends the columns of a group in one tree and all that are above them, the lowest first.
+int append_reached(const int* column, int count, const Tree& t, const int* above,
+                   std::vector<int>& reached) {
+  if (is_closed(column, count, t, above)) {
+    reached.insert(reached.end(), std::make_reverse_iterator(column + count),
+                   std::make_reverse_iterator(column));
+    return count;
+  }
+  thread_local std::vector<char> marked;  // kept by the thread: no allocation in a step
+  marked.resize(std::max<size_t>(marked.size(), t.dof_count), 0);
+  int lowest = 0, left = 0;
+  for (int k = 0; k < count; ++k) {
+    int dof = t.dof_begin + column[k] - t.begin;
+    lowest = std::max(lowest, dof - t.dof_begin);
+    for (; dof >= 0 && !marked[dof - t.dof_begin]; dof = above[dof], ++left)
+      marked[dof - t.dof_begin] = 1;
+  }
+  const int all = left;
+  for (int i = lowest; left > 0; --i) {
+    if (!marked[i]) continue;
+    marked[i] = 0;
+    reached.push_back(t.begin + i);
+    --left;
+  }
+  return all;
+}
+
+// y = x inv(D^1/2 L) over the `count` columns reached, the lowest first, numbered from `begin` on:
+// what every row leaves is taken off the ones above. `x` has Parts lanes of rows for each
+// coordinate and is zero afterwards; of `y`, rows are `stride` apart.
+template <int Parts>
+[[gnu::always_inline]] inline void weight(const double* factor, const int* above, int dof_begin,
+                                          int n, const int* column, int count, int begin,
+                                          const double* inverse_root, int dim, double* x, double* y,
+                                          int stride, double* square) {
+  constexpr int kStride = Parts * kLanes;
+  Lanes sum[Parts] = {};
+  for (int a = 0; a < count; ++a) {
+    const int k = column[a] - begin;
+    Lanes row[Parts];
+    for (int part = 0; part < Parts; ++part) {
+      double* at = x + k * kStride + part * kLanes;
+      row[part] = load_lanes(at);
+      store_lanes(Lanes{}, at);
+    }
+    for (int dof = above[dof_begin + k]; dof >= 0; dof = above[dof]) {
+      const int i = dof - dof_begin;
+      const double scale = -factor[k * n + i];
+      for (int part = 0; part < Parts; ++part) {
+        double* at = x + i * kStride + part * kLanes;
+        store_lanes(load_lanes(at) + scale * row[part], at);
+      }
+    }
+    for (int part = 0; part < Parts; ++part) {
+      row[part] *= inverse_root[k];
+      sum[part] += row[part] * row[part];
+    }
+    for (int i = 0; i < dim; ++i) y[i * stride + a] = row[i / kLanes][i % kLanes];
+  }
+  for (int i = 0; i < dim; ++i) square[i] = sum[i / kLanes][i % kLanes];
+}
+
+DASHPOT_VECTOR_CLONES
+void weight_rows(const double* factor, const int* above, int dof_begin, int n, const int* column,
+                 int count, int begin, const double* inverse_root, int dim, double* x, double* y,
+                 int stride, double* square) {
+  if (dim <= kLanes)
+    weight<1>(factor, above, dof_begin, n, column, count, begin, inverse_root, dim, x, y, stride,
+              square);
+  else
+    weight<2>(factor, above, dof_begin, n, column, count, begin, inverse_root, dim, x, y, stride,
+              square);
+}
+
+}  // namespace
+
+void weight_by_mass(Rows& rows, RowGroup& c, int side, const Trees& trees, double* inverse_mass) {
+  static_assert(kMaxRows <= 2 * kLanes);
+  const Tree& t = trees.tree[c.tree[side]];
+  const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side], width = c.width();
+  const int* column = rows.column.data() + c.column + first;
+  const double* value = rows.value.data() + c.value + first;
+  MassWeighted& weighted = c.weighted[side];
+  weighted.column = static_cast<int>(rows.weighted_column.size());
+  weighted.count = append_reached(column, count, t, trees.above.data(), rows.weighted_column);
+  weighted.value = static_cast<int>(rows.weighted_value.size());
+  const int stride = padded(weighted.count);
+  rows.weighted_value.resize(weighted.value + c.dim * stride, 0.0);
+  // Rows of one coordinate after the other; zero between groups.
+  thread_local AlignedDoubles x;
+  const int lanes = padded(c.dim);
+  x.resize(std::max<size_t>(x.size(), t.dof_count * lanes), 0.0);
+  for (int k = 0; k < count; ++k)
+    for (int i = 0; i < c.dim; ++i) x[(column[k] - t.begin) * lanes + i] = value[i * width + k];
+  weight_rows(trees.factor.data() + t.inverse, trees.above.data(), t.dof_begin, t.dof_count,
+              rows.weighted_column.data() + weighted.column, weighted.count, t.begin,
+              trees.inverse_root.data() + t.begin, c.dim, x.data(),
+              rows.weighted_value.data() + weighted.value, stride, inverse_mass);
+}
+
+}  // namespace dashpot
