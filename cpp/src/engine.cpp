@@ -122,7 +122,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
-  detection.faces_of_flat_boxes = p.options.law != Law::kComFree;
+  detection.takes_faces = p.options.law != Law::kComFree;
   memory_layout = dashpot::memory_layout(m);
   data_size = host::data_size(m);
 }
@@ -222,8 +222,8 @@ void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) may_turn[tree] = 0;
-  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), may_turn, contacts,
-                       turned);
+  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), may_turn,
+                       detection.faces, contacts, turned);
   for (int tree = 0; tree < motion.tree_count(); ++tree)
     if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
 }
