@@ -13,9 +13,9 @@ namespace {
 
 // Part of the reference face's radius within which corners that clipping made are one.
 constexpr double kSameCorner = 1e-7;
-// Part of a face's radius below its kept corners at which another one is lower: what that leaves of
-// the surface is no more than rounding of single-precision vertices.
-constexpr double kLower = 1e-6;
+// Part of a face's radius below its kept corners at which another one is lower: as much as vertices
+// of one plane may be away from it, so that at rest, tilted by less than a thousandth, none is.
+constexpr double kLower = 1e-4;
 
 // Height of the lowest corner of a face over the plane of another one.
 double separation(const PlacedFace& face, const PlacedFace& other) {
@@ -59,7 +59,6 @@ PlacedFace place_box_face(const Vector3d& half, const Pose& pose, const Vector3d
   int axis = 0;
   local.cwiseAbs().maxCoeff(&axis);
   PlacedFace face;
-  if (std::abs(local[axis]) < std::cos(kMostTilt)) return face;
   const double sign = local[axis] < 0.0 ? -1.0 : 1.0;
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   const Vector3d along_u = half[u] * pose.rotation.col(u);
@@ -97,9 +96,11 @@ PlacedFace place_face(const FlatFace& face, const Pose& pose, const Vector3d& up
   return placed;
 }
 
-FaceManifold meet_flat(const PlacedFace& first, const PlacedFace& second, double margin) {
-  const bool swapped = separation(first, second) < separation(second, first);
-  const PlacedFace &reference = swapped ? second : first, &incident = swapped ? first : second;
+bool separates_farther(const PlacedFace& first, const PlacedFace& second) {
+  return separation(first, second) >= separation(second, first);
+}
+
+FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin) {
   const Vector3d& normal = reference.normal;
   Vector3d x = reference.corner[1] - reference.corner[0];
   x = (x - normal.dot(x) * normal).normalized();
@@ -109,7 +110,7 @@ FaceManifold meet_flat(const PlacedFace& first, const PlacedFace& second, double
     return Vector3d(x.dot(arm), y.dot(arm), normal.dot(arm));
   };
   Polygon polygon;
-  for (int i = 0; i < incident.count; ++i) polygon.add(in_frame(incident.corner[i]));
+  for (int i = 0; i < other.count; ++i) polygon.add(in_frame(other.corner[i]));
   double radius = 0.0;
   Vector3d end = in_frame(reference.corner[0]);
   for (int i = reference.count - 1; i >= 0; --i) {
@@ -120,7 +121,7 @@ FaceManifold meet_flat(const PlacedFace& first, const PlacedFace& second, double
   }
 
   FaceManifold manifold;
-  manifold.normal = swapped ? Vector3d(-normal) : normal;
+  manifold.normal = normal;
   for (int i = 0; i < polygon.count; ++i) {
     const Vector3d& corner = polygon.corner[i];
     if (corner.z() > margin) continue;
@@ -131,6 +132,17 @@ FaceManifold meet_flat(const PlacedFace& first, const PlacedFace& second, double
     point.position = reference.origin + corner.x() * x + corner.y() * y + 0.5 * corner.z() * normal;
   }
   return manifold;
+}
+
+void keep_flat_edge(double slope, FaceManifold& manifold) {
+  const auto begin = manifold.point.begin(), end = begin + manifold.count;
+  if (begin == end) return;
+  const FacePoint lowest = *std::min_element(
+      begin, end, [](const FacePoint& a, const FacePoint& b) { return a.distance < b.distance; });
+  const auto is_higher = [&](const FacePoint& point) {
+    return point.distance - lowest.distance > slope * (point.position - lowest.position).norm();
+  };
+  manifold.count = static_cast<int>(std::remove_if(begin, end, is_higher) - begin);
 }
 
 FaceManifold meet_plane(const Vector3d& origin, const Vector3d& normal, const PlacedFace& face,

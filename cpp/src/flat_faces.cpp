@@ -194,7 +194,7 @@ const FlatFace* face_along(const std::vector<FlatFace>& faces, const Vector3d& d
     greatest = cosine;
     nearest = &face;
   }
-  return nearest && greatest >= nearest->cosine ? nearest : nullptr;
+  return nearest;
 }
 
 }  // namespace dashpot

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "dashpot/face_manifold.hpp"
 #include "dashpot/mujoco_host.hpp"
@@ -12,6 +13,18 @@ namespace dashpot::host {
 namespace {
 
 using Eigen::Vector3d;
+
+// Angle (rad) to a face, and of the contact found to its normal, up to which an edge lies flat on
+// it: about one degree, far from rest, and little enough for the normal of the face to stand for
+// one across both edges.
+constexpr double kFlatEdge = 0.02;
+// Part of the smaller geom's radius that points of faces may be less deep than the contact found.
+constexpr double kAsDeep = 1e-4;
+
+// Radius about a geom; planes have none.
+double size(const mjModel* m, int geom) {
+  return m->geom_type[geom] == mjGEOM_PLANE ? mjMAXVAL : m->geom_rbound[geom];
+}
 
 Pose pose_of(const mjData* d, int geom) {
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -40,32 +53,37 @@ const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& b
   return *faces;
 }
 
-// The side of a geom that faces along a direction: what is to be placed of it.
+// The face of a geom, a box or a mesh, that looks along a direction.
 struct Side {
-  int geom, type;
+  int geom = -1, type = -1;
   Pose pose;
   const FlatFace* face = nullptr;  // of a mesh
-  Vector3d normal = Vector3d::Zero();
-  PlacedFace placed;
-};
+  PlacedFace placed;               // corners of a mesh not before they are asked for
 
-// Whether the side is flat there.
-bool find_face(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers, Side& side) {
-  if (side.type == mjGEOM_MESH) {
-    side.face = face_along(faces_of(m, m->geom_dataid[side.geom], buffers),
-                           side.pose.rotation.transpose() * direction);
-    if (side.face) side.normal = side.pose.rotation * side.face->normal;
-    return side.face;
+  Side(const mjModel* m, const mjData* d, int id)
+      : geom(id), type(m->geom_type[id]), pose(pose_of(d, id)) {}
+
+  // Whether there is any.
+  bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
+    if (type == mjGEOM_BOX) {
+      placed = place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * geom), pose, direction);
+      return true;
+    }
+    face = face_along(faces_of(m, m->geom_dataid[geom], buffers),
+                      pose.rotation.transpose() * direction);
+    if (face) placed.normal = pose.rotation * face->normal;
+    return face;
   }
-  if (side.type == mjGEOM_BOX) {
-    side.placed = place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * side.geom),
-                                 side.pose, direction);
-    side.normal = side.placed.normal;
-    return side.placed.count > 0;
+
+  bool is_flat(const Vector3d& direction) const {
+    return placed.normal.dot(direction) >= (face ? face->cosine : std::cos(kMostTilt));
   }
-  side.normal = side.pose.rotation.col(2);
-  return true;
-}
+
+  // `up`: out of what it lies on.
+  void place(const Vector3d& up) {
+    if (face) placed = place_face(*face, pose, up);
+  }
+};
 
 bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
 
@@ -73,6 +91,39 @@ bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
 bool may_adhere(const mjModel* m, int geom1, int geom2) {
   return m->flg_adhesion &&
          (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
+}
+
+FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
+                        const Vector3d& normal, double margin, FaceBuffers& buffers) {
+  Side side(m, d, geom);
+  if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
+  side.place(normal);
+  return dashpot::meet_plane(pose_of(d, plane).position, normal, side.placed, margin);
+}
+
+// None where neither face is flat.
+FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
+                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
+  Side side1(m, d, geom1), side2(m, d, geom2);
+  if (!side1.find(m, direction, buffers) || !side2.find(m, -direction, buffers)) return {};
+  const bool flat1 = side1.is_flat(direction), flat2 = side2.is_flat(-direction);
+  bool first = flat1;
+  if (flat1 != flat2) {
+    const Side& flat = first ? side1 : side2;
+    Side& other = first ? side2 : side1;
+    if (std::abs(flat.placed.normal.dot(direction)) < std::cos(kFlatEdge)) return {};
+    other.find(m, -flat.placed.normal, buffers);
+  } else if (!flat1) {
+    return {};
+  }
+  side1.place(side2.placed.normal);
+  side2.place(side1.placed.normal);
+  if (flat1 && flat2) first = separates_farther(side1.placed, side2.placed);
+  FaceManifold faces = first ? meet_face(side1.placed, side2.placed, margin)
+                             : meet_face(side2.placed, side1.placed, margin);
+  if (flat1 != flat2) keep_flat_edge(std::tan(kFlatEdge), faces);
+  if (!first) faces.normal = -faces.normal;
+  return faces;
 }
 
 }  // namespace
@@ -84,16 +135,15 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   // Of boxes MuJoCo gives all points but where it finds edges that cross.
   if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || count != 1)) return 0;
   if (may_adhere(m, geom1, geom2)) return 0;
-  const Eigen::Map<const Vector3d> direction(contact->normal);
-  Side first{geom1, type1, pose_of(d, geom1)}, second{geom2, type2, pose_of(d, geom2)};
-  if (!find_face(m, direction, buffers, first) || !find_face(m, -direction, buffers, second))
-    return 0;
-  if (first.face) first.placed = place_face(*first.face, first.pose, second.normal);
-  if (second.face) second.placed = place_face(*second.face, second.pose, first.normal);
-  const FaceManifold faces =
-      type1 == mjGEOM_PLANE ? meet_plane(first.pose.position, first.normal, second.placed, margin)
-                            : meet_flat(first.placed, second.placed, margin);
-  if (faces.count < 2) return 0;  // MuJoCo's, along its own normal
+  const Vector3d direction = Eigen::Map<const Vector3d>(contact->normal);
+  const FaceManifold faces = type1 == mjGEOM_PLANE
+                                 ? meet_plane(m, d, geom1, geom2, direction, margin, buffers)
+                                 : meet_faces(m, d, geom1, geom2, direction, margin, buffers);
+  // A single one stays MuJoCo's, along its own normal.
+  if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
+  double least = margin;
+  for (int i = 0; i < faces.count; ++i) least = std::min(least, faces.point[i].distance);
+  if (least > contact->dist + kAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
   for (int i = 0; i < faces.count; ++i) {
     contact[i].dist = faces.point[i].distance;
     mju_copy3(contact[i].pos, faces.point[i].position.data());

@@ -32,8 +32,7 @@ struct PlacedFace {
   int count = 0;
 };
 
-// The face of a box of the half-lengths `half` that looks along `direction` (world); none, with no
-// corners, where it is tilted from it by more than kMostTilt.
+// The face of a box of the half-lengths `half` that looks along `direction` (world).
 PlacedFace place_box_face(const Eigen::Vector3d& half, const Pose& pose,
                           const Eigen::Vector3d& direction);
 
@@ -47,14 +46,20 @@ struct FacePoint {
 };
 
 struct FaceManifold {
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // from the first body to the second
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   std::array<FacePoint, 2 * (kMostCorners + 1)> point;
   int count = 0;
 };
 
-// The points within `margin` (m) that two faces share, their distances along the normal of that
-// face which separates them farther.
-FaceManifold meet_flat(const PlacedFace& first, const PlacedFace& second, double margin);
+// Whether the first of two faces separates them farther, along its normal.
+bool separates_farther(const PlacedFace& first, const PlacedFace& second);
+
+// The points within `margin` (m) that a face shares with another one, or with an edge of it, their
+// distances along the normal of the first. Along that normal.
+FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin);
+
+// Leaves of these points those of an edge that lies flat: up to `slope`, seen from the lowest one.
+void keep_flat_edge(double slope, FaceManifold& manifold);
 
 // The corners of a face within `margin` (m) of a plane through `origin`, `normal` out of it.
 FaceManifold meet_plane(const Eigen::Vector3d& origin, const Eigen::Vector3d& normal,

@@ -37,8 +37,8 @@ struct FlatFace {
 std::vector<FlatFace> flat_faces(const Eigen::Matrix3Xd& vertices,
                                  const std::vector<std::vector<int>>& polygons);
 
-// The face whose normal is nearest to `direction` (unit, in the frame of the hull); null where it
-// is tilted by more than it counts.
+// The face whose normal is nearest to `direction` (unit, in the frame of the hull); null where
+// there are none.
 const FlatFace* face_along(const std::vector<FlatFace>& faces, const Eigen::Vector3d& direction);
 
 }  // namespace dashpot
