@@ -115,7 +115,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
     call_with_callbacks(mj_collision, m, d);
-    add_surplus(m, d, detection.faces.surplus);
+    const bool contacts_fit = add_surplus(d, detection.faces.surplus);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
       // Here contacts beyond the margin may start in this step.
@@ -124,7 +124,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
     const bool rows_fit = make_rows(m, d, detection.contact_rows);
-    if (!rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
+    if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
       throw std::runtime_error(
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }

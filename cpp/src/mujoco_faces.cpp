@@ -153,24 +153,25 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   return faces.count;
 }
 
-void add_surplus(const mjModel_* m, mjData_* d, const std::vector<SurplusContact>& surplus) {
+bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus) {
   const auto is_of = [](const mjContact& contact, const SurplusContact& c) {
     return contact.geom[0] == c.geom[0] && contact.geom[1] == c.geom[1];
   };
-  const int found = d->ncon;
-  size_t unmatched = surplus.size();
+  // In the order of their pairs, as MuJoCo asks for them: backwards, from the last to the first.
+  const int found = d->ncon, count = static_cast<int>(surplus.size());
+  int left = count;
   for (int from = found - 1; from >= 0; --from)
-    while (unmatched > 0 && is_of(d->contact[from], surplus[unmatched - 1])) --unmatched;
-  if (unmatched > 0) {
-    printf("UNMATCHED\n");
-    return;
-  }
-  for (size_t i = 0; i < surplus.size(); ++i)
-    if (mj_addContact(m, d, d->contact + found - 1)) return;
-  // MuJoCo keeps the order in which it asked for the pairs.
-  int to = d->ncon;
-  size_t left = surplus.size();
-  for (int from = found - 1; left > 0; --from) {
+    while (left > 0 && is_of(d->contact[from], surplus[left - 1])) --left;
+  if (left > 0) return false;  // MuJoCo had no room for the others of a pair
+  // Contacts are first in the arena, as mj_addContact has them. It forgets about rows each time.
+  const size_t size = sizeof(mjContact) * (found + count);
+  if (size > d->narena - d->pstack) return false;
+  if (count > 0) d->parena = size;
+  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
+  d->ncon += count;
+  d->maxuse_con = std::max(d->maxuse_con, d->ncon);
+  left = count;
+  for (int from = found - 1, to = d->ncon; left > 0; --from) {
     for (; left > 0 && is_of(d->contact[from], surplus[left - 1]); --left) {
       const SurplusContact& more = surplus[left - 1];
       mjContact& contact = d->contact[--to] = d->contact[from];
@@ -180,6 +181,7 @@ void add_surplus(const mjModel_* m, mjData_* d, const std::vector<SurplusContact
     }
     d->contact[--to] = d->contact[from];
   }
+  return true;
 }
 
 }  // namespace dashpot::host

@@ -38,8 +38,8 @@ struct FaceBuffers {
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count);
 
-// After MuJoCo's collision: adds contacts, in the order in which it asked for them, to those of
-// their pairs. Where the memory of the model is too small, MuJoCo counts a warning.
-void add_surplus(const mjModel_* m, mjData_* d, const std::vector<SurplusContact>& surplus);
+// After MuJoCo's collision, before its rows: adds contacts to those of their pairs, in the order in
+// which it asked for them. Whether they fit into the memory of the model; if not, none are added.
+bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus);
 
 }  // namespace dashpot::host
