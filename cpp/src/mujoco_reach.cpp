@@ -32,11 +32,6 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
                      body_velocity);
 }
 
-// Geoms that are only to be seen may still be named in a contact pair.
-bool may_collide(const mjModel* m, int geom) {
-  return m->geom_contype[geom] || m->geom_conaffinity[geom] || m->npair > 0;
-}
-
 // Largest speed of the vertices of a flex, or of the nodes that carry them.
 double flex_speed(const mjModel* m, const mjData* d, int flex, const double* body_velocity) {
   const bool nodes = m->flex_interp[flex];

@@ -109,6 +109,10 @@ inline constexpr int kMostCoupledDofs = 600;
 
 // Number of geoms, and vertices of flexes, that may have contacts.
 int contact_site_count(const mjModel_* m);
+// Geoms that are only to be seen may still be named in a contact pair.
+bool may_collide(const mjModel_* m, int geom);
+// Meshes among them: their faces may have more corners than those of other geoms.
+int colliding_mesh_count(const mjModel_* m);
 bool has_flexes(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
 bool has_adhesion(const mjModel_* m);  // of actuators or of geoms
