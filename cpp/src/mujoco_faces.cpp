@@ -58,30 +58,33 @@ struct Side {
   int geom = -1, type = -1;
   Pose pose;
   const FlatFace* face = nullptr;  // of a mesh
-  PlacedFace placed;               // corners of a mesh not before they are asked for
+  Vector3d normal = Vector3d::Zero();
 
   Side(const mjModel* m, const mjData* d, int id)
       : geom(id), type(m->geom_type[id]), pose(pose_of(d, id)) {}
 
   // Whether there is any.
   bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
+    const Vector3d local = pose.rotation.transpose() * direction;
     if (type == mjGEOM_BOX) {
-      placed = place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * geom), pose, direction);
+      int axis = 0;
+      local.cwiseAbs().maxCoeff(&axis);
+      normal = std::copysign(1.0, local[axis]) * pose.rotation.col(axis);
       return true;
     }
-    face = face_along(faces_of(m, m->geom_dataid[geom], buffers),
-                      pose.rotation.transpose() * direction);
-    if (face) placed.normal = pose.rotation * face->normal;
+    face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
+    if (face) normal = pose.rotation * face->normal;
     return face;
   }
 
   bool is_flat(const Vector3d& direction) const {
-    return placed.normal.dot(direction) >= (face ? face->cosine : std::cos(kMostTilt));
+    return normal.dot(direction) >= (face ? face->cosine : std::cos(kMostTilt));
   }
 
   // `up`: out of what it lies on.
-  void place(const Vector3d& up) {
-    if (face) placed = place_face(*face, pose, up);
+  PlacedFace place(const mjModel* m, const Vector3d& up) const {
+    if (face) return place_face(*face, pose, up);
+    return place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * geom), pose, normal);
   }
 };
 
@@ -97,8 +100,7 @@ FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
   Side side(m, d, geom);
   if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
-  side.place(normal);
-  return dashpot::meet_plane(pose_of(d, plane).position, normal, side.placed, margin);
+  return dashpot::meet_plane(pose_of(d, plane).position, normal, side.place(m, normal), margin);
 }
 
 // None where neither face is flat.
@@ -107,20 +109,15 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
   Side side1(m, d, geom1), side2(m, d, geom2);
   if (!side1.find(m, direction, buffers) || !side2.find(m, -direction, buffers)) return {};
   const bool flat1 = side1.is_flat(direction), flat2 = side2.is_flat(-direction);
-  bool first = flat1;
+  if (!flat1 && !flat2) return {};
   if (flat1 != flat2) {
-    const Side& flat = first ? side1 : side2;
-    Side& other = first ? side2 : side1;
-    if (std::abs(flat.placed.normal.dot(direction)) < std::cos(kFlatEdge)) return {};
-    other.find(m, -flat.placed.normal, buffers);
-  } else if (!flat1) {
-    return {};
+    const Vector3d& normal = flat1 ? side1.normal : side2.normal;
+    if (std::abs(normal.dot(direction)) < std::cos(kFlatEdge)) return {};
+    (flat1 ? side2 : side1).find(m, -normal, buffers);
   }
-  side1.place(side2.placed.normal);
-  side2.place(side1.placed.normal);
-  if (flat1 && flat2) first = separates_farther(side1.placed, side2.placed);
-  FaceManifold faces = first ? meet_face(side1.placed, side2.placed, margin)
-                             : meet_face(side2.placed, side1.placed, margin);
+  const PlacedFace face1 = side1.place(m, side2.normal), face2 = side2.place(m, side1.normal);
+  const bool first = flat1 && (!flat2 || separates_farther(face1, face2));
+  FaceManifold faces = first ? meet_face(face1, face2, margin) : meet_face(face2, face1, margin);
   if (flat1 != flat2) keep_flat_edge(std::tan(kFlatEdge), faces);
   if (!first) faces.normal = -faces.normal;
   return faces;

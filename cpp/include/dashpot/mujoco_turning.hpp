@@ -28,8 +28,9 @@ struct FaceBuffers;
 // Takes contacts of free bodies that touch and turn to the middle of a step of `length` (s): their
 // frames, also in `d`, and where they act on each body, seen from where its centre of mass is at
 // the start. `motion`: velocities in motion coordinates. `may_turn`, by tree: a free body that may
-// be taken there; `turned`, zeros before: one that was. Contacts without a counterpart in the
-// middle stay as they are, and so do those with moving links, whose rows are frozen at the start.
+// be taken there; `turned`, zeros before: one that was. `faces` are kept from step to step.
+// Contacts without a counterpart in the middle stay as they are, and so do those with moving links,
+// whose rows are frozen at the start.
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, const std::vector<char>& may_turn, FaceBuffers& faces,
                     std::vector<ContactInput>& contacts, std::vector<char>& turned);
