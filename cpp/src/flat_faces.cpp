@@ -142,6 +142,10 @@ std::vector<FlatFace> flat_faces(const Matrix3Xd& vertices,
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return area[a].norm() > area[b].norm(); });
+  std::vector<std::vector<int>> polygons_at(vertices.cols());
+  for (size_t i = 0; i < polygons.size(); ++i)
+    for (int vertex : polygons[i]) polygons_at[vertex].push_back(static_cast<int>(i));
+  std::vector<int> seen(vertices.cols(), -1);  // the polygon of the last face to do with a vertex
   std::vector<char> taken(polygons.size(), 0);
   std::vector<Corner> corners;
   for (int seed : order) {
@@ -154,8 +158,20 @@ std::vector<FlatFace> flat_faces(const Matrix3Xd& vertices,
       return face.normal.dot(face.origin - vertices.col(vertex));
     };
     const auto is_here = [&](int vertex) { return depth(vertex) <= kOnePlane * radius; };
-    for (size_t i = 0; i < polygons.size(); ++i)
-      if (std::all_of(polygons[i].begin(), polygons[i].end(), is_here)) taken[i] = 1;
+    // Its vertices, one reached from the other, and those next to them: of a convex body others
+    // are not met before these.
+    std::vector<int> here = polygons[seed], beside;
+    for (int vertex : here) seen[vertex] = seed;
+    for (size_t i = 0; i < here.size(); ++i)
+      for (int polygon : polygons_at[here[i]]) {
+        const std::vector<int>& around = polygons[polygon];
+        if (std::all_of(around.begin(), around.end(), is_here)) taken[polygon] = 1;
+        for (int vertex : around) {
+          if (seen[vertex] == seed) continue;
+          seen[vertex] = seed;
+          (is_here(vertex) ? here : beside).push_back(vertex);
+        }
+      }
 
     const Vector3d x = (vertices.col(polygons[seed][0]) - face.origin).normalized();
     const Vector3d y = face.normal.cross(x);
@@ -164,14 +180,12 @@ std::vector<FlatFace> flat_faces(const Matrix3Xd& vertices,
       return Vector2d(x.dot(arm), y.dot(arm));
     };
     corners.clear();
-    for (int vertex : hull)
-      if (is_here(vertex)) corners.push_back({place(vertex), vertices.col(vertex)});
+    for (int vertex : here) corners.push_back({place(vertex), vertices.col(vertex)});
     corners = outline(corners, kOnePlane * radius);
     if (corners.size() < 3) continue;
     double tilt = 2.0 * kMostTilt;
-    for (int vertex : hull)
-      if (!is_here(vertex))
-        tilt = std::min(tilt, std::atan2(depth(vertex), distance_outside(place(vertex), corners)));
+    for (int vertex : beside)
+      tilt = std::min(tilt, std::atan2(depth(vertex), distance_outside(place(vertex), corners)));
     tilt *= 0.5;
     if (width_of(corners) * std::tan(tilt) < kLift * radius) continue;
     face.cosine = std::cos(tilt);
