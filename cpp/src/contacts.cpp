@@ -13,6 +13,8 @@ namespace {
 // Contacts that data remember at most: generous, since detection reaches ahead.
 constexpr int kMinimumContacts = 128;
 constexpr int kContactsPerSite = 32;
+// Those of prisms of six sides packed like a honeycomb, each with four pairs of twelve points.
+constexpr int kMoreOfMesh = 16;
 
 Memory memory_of(const mjModel_* m, mjData_* d) {
   const MemoryLayout layout = memory_layout(m);
@@ -34,7 +36,8 @@ double along(const ContactInput& input, const double* local, int row) {
 
 MemoryLayout memory_layout(const mjModel_* m) {
   MemoryLayout layout;
-  layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m);
+  layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m) +
+                    kMoreOfMesh * host::colliding_mesh_count(m);
   layout.constraints = host::constraint_memory_count(m);
   const Trees trees = host::make_trees(m);
   const bool has_links = std::any_of(trees.tree.begin(), trees.tree.end(),

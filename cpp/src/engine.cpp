@@ -124,7 +124,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
-  detection.faces_of_flat_boxes = p.options.law != Law::kComFree;
+  detection.takes_faces = p.options.law != Law::kComFree;
   memory_layout = dashpot::memory_layout(m);
   data_size = host::data_size(m);
 }
@@ -219,7 +219,8 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 // start.
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), contacts, turned);
+  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
+                       contacts, turned);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) turned[tree] = 0;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/flat_boxes.hpp"
+#include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
@@ -33,7 +33,8 @@ constexpr double kAsDeep = 0.8;
 constexpr double kFlat = 1e-6;
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
-thread_local bool replaced = false, faces_of_flat_boxes = false;
+thread_local bool replaced = false;
+thread_local FaceBuffers* face_buffers = nullptr;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
 
 // A column of a rotation matrix.
@@ -59,17 +60,17 @@ mjtNum gap_at_end(const mjPreContact& contact, const MovedGeom& moved1, const Mo
 }
 
 // Adds points that are apart now and overlap at the end of the step, at the velocities of its
-// start, to the `count` contacts known, where none of these stands for them; returns how many there
-// are then.
-int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
-               mjfCollision collide, mjPreContact* contact, int count) {
-  const int most = mj_maxContact(m, geom1, geom2, 1);
+// start, to the `count` contacts known, where none of these stands for them, up to `most`; returns
+// how many there are then. `collide` finds contacts at a margin.
+template <typename Collide>
+int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin, int most,
+               const Collide& collide, mjPreContact* contact, int count) {
   if (count == 0 || count >= most) return count;
   const int known = count;
   mjPreContact end[mjMAXCONPAIR];
   const MovedGeom moved1(m, d, geom1, m->opt.timestep), moved2(m, d, geom2, m->opt.timestep);
   // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
-  const int end_count = collide(m, d, end, geom1, geom2, 0.0);
+  const int end_count = collide(0.0, end);
   for (int i = 0; i < end_count && count < most; ++i) {
     if (mju_dot3(end[i].normal, contact[0].normal) < kAlike) continue;
     mjtNum surface1[3], surface2[3], apart[3];
@@ -96,43 +97,46 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   return count;
 }
 
-PlacedBox placed_box(const mjModel* m, const mjData* d, int geom) {
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {{Eigen::Map<const Eigen::Vector3d>(d->geom_xpos + 3 * geom),
-           Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)},
-          Eigen::Map<const Eigen::Vector3d>(m->geom_size + 3 * geom)};
-}
-
-// Collision of boxes that gives the points of faces where MuJoCo gives the crossing of their edges.
-int collide_boxes(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
-                  mjtNum margin) {
-  const mjfCollision collide = collide_now[mjGEOM_BOX][mjGEOM_BOX];
-  const int count = collide(m, d, contact, geom1, geom2, margin);
-  if (count != 1 || !faces_of_flat_boxes) return count;
-  const FaceManifold faces = meet_flat(placed_box(m, d, geom1), placed_box(m, d, geom2),
-                                       Eigen::Map<const Eigen::Vector3d>(contact->normal), margin);
-  if (faces.count < 2) return count;  // the crossing alone: along its own normal
-  for (int i = 0; i < faces.count; ++i) {
-    contact[i].dist = faces.point[i].distance;
-    mju_copy3(contact[i].pos, faces.point[i].position.data());
-    mju_copy3(contact[i].normal, faces.normal.data());
-    mju_zero3(contact[i].tangent);
-  }
-  return faces.count;
+// All contacts of extended geoms, and of planes with meshes: at most mjMAXCONPAIR.
+int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
+                  mjPreContact* contact) {
+  const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
+  int most = mj_maxContact(m, geom1, geom2, 1);
+  const auto collide = [&](mjtNum within, mjPreContact* found) {
+    const int count = collide_now[type1][type2](m, d, found, geom1, geom2, within);
+    if (!face_buffers) return count;
+    const int of_faces =
+        take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);
+    if (of_faces > 0) most = mjMAXCONPAIR;
+    return of_faces > 0 ? of_faces : count;
+  };
+  int count = collide(margin, contact);
+  if (type1 == mjGEOM_PLANE) return count;
+  const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
+  if (margin <= kFarReach * width) return count;
+  if (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX && count == 0)
+    count = mjc_Convex(m, d, contact, geom1, geom2, margin);
+  if (margin <= kFastReach * width) return count;
+  return add_coming(m, d, geom1, geom2, margin, most, collide, contact, count);
 }
 
 int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                    mjtNum margin) {
-  const bool are_boxes = m->geom_type[geom1] == mjGEOM_BOX && m->geom_type[geom2] == mjGEOM_BOX;
-  mjfCollision collide = collide_now[m->geom_type[geom1]][m->geom_type[geom2]];
-  if (!replaced) return collide(m, d, contact, geom1, geom2, margin);
-  if (are_boxes) collide = collide_boxes;
-  int count = collide(m, d, contact, geom1, geom2, margin);
-  const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
-  if (margin <= kFarReach * width) return count;
-  if (are_boxes && count == 0) count = mjc_Convex(m, d, contact, geom1, geom2, margin);
-  if (margin <= kFastReach * width) return count;
-  return add_coming(m, d, geom1, geom2, margin, collide, contact, count);
+  if (!replaced)
+    return collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2,
+                                                                 margin);
+  mjPreContact found[mjMAXCONPAIR];
+  const int count = find_contacts(m, d, geom1, geom2, margin, found);
+  const int room = std::min(count, mj_maxContact(m, geom1, geom2, 1));
+  std::copy_n(found, room, contact);
+  for (int i = room; i < count; ++i) {  // points of faces, so there are buffers
+    SurplusContact& more = face_buffers->surplus.emplace_back();
+    more.geom = {geom1, geom2};
+    more.distance = found[i].dist;
+    mju_copy3(more.position.data(), found[i].pos);
+    mju_copy3(more.normal.data(), found[i].normal);
+  }
+  return room;
 }
 
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
@@ -178,6 +182,9 @@ void install() {
         collide_now[type1][type2] = pair;
         pair = collide_moving;
       }
+    mjfCollision& on_plane = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    collide_now[mjGEOM_PLANE][mjGEOM_MESH] = on_plane;
+    on_plane = collide_moving;
     mjfCollision& standing = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
     collide_cylinder = standing;
     standing = collide_flat_cylinder;
@@ -188,16 +195,23 @@ void install() {
 
 }  // namespace
 
-ReplacedCollisions::ReplacedCollisions(bool faces)
-    : outer_(replaced), outer_faces_(faces_of_flat_boxes) {
+ReplacedCollisions::ReplacedCollisions(FaceBuffers* faces)
+    : outer_(replaced), outer_faces_(face_buffers) {
   install();
   replaced = true;
-  faces_of_flat_boxes = faces;
+  face_buffers = faces;
 }
 
 ReplacedCollisions::~ReplacedCollisions() {
   replaced = outer_;
-  faces_of_flat_boxes = outer_faces_;
+  face_buffers = outer_faces_;
+}
+
+int collide_all(const mjModel_* m, mjData_* d, int geom1, int geom2, double margin,
+                mjPreContact_* contact) {
+  const mjfCollision collide = mjCOLLISIONFUNC[m->geom_type[geom1]][m->geom_type[geom2]];
+  return collide == collide_moving ? find_contacts(m, d, geom1, geom2, margin, contact)
+                                   : collide(m, d, contact, geom1, geom2, margin);
 }
 
 }  // namespace dashpot::host

@@ -110,9 +110,12 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints) {
   {
-    WidenedReach reach(m, d, acceleration, detection.faces_of_flat_boxes, detection.buffers);
+    FaceBuffers* const faces = detection.takes_faces ? &detection.faces : nullptr;
+    WidenedReach reach(m, d, acceleration, faces, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
+    detection.faces.surplus.clear();
     call_with_callbacks(mj_collision, m, d);
+    const bool contacts_fit = add_surplus(d, detection.faces.surplus);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
       // Here contacts beyond the margin may start in this step.
@@ -121,7 +124,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
     const bool rows_fit = make_rows(m, d, detection.contact_rows);
-    if (!rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
+    if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
       throw std::runtime_error(
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
@@ -184,20 +187,22 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
   }
 }
 
+void set_frame(const double* normal, double* frame) {
+  mju_copy3(frame, normal);
+  mju_zero3(frame + 3);
+  frame[std::abs(normal[1]) < 0.5 ? 4 : 5] = 1.0;
+  mju_addToScl3(frame + 3, normal, -mju_dot3(frame + 3, normal));
+  mju_normalize3(frame + 3);
+  mju_cross(frame + 6, frame, frame + 3);
+}
+
 void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
                       ContactInput& input) {
   mjContact& contact = d->contact[input.source];
   input.gap = gap;
   contact.dist = gap + input.margin;
   mju_copy3(contact.pos, position);
-  mjtNum* frame = contact.frame;
-  mju_copy3(frame, normal);
-  // The tangents that MuJoCo gives a normal.
-  mju_zero3(frame + 3);
-  frame[std::abs(normal[1]) < 0.5 ? 4 : 5] = 1.0;
-  mju_addToScl3(frame + 3, normal, -mju_dot3(frame + 3, normal));
-  mju_normalize3(frame + 3);
-  mju_cross(frame + 6, frame, frame + 3);
+  set_frame(normal, contact.frame);
   std::copy(contact.pos, contact.pos + 3, input.position.begin());
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
 }

@@ -195,6 +195,17 @@ int mocap_count(const mjModel_* m) { return static_cast<int>(m->nmocap); }
 
 int contact_site_count(const mjModel_* m) { return static_cast<int>(m->ngeom + m->nflexvert); }
 
+bool may_collide(const mjModel_* m, int geom) {
+  return m->geom_contype[geom] || m->geom_conaffinity[geom] || m->npair > 0;
+}
+
+int colliding_mesh_count(const mjModel_* m) {
+  int count = 0;
+  for (int geom = 0; geom < m->ngeom; ++geom)
+    count += m->geom_type[geom] == mjGEOM_MESH && may_collide(m, geom);
+  return count;
+}
+
 double geom_inverse_mass(const mjModel_* m, int geom) {
   return m->body_invweight0[2 * m->geom_bodyid[geom]];
 }

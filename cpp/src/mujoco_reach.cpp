@@ -30,11 +30,6 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
                      body_velocity);
 }
 
-// Geoms that are only to be seen may still be named in a contact pair.
-bool may_collide(const mjModel* m, int geom) {
-  return m->geom_contype[geom] || m->geom_conaffinity[geom] || m->npair > 0;
-}
-
 // Largest speed of the vertices of a flex, or of the nodes that carry them.
 double flex_speed(const mjModel* m, const mjData* d, int flex, const double* body_velocity) {
   const bool nodes = m->flex_interp[flex];
@@ -65,8 +60,8 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
 }
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
-                           bool faces_of_flat_boxes, ReachBuffers& buffers)
-    : collisions_(faces_of_flat_boxes), m_(m), buffers_(buffers) {
+                           FaceBuffers* faces, ReachBuffers& buffers)
+    : collisions_(faces), m_(m), buffers_(buffers) {
   buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
   buffers.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
   buffers.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);

@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "dashpot/mujoco_collisions.hpp"
+#include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 
@@ -72,8 +73,9 @@ bool has_corners(const mjModel* m, int geom) {
 class TurningPair {
  public:
   // Of the contacts from `first` to `last`; `time` (s) leads to the middle.
-  TurningPair(const mjModel* m, mjData* d, double time, ContactInput* first, ContactInput* last)
-      : model_(m), data_(d), time_(time), first_(first), last_(last) {}
+  TurningPair(const mjModel* m, mjData* d, double time, FaceBuffers& faces, ContactInput* first,
+              ContactInput* last)
+      : model_(m), data_(d), time_(time), faces_(faces), first_(first), last_(last) {}
 
   // Finds how the pair moves; whether it does, and may touch up to the middle.
   bool moves(const Trees& trees, const double* motion) {
@@ -155,11 +157,9 @@ class TurningPair {
   void find_contacts() {
     const int geom1 = side_[0].geom, geom2 = side_[1].geom;
     const MovedGeom moved1(model_, data_, geom1, time_), moved2(model_, data_, geom2, time_);
-    const ReplacedCollisions replaced(true);
+    const ReplacedCollisions replaced(&faces_);
     mjPreContact found[mjMAXCONPAIR];
-    const mjfCollision collide =
-        mjCOLLISIONFUNC[model_->geom_type[geom1]][model_->geom_type[geom2]];
-    count_ = collide(model_, data_, found, geom1, geom2, first_->margin + way_);
+    count_ = collide_all(model_, data_, geom1, geom2, first_->margin + way_, found);
     for (int i = 0; i < count_; ++i) {
       MiddleContact& middle = middle_[i];
       middle.distance = found[i].dist;
@@ -240,6 +240,7 @@ class TurningPair {
   const mjModel* model_;
   mjData* data_;
   double time_;
+  FaceBuffers& faces_;
   ContactInput *first_, *last_;
   std::array<Side, 2> side_;
   mjtNum relative_[3]{};  // velocity of side 1 to side 0
@@ -252,12 +253,12 @@ class TurningPair {
 }  // namespace
 
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, std::vector<ContactInput>& contacts,
+                    const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
                     std::vector<char>& taken) {
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;
     while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
-    TurningPair pair(m, d, 0.5 * length, contacts.data() + first, contacts.data() + last);
+    TurningPair pair(m, d, 0.5 * length, faces, contacts.data() + first, contacts.data() + last);
     if (!pair.moves(trees, motion) || !pair.take()) continue;
     for (int tree : contacts[first].tree)
       if (tree >= 0) taken[tree] = 1;

@@ -290,6 +290,68 @@ void check_restored_middle() {
   mj_deleteModel(m);
 }
 
+// Prisms on top of each other: with more sides than faces keep corners, or with more points than
+// MuJoCo has room for.
+std::string stack_of_prisms(int sides, const std::string& memory) {
+  std::string vertices, bodies;
+  for (int i = 0; i < 2 * sides; ++i) {
+    const double angle = 2.0 * std::acos(-1.0) * (i / 2) / sides;
+    vertices += std::to_string(.1 * std::cos(angle)) + " " + std::to_string(.1 * std::sin(angle)) +
+                (i % 2 ? " .05 " : " -.05 ");
+  }
+  for (int i = 0; i < 4; ++i)
+    bodies += "<body pos='0 0 " + std::to_string(.051 + .102 * i) + "' euler='0 0 " +
+              std::to_string(10 * i) +
+              "'><freejoint/><geom type='mesh' mesh='prism' density='500'/></body>";
+  return "<mujoco>" + memory +
+         "<option timestep='.002' cone='elliptic'/><asset><mesh name='prism' vertex='" + vertices +
+         "'/></asset><worldbody><geom type='plane' size='9 9 .1'/><geom type='box' "
+         "size='.1 .1 .05' pos='1 0 .05'/><body pos='1 0 .151'><freejoint/><geom type='mesh' "
+         "mesh='prism' density='500'/></body>" +
+         bodies + "</worldbody></mujoco>";
+}
+
+void check_prisms() {
+  for (const int sides : {3, 8, 100}) {
+    mjModel* m = compile(stack_of_prisms(sides, ""));
+    dashpot::Parameters p;
+    p.geom_material.resize(m->ngeom);
+    check_allocations(m, p);
+    mjData* d = mj_makeData(m);
+    dashpot::Stepper stepper(m, p);
+    stepper.step(d, 500);
+    int most = 0, count = 0;
+    bool together = true;
+    for (int i = 0; i < d->ncon; ++i) {
+      const int* const geom = d->contact[i].geom;
+      const bool goes_on = i > 0 && std::equal(geom, geom + 2, d->contact[i - 1].geom);
+      count = goes_on ? count + 1 : 1;
+      most = std::max(most, count);
+      for (int j = 0; j + 1 < i && !goes_on; ++j)
+        together = together && !std::equal(geom, geom + 2, d->contact[j].geom);
+    }
+    check(together, "contacts of a pair stay together");
+    check(most > 4 || sides == 3, "faces give more points than MuJoCo has room for");
+    check(most <= 26, "faces of many corners keep some of them");
+    mj_deleteData(d);
+    mj_deleteModel(m);
+  }
+  mjModel* m = compile(stack_of_prisms(8, "<size memory='40000'/>"));
+  mjData* d = mj_makeData(m);
+  dashpot::Parameters p;
+  p.geom_material.resize(m->ngeom);
+  dashpot::Stepper stepper(m, p);
+  bool thrown = false;
+  try {
+    stepper.step(d, 500);
+  } catch (const std::runtime_error&) {
+    thrown = true;
+  }
+  check(thrown, "contacts that do not fit into the memory of the model are an error");
+  mj_deleteData(d);
+  mj_deleteModel(m);
+}
+
 // A contact whose stiffness is no number pushes nothing and says nothing by itself.
 void check_forces_that_are_no_numbers() {
   dashpot::Trees trees;
@@ -340,6 +402,7 @@ int main() {
   check_queries(m);
   check_height_field();
   check_restored_middle();
+  check_prisms();
   check_forces_that_are_no_numbers();
   mj_deleteModel(m);
   if (failures) std::printf("%d checks failed\n", failures);

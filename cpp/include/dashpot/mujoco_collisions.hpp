@@ -3,9 +3,11 @@
 // Boxes: MuJoCo finds nothing between boxes that are apart and face each other with corners or
 // edges. Under a widened reach such contacts may start in the step: that of the nearest points.
 //
-// Boxes that lie flat on each other: of two faces tilted by a hair MuJoCo finds one crossing of
-// their edges in some steps. There the contacts are all points that the faces share, see
-// flat_boxes.hpp; but for the complementarity-free law, which is published with what MuJoCo finds.
+// Boxes and meshes that lie flat on each other, meshes on planes: of two faces tilted by a hair
+// MuJoCo finds one crossing of their edges in some steps, and of those of meshes some of the points
+// that they share, other ones from step to step. There the contacts are all of these points, see
+// face_manifold.hpp; but for the complementarity-free law, which is published with what MuJoCo
+// finds.
 //
 // Capsules, cylinders, boxes and meshes: MuJoCo finds the nearest points and, of shapes that face
 // each other, others at about the same distance. Of a body that turns fast another one may come
@@ -20,18 +22,31 @@
 
 #pragma once
 
+struct mjModel_;
+struct mjData_;
+struct mjPreContact_;
+
 namespace dashpot::host {
 
-// While it lives, collisions of this thread are those; others stay as they are.
+struct FaceBuffers;
+
+// While it lives, collisions of this thread are those; others stay as they are. Faces that lie flat
+// give their points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
-  explicit ReplacedCollisions(bool faces_of_flat_boxes);
+  explicit ReplacedCollisions(FaceBuffers* faces);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
 
  private:
-  bool outer_, outer_faces_;  // a callback of collision may step another model
+  bool outer_;  // a callback of collision may step another model
+  FaceBuffers* outer_faces_;
 };
+
+// The contacts of two geoms as the present collisions find them, room for mjMAXCONPAIR of them;
+// returns how many.
+int collide_all(const mjModel_* m, mjData_* d, int geom1, int geom2, double margin,
+                mjPreContact_* contact);
 
 }  // namespace dashpot::host

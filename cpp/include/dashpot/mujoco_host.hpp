@@ -12,6 +12,7 @@
 
 #include "dashpot/free_body.hpp"
 #include "dashpot/law.hpp"
+#include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/mujoco_seams.hpp"
 #include "dashpot/rows.hpp"
@@ -108,6 +109,10 @@ inline constexpr int kMostCoupledDofs = 600;
 
 // Number of geoms, and vertices of flexes, that may have contacts.
 int contact_site_count(const mjModel_* m);
+// Geoms that are only to be seen may still be named in a contact pair.
+bool may_collide(const mjModel_* m, int geom);
+// Meshes among them: their faces may have more corners than those of other geoms.
+int colliding_mesh_count(const mjModel_* m);
 bool has_flexes(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
 bool has_adhesion(const mjModel_* m);  // of actuators or of geoms
@@ -130,7 +135,8 @@ enum class ContactRows { kNone, kIfTheyFit, kRequired };
 // How to detect, and what detection keeps from step to step.
 struct Detection {
   ContactRows contact_rows = ContactRows::kRequired;
-  bool faces_of_flat_boxes = true;  // see mujoco_collisions.hpp
+  bool takes_faces = true;  // see mujoco_collisions.hpp
+  FaceBuffers faces;
   ReachBuffers buffers;
   SeamBuffers seams;
 };
@@ -186,6 +192,8 @@ int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
+// The frame (9) that MuJoCo gives a contact of this normal.
+void set_frame(const double* normal, double* frame);
 // Gives a contact another position, normal (both world) and gap, also in `d`.
 void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
                       ContactInput& contact);

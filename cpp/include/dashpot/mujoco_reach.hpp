@@ -27,7 +27,7 @@ struct ReachBuffers {
 class WidenedReach {
  public:
   WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
-               bool faces_of_flat_boxes, ReachBuffers& buffers);
+               FaceBuffers* faces, ReachBuffers& buffers);
   ~WidenedReach();
   WidenedReach(const WidenedReach&) = delete;
   WidenedReach& operator=(const WidenedReach&) = delete;

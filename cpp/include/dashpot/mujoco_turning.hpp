@@ -27,12 +27,15 @@ struct mjData_;
 
 namespace dashpot::host {
 
+struct FaceBuffers;
+
 // Takes contacts of bodies that touch and turn to the middle of a step of `length` (s): their
 // frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
 // of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by tree, zeros
-// before: a contact of it was. Contacts without a counterpart in the middle stay as they are.
+// before: a contact of it was. `faces` are kept from step to step. Contacts without a counterpart
+// in the middle stay as they are.
 void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, std::vector<ContactInput>& contacts,
+                    const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
                     std::vector<char>& taken);
 
 }  // namespace dashpot::host

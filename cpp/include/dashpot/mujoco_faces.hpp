@@ -1,0 +1,45 @@
+// Contacts of geoms that lie flat on each other, as the points of their faces. Part of the
+// mujoco_host room.
+//
+// MuJoCo keeps room for a pair's contacts by the types of its geoms: eight of two boxes, four of a
+// mesh. What faces of meshes share beyond that waits until collision is done, and then goes in
+// beside the pair's other contacts.
+
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "dashpot/flat_faces.hpp"
+
+struct mjModel_;
+struct mjData_;
+struct mjPreContact_;
+
+namespace dashpot::host {
+
+// A contact that MuJoCo has no room for.
+struct SurplusContact {
+  std::array<int, 2> geom;
+  double distance;
+  std::array<double, 3> position, normal;
+};
+
+// Kept from step to step: a step allocates nothing.
+struct FaceBuffers {
+  std::vector<std::optional<std::vector<FlatFace>>> of_mesh;  // each made when first asked for
+  std::vector<SurplusContact> surplus;
+};
+
+// Puts the points of the faces in place of the `count` contacts (at most mjMAXCONPAIR) that MuJoCo
+// finds of two geoms, where these lie flat on each other; returns how many they are, 0 where they
+// do not. Pairs of boxes, meshes and planes; of two boxes only where MuJoCo finds a single point.
+int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
+                         FaceBuffers& buffers, mjPreContact_* contact, int count);
+
+// After MuJoCo's collision, before its rows: adds contacts to those of their pairs, in the order in
+// which it asked for them. Whether they fit into the memory of the model; if not, none are added.
+bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus);
+
+}  // namespace dashpot::host

@@ -1,0 +1,184 @@
+#include "dashpot/mujoco_faces.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/face_manifold.hpp"
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+using Eigen::Vector3d;
+
+// Angle (rad) to a face, and of the contact found to its normal, up to which an edge lies flat on
+// it: about one degree, far from rest, and little enough for the normal of the face to stand for
+// one across both edges.
+constexpr double kFlatEdge = 0.02;
+// Part of the smaller geom's radius that points of faces may be less deep than the contact found.
+constexpr double kAsDeep = 1e-4;
+
+// Radius about a geom; planes have none.
+double size(const mjModel* m, int geom) {
+  return m->geom_type[geom] == mjGEOM_PLANE ? mjMAXVAL : m->geom_rbound[geom];
+}
+
+Pose pose_of(const mjData* d, int geom) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  return {Eigen::Map<const Vector3d>(d->geom_xpos + 3 * geom),
+          Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)};
+}
+
+// None where the model holds no polygons of its hull.
+std::vector<FlatFace> faces_of_mesh(const mjModel* m, int mesh) {
+  Eigen::Matrix3Xd vertices(3, m->mesh_vertnum[mesh]);
+  const float* const vertex = m->mesh_vert + 3 * m->mesh_vertadr[mesh];
+  for (int i = 0; i < vertices.size(); ++i) vertices.data()[i] = vertex[i];
+  std::vector<std::vector<int>> polygons(m->mesh_polynum[mesh]);
+  for (int i = 0; i < m->mesh_polynum[mesh]; ++i) {
+    const int polygon = m->mesh_polyadr[mesh] + i;
+    const int* const begin = m->mesh_polyvert + m->mesh_polyvertadr[polygon];
+    polygons[i].assign(begin, begin + m->mesh_polyvertnum[polygon]);
+  }
+  return flat_faces(vertices, polygons);
+}
+
+const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
+  buffers.of_mesh.resize(m->nmesh);
+  std::optional<std::vector<FlatFace>>& faces = buffers.of_mesh[mesh];
+  if (!faces) faces = faces_of_mesh(m, mesh);
+  return *faces;
+}
+
+// The face of a geom, a box or a mesh, that looks along a direction.
+struct Side {
+  int geom = -1, type = -1;
+  Pose pose;
+  const FlatFace* face = nullptr;  // of a mesh
+  Vector3d normal = Vector3d::Zero();
+
+  Side(const mjModel* m, const mjData* d, int id)
+      : geom(id), type(m->geom_type[id]), pose(pose_of(d, id)) {}
+
+  // Whether there is any.
+  bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
+    const Vector3d local = pose.rotation.transpose() * direction;
+    if (type == mjGEOM_BOX) {
+      int axis = 0;
+      local.cwiseAbs().maxCoeff(&axis);
+      normal = std::copysign(1.0, local[axis]) * pose.rotation.col(axis);
+      return true;
+    }
+    face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
+    if (face) normal = pose.rotation * face->normal;
+    return face;
+  }
+
+  bool is_flat(const Vector3d& direction) const {
+    return normal.dot(direction) >= (face ? face->cosine : std::cos(kMostTilt));
+  }
+
+  // `up`: out of what it lies on.
+  PlacedFace place(const mjModel* m, const Vector3d& up) const {
+    if (face) return place_face(*face, pose, up);
+    return place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * geom), pose, normal);
+  }
+};
+
+bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
+
+// Pulls of adhesion act in the points that MuJoCo finds.
+bool may_adhere(const mjModel* m, int geom1, int geom2) {
+  return m->flg_adhesion &&
+         (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
+}
+
+FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
+                        const Vector3d& normal, double margin, FaceBuffers& buffers) {
+  Side side(m, d, geom);
+  if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
+  return dashpot::meet_plane(pose_of(d, plane).position, normal, side.place(m, normal), margin);
+}
+
+// None where neither face is flat.
+FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
+                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
+  Side side1(m, d, geom1), side2(m, d, geom2);
+  if (!side1.find(m, direction, buffers) || !side2.find(m, -direction, buffers)) return {};
+  const bool flat1 = side1.is_flat(direction), flat2 = side2.is_flat(-direction);
+  if (!flat1 && !flat2) return {};
+  if (flat1 != flat2) {
+    const Vector3d& normal = flat1 ? side1.normal : side2.normal;
+    if (std::abs(normal.dot(direction)) < std::cos(kFlatEdge)) return {};
+    (flat1 ? side2 : side1).find(m, -normal, buffers);
+  }
+  const PlacedFace face1 = side1.place(m, side2.normal), face2 = side2.place(m, side1.normal);
+  const bool first = flat1 && (!flat2 || separates_farther(face1, face2));
+  FaceManifold faces = first ? meet_face(face1, face2, margin) : meet_face(face2, face1, margin);
+  if (flat1 != flat2) keep_flat_edge(std::tan(kFlatEdge), faces);
+  if (!first) faces.normal = -faces.normal;
+  return faces;
+}
+
+}  // namespace
+
+int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
+                         FaceBuffers& buffers, mjPreContact_* contact, int count) {
+  const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
+  if (count == 0 || !has_faces(type2) || (type1 != mjGEOM_PLANE && !has_faces(type1))) return 0;
+  // Of boxes MuJoCo gives all points but where it finds edges that cross.
+  if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || count != 1)) return 0;
+  if (may_adhere(m, geom1, geom2)) return 0;
+  const Vector3d direction = Eigen::Map<const Vector3d>(contact->normal);
+  const FaceManifold faces = type1 == mjGEOM_PLANE
+                                 ? meet_plane(m, d, geom1, geom2, direction, margin, buffers)
+                                 : meet_faces(m, d, geom1, geom2, direction, margin, buffers);
+  // A single one stays MuJoCo's, along its own normal.
+  if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
+  double least = margin;
+  for (int i = 0; i < faces.count; ++i) least = std::min(least, faces.point[i].distance);
+  if (least > contact->dist + kAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
+  for (int i = 0; i < faces.count; ++i) {
+    contact[i].dist = faces.point[i].distance;
+    mju_copy3(contact[i].pos, faces.point[i].position.data());
+    mju_copy3(contact[i].normal, faces.normal.data());
+    mju_zero3(contact[i].tangent);
+  }
+  return faces.count;
+}
+
+bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus) {
+  const auto is_of = [](const mjContact& contact, const SurplusContact& c) {
+    return contact.geom[0] == c.geom[0] && contact.geom[1] == c.geom[1];
+  };
+  // In the order of their pairs, as MuJoCo asks for them: backwards, from the last to the first.
+  const int found = d->ncon, count = static_cast<int>(surplus.size());
+  int left = count;
+  for (int from = found - 1; from >= 0; --from)
+    while (left > 0 && is_of(d->contact[from], surplus[left - 1])) --left;
+  if (left > 0) return false;  // MuJoCo had no room for the others of a pair
+  // Contacts are first in the arena, as mj_addContact has them. It forgets about rows each time.
+  const size_t size = sizeof(mjContact) * (found + count);
+  if (size > d->narena - d->pstack) return false;
+  if (count > 0) d->parena = size;
+  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
+  d->ncon += count;
+  d->maxuse_con = std::max(d->maxuse_con, d->ncon);
+  left = count;
+  for (int from = found - 1, to = d->ncon; left > 0; --from) {
+    for (; left > 0 && is_of(d->contact[from], surplus[left - 1]); --left) {
+      const SurplusContact& more = surplus[left - 1];
+      mjContact& contact = d->contact[--to] = d->contact[from];
+      contact.dist = more.distance;
+      mju_copy3(contact.pos, more.position.data());
+      set_frame(more.normal.data(), contact.frame);
+    }
+    d->contact[--to] = d->contact[from];
+  }
+  return true;
+}
+
+}  // namespace dashpot::host
