@@ -423,7 +423,9 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
   view.remember(contacts, constraints, rows, data);
-  leapfrog.keep(d, length, held, motion, view);
+  if (double* end_velocity = view.end_velocity())
+    std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
+  leapfrog.keep(length, held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(model, d, length, leaves_half, held, mean_displacement, constraints, motion, rows,
                  data, view, ledger);

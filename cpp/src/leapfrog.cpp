@@ -17,11 +17,10 @@ void stay(const Tree& tree, AlignedDoubles& shift) {
 
 void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
                          const Rows& rows, RowData& data) {
-  leads_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
-  const LeadingMotion before = memory.leading_motion();
+  const double* length = memory.leading_length();
   leapfrogs_.clear();
-  if (!before.length) return;
+  if (!length) return;
   leapfrogs_.resize(motion.tree_count());
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
@@ -34,11 +33,12 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
     const Tree& t = motion.trees().tree[index];
     const double* velocity = motion.start_velocity().data() + t.dof_begin;
-    leads_[index] = leapfrogs_[index] && before.length[index] > 0.0 &&
-                    std::equal(velocity, velocity + t.dof_count, before.velocity + t.dof_begin);
-    for (int i = 0; i < t.dof_count && leads_[index]; ++i)
-      data.shift[t.begin + i] = -0.5 * before.length[index] * velocity[i];
-    any = any || leads_[index];
+    if (!leapfrogs_[index] || length[index] == 0.0 ||
+        !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
+      continue;
+    any = true;
+    for (int i = 0; i < t.dof_count; ++i)
+      data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
   }
   if (!any) return;
   const auto gap_in_time = [&](const RowGroup& c) {
@@ -63,6 +63,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
 void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
                     const Rows& rows, RowData& data) {
   if (leapfrogs_.empty()) return;
+  leads_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index)
     leads_[index] = leapfrogs_[index] && held[index] && !recovers_[index];
   for (const RowGroup& c : rows.group) {
@@ -114,14 +115,13 @@ void Leapfrog::stop(const RowGroup& c) {
     if (tree >= 0) leads_[tree] = 0;
 }
 
-void Leapfrog::keep(const mjData_* d, double length, const std::vector<char>& held,
-                    const TreeMotion& motion, Memory& memory) const {
-  const LeadingMotion now = memory.leading_motion();
-  if (!now.length) return;
-  std::copy_n(host::velocity(d), motion.start_velocity().size(), now.velocity);
+void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+                    Memory& memory) const {
+  double* leading_length = memory.leading_length();
+  if (!leading_length) return;
   for (int index = 0; index < motion.tree_count(); ++index) {
     const bool leads = !leapfrogs_.empty() && leapfrogs_[index] && (!held[index] || leads_[index]);
-    now.length[index] = leads ? length : 0.0;
+    leading_length[index] = leads ? length : 0.0;
   }
 }
 

@@ -14,9 +14,9 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold and that
-// lags, mocap bodies, constraints (deformation, stiffness, slack, and the two numbers of equality()
-// of each), contacts.
+// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, lengths of
+// steps that lead, velocities at their end, mocap bodies, constraints (deformation, stiffness,
+// slack, and the two numbers of equality() of each), contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kConstraint = 5;
@@ -113,7 +113,7 @@ class SlotsByPair {
 
 }  // namespace
 
-int MemoryLayout::held_size() const { return 2 * (held_trees + held_dofs + held_coordinates); }
+int MemoryLayout::held_size() const { return 2 * held_trees + held_dofs + 2 * held_coordinates; }
 
 int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
 
@@ -139,19 +139,18 @@ HeldMotion Memory::held_motion() const {
   HeldMotion motion;
   motion.length = storage_ + kHeader;
   motion.energy = motion.length + layout_.held_trees;
-  motion.velocity = motion.energy + layout_.held_trees;
-  motion.displacement = motion.velocity + layout_.held_dofs;
+  motion.displacement = motion.energy + layout_.held_trees;
   motion.acceleration = motion.displacement + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;
   return motion;
 }
 
-LeadingMotion Memory::leading_motion() const {
-  if (layout_.held_trees == 0) return {};
-  LeadingMotion motion;
-  motion.length = storage_ + kHeader + layout_.held_size();
-  motion.velocity = motion.length + layout_.held_trees;
-  return motion;
+double* Memory::leading_length() const {
+  return layout_.held_trees == 0 ? nullptr : storage_ + kHeader + layout_.held_size();
+}
+
+double* Memory::end_velocity() const {
+  return layout_.held_trees == 0 ? nullptr : leading_length() + layout_.held_trees;
 }
 
 RememberedMocap Memory::mocap(int index) const {

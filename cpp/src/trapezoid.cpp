@@ -44,8 +44,8 @@ double Trapezoid::Coupled::find_scale() const {
 // The part of the velocity to take away for the energy to be what it ought to.
 double Trapezoid::Coupled::find_brake() const {
   if (kinetic <= 0.0) return 0.0;
-  const double brake = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
-  return brake < -kBoost ? 0.0 : brake;
+  const double excess = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
+  return excess < -kBoost ? 0.0 : excess;
 }
 
 void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
@@ -96,7 +96,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
-  find_second_half(model, d, before, motion);
+  find_second_half(model, d, before, memory.end_velocity(), motion);
   if (std::none_of(coupled_.begin(), coupled_.end(),
                    [](const Coupled& c) { return c.by_equalities || c.left_half; }))
     return;
@@ -123,7 +123,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
 }
 
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
-                                 const TreeMotion& motion) {
+                                 const double* end_velocity, const TreeMotion& motion) {
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
@@ -133,7 +133,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     const Tree& t = trees.tree[index];
     const auto begin = velocity.begin() + t.dof_begin;
     left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
-                        std::equal(begin, begin + t.dof_count, before.velocity + t.dof_begin);
+                        std::equal(begin, begin + t.dof_count, end_velocity + t.dof_begin);
     if (!left_half_[index]) continue;
     Coupled& coupled = coupled_[first_[index]];
     coupled.left_half = true;
@@ -221,7 +221,6 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (now.length[index] == 0.0) continue;
     const Tree& t = trees.tree[index];
-    std::copy_n(velocity + t.dof_begin, t.dof_count, now.velocity + t.dof_begin);
     std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
     double* acceleration = now.acceleration + t.begin;
     double* force = now.other_force + t.begin;

@@ -22,7 +22,6 @@
 #include "dashpot/tree_motion.hpp"
 
 struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 
@@ -38,15 +37,15 @@ class Leapfrog {
             const Rows& rows, RowData& data);
 
   // At the end of the step.
-  void keep(const mjData_* d, double length, const std::vector<char>& held,
-            const TreeMotion& motion, Memory& memory) const;
+  void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+            Memory& memory) const;
 
  private:
   bool is_led(const RowGroup& group) const;  // one of its trees leads, and it has a gap
   void stop(const RowGroup& group);          // its trees from leading
 
   std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
-  std::vector<char> leads_;      // by tree: at the start, then at the end of the step
+  std::vector<char> leads_;      // by tree: at the end of the step
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
   AlignedDoubles ahead_;         // by motion coordinate
 };

@@ -42,17 +42,9 @@ struct RememberedContact {
 struct HeldMotion {
   double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
   double* energy = nullptr;        // by tree, J
-  double* velocity = nullptr;      // at its end, by degree of freedom
   double* displacement = nullptr;  // over the step, by degree of freedom
   double* acceleration = nullptr;  // a, by motion coordinate
   double* other_force = nullptr;   // g, by motion coordinate
-};
-
-// What trees whose positions lead remember of the last step, see leapfrog.hpp. Views of storage;
-// null in models of free bodies alone.
-struct LeadingMotion {
-  double* length = nullptr;    // by tree: of the step, s; 0 where both are in time
-  double* velocity = nullptr;  // at its end, by degree of freedom
 };
 
 // What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
@@ -88,7 +80,11 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
-  LeadingMotion leading_motion() const;
+  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), 0 where they do not;
+  // and velocities at its end, by degree of freedom, which tell whether trees go on from there.
+  // Null in models of free bodies alone.
+  double* leading_length() const;
+  double* end_velocity() const;
   RememberedMocap mocap(int index) const;
   void set_mocap(int index, const RememberedMocap& mocap);
   // Mean force of an equality over the last step (N, N m), and the work that it did because its row

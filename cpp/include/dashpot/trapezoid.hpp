@@ -84,7 +84,7 @@ class Trapezoid {
   void find_coupled_trees(const Rows& rows, int trees);
   void find_held_trees(const mjModel_* model, const Rows& rows);
   void find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
-                        const TreeMotion& motion);
+                        const double* end_velocity, const TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   void stop_fast_turns(double length, Rows& rows);
 
