@@ -33,7 +33,7 @@ constexpr double kAsDeep = 0.8;
 constexpr double kFlat = 1e-6;
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
-thread_local bool replaced = false;
+thread_local mjModel* replaced = nullptr;  // the model whose collisions are
 thread_local FaceBuffers* face_buffers = nullptr;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
 
@@ -97,18 +97,43 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   return count;
 }
 
+// Whether MuJoCo clips faces of many corners against each other to find more than the nearest
+// points, which takes longer than all else.
+bool clips_large_faces(const mjModel* m, int geom1, int geom2) {
+  return !(m->opt.disableflags & mjDSBL_MULTICCD) && has_faces(m->geom_type[geom1]) &&
+         has_faces(m->geom_type[geom2]) &&
+         (has_large_face(m, geom1, *face_buffers) || has_large_face(m, geom2, *face_buffers));
+}
+
+// The nearest points alone.
+int collide_in_one_point(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                         mjtNum margin) {
+  const int flags = replaced->opt.disableflags;
+  replaced->opt.disableflags |= mjDSBL_MULTICCD;
+  const int count =
+      collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2, margin);
+  replaced->opt.disableflags = flags;
+  return count;
+}
+
 // All contacts of extended geoms, and of planes with meshes: at most mjMAXCONPAIR.
 int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
                   mjPreContact* contact) {
   const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
   int most = mj_maxContact(m, geom1, geom2, 1);
+  const mjfCollision collide_pair = collide_now[type1][type2];
   const auto collide = [&](mjtNum within, mjPreContact* found) {
-    const int count = collide_now[type1][type2](m, d, found, geom1, geom2, within);
-    if (!face_buffers) return count;
+    const bool faces_first = face_buffers && clips_large_faces(m, geom1, geom2);
+    const int count = faces_first ? collide_in_one_point(m, d, found, geom1, geom2, within)
+                                  : collide_pair(m, d, found, geom1, geom2, within);
+    if (!face_buffers || count == 0) return count;
     const int of_faces =
         take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);
-    if (of_faces > 0) most = mjMAXCONPAIR;
-    return of_faces > 0 ? of_faces : count;
+    if (of_faces > 0) {
+      most = mjMAXCONPAIR;
+      return of_faces;
+    }
+    return faces_first ? collide_pair(m, d, found, geom1, geom2, within) : count;
   };
   int count = collide(margin, contact);
   if (type1 == mjGEOM_PLANE) return count;
@@ -122,7 +147,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
 
 int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                    mjtNum margin) {
-  if (!replaced)
+  if (m != replaced)
     return collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2,
                                                                  margin);
   mjPreContact found[mjMAXCONPAIR];
@@ -141,7 +166,7 @@ int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1
 
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
                           int cylinder, mjtNum margin) {
-  if (!replaced) return collide_cylinder(m, d, contact, plane, cylinder, margin);
+  if (m != replaced) return collide_cylinder(m, d, contact, plane, cylinder, margin);
   const mjtNum* rotation = d->geom_xmat + 9 * cylinder;
   const mjtNum radius = m->geom_size[3 * cylinder], half_length = m->geom_size[3 * cylinder + 1];
   mjtNum normal[3], axis[3], tilt[3], centre[3];
@@ -195,14 +220,15 @@ void install() {
 
 }  // namespace
 
-ReplacedCollisions::ReplacedCollisions(FaceBuffers* faces)
-    : outer_(replaced), outer_faces_(face_buffers) {
+ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces)
+    : model_(m), flags_(m->opt.disableflags), outer_(replaced), outer_faces_(face_buffers) {
   install();
-  replaced = true;
+  replaced = m;
   face_buffers = faces;
 }
 
 ReplacedCollisions::~ReplacedCollisions() {
+  model_->opt.disableflags = flags_;
   replaced = outer_;
   face_buffers = outer_faces_;
 }

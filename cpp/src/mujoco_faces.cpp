@@ -88,8 +88,6 @@ struct Side {
   }
 };
 
-bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
-
 // Pulls of adhesion act in the points that MuJoCo finds.
 bool may_adhere(const mjModel* m, int geom1, int geom2) {
   return m->flg_adhesion &&
@@ -124,6 +122,16 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
 }
 
 }  // namespace
+
+bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
+
+bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers) {
+  if (m->geom_type[geom] != mjGEOM_MESH) return false;
+  const std::vector<FlatFace>& faces = faces_of(m, m->geom_dataid[geom], buffers);
+  return std::any_of(faces.begin(), faces.end(), [](const FlatFace& face) {
+    return face.corner.size() > static_cast<size_t>(kMostCorners);
+  });
+}
 
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count) {

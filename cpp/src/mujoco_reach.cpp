@@ -61,7 +61,7 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
                            FaceBuffers* faces, ReachBuffers& buffers)
-    : collisions_(faces), m_(m), buffers_(buffers) {
+    : collisions_(m, faces), m_(m), buffers_(buffers) {
   buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
   buffers.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
   buffers.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);

@@ -73,7 +73,7 @@ bool has_corners(const mjModel* m, int geom) {
 class TurningPair {
  public:
   // Of the contacts from `first` to `last`; `time` (s) leads to the middle.
-  TurningPair(const mjModel* m, mjData* d, double time, FaceBuffers& faces, ContactInput* first,
+  TurningPair(mjModel* m, mjData* d, double time, FaceBuffers& faces, ContactInput* first,
               ContactInput* last)
       : model_(m), data_(d), time_(time), faces_(faces), first_(first), last_(last) {}
 
@@ -157,7 +157,7 @@ class TurningPair {
   void find_contacts() {
     const int geom1 = side_[0].geom, geom2 = side_[1].geom;
     const MovedGeom moved1(model_, data_, geom1, time_), moved2(model_, data_, geom2, time_);
-    const ReplacedCollisions replaced(&faces_);
+    const ReplacedCollisions replaced(model_, &faces_);
     mjPreContact found[mjMAXCONPAIR];
     count_ = collide_all(model_, data_, geom1, geom2, first_->margin + way_, found);
     for (int i = 0; i < count_; ++i) {
@@ -237,7 +237,7 @@ class TurningPair {
     return rate;
   }
 
-  const mjModel* model_;
+  mjModel* model_;
   mjData* data_;
   double time_;
   FaceBuffers& faces_;
@@ -252,7 +252,7 @@ class TurningPair {
 
 }  // namespace
 
-void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
+void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
                     std::vector<char>& taken) {
   for (size_t first = 0, last; first < contacts.size(); first = last) {

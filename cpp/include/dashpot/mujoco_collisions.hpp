@@ -30,17 +30,20 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// While it lives, collisions of this thread are those; others stay as they are. Faces that lie flat
-// give their points where there are buffers for them; what MuJoCo has no room for waits there.
+// While it lives, collisions of this thread and model are those; others stay as they are. Faces
+// that lie flat give their points where there are buffers for them; what MuJoCo has no room for
+// waits there.
 class ReplacedCollisions {
  public:
-  explicit ReplacedCollisions(FaceBuffers* faces);
+  ReplacedCollisions(mjModel_* m, FaceBuffers* faces);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
 
  private:
-  bool outer_;  // a callback of collision may step another model
+  mjModel_* model_;
+  int flags_;        // its own: an error of MuJoCo leaves what is changed for one pair
+  mjModel_* outer_;  // a callback of collision may step another model
   FaceBuffers* outer_faces_;
 };
 

@@ -32,6 +32,11 @@ struct FaceBuffers {
   std::vector<SurplusContact> surplus;
 };
 
+// Whether geoms of a type have faces to lie on: boxes and meshes.
+bool has_faces(int type);
+// Whether a geom is a mesh with a face of more than kMostCorners corners.
+bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers);
+
 // Puts the points of the faces in place of the `count` contacts (at most mjMAXCONPAIR) that MuJoCo
 // finds of two geoms, where these lie flat on each other; returns how many they are, 0 where they
 // do not. Pairs of boxes, meshes and planes; of two boxes only where MuJoCo finds a single point.

@@ -34,7 +34,7 @@ struct FaceBuffers;
 // of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by tree, zeros
 // before: a contact of it was. `faces` are kept from step to step. Contacts without a counterpart
 // in the middle stay as they are.
-void take_to_middle(const mjModel_* m, mjData_* d, double length, const Trees& trees,
+void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
                     std::vector<char>& taken);
 
