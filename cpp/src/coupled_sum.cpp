@@ -12,101 +12,18 @@ namespace dashpot {
 
 namespace {
 
-constexpr int kBodyLocal[6] = {0, 1, 2, 4, 5, 6};  // of the coordinates of a free body
-
-// S += sum_i weight_i row_i' row_i over the rows of a pair for one body, whose linear rows are
-// (n, a x n) with the arm a and whose angular rows are (0, n). Of the two mixed blocks, each the
-// other's transpose, the one below the diagonal is added.
-DASHPOT_VECTOR_CLONES
-void add_pair(const PairGeometry& pair, int side, int begin, int dim, const double* weight,
-              double* sum) {
-  const auto column = [&](int j) { return sum + j * kBodyCoordinates; };
-  Lanes linear[3], mixed[3], angular[3];
-  for (int j = 0; j < 3; ++j) {
-    linear[j] = load_lanes(column(j));
-    mixed[j] = load_lanes(column(j) + 4);
-    angular[j] = load_lanes(column(4 + j) + 4);
-  }
-  const double* a = pair.arm[side].data();
-  for (int i = 0; i < dim; ++i) {
-    const int row = begin + i;
-    const double* n = pair.frame.data() + 3 * (row % 3);
-    const Lanes direction{n[0], n[1], n[2], 0.0};
-    if (row >= 3) {
-      for (int j = 0; j < 3; ++j) angular[j] += weight[i] * n[j] * direction;
-      continue;
-    }
-    const double m[3] = {a[1] * n[2] - a[2] * n[1], a[2] * n[0] - a[0] * n[2],
-                         a[0] * n[1] - a[1] * n[0]};
-    const Lanes moment{m[0], m[1], m[2], 0.0};
-    for (int j = 0; j < 3; ++j) {
-      linear[j] += weight[i] * n[j] * direction;
-      mixed[j] += weight[i] * n[j] * moment;
-      angular[j] += weight[i] * m[j] * moment;
-    }
-  }
-  for (int j = 0; j < 3; ++j) {
-    store_lanes(linear[j], column(j));
-    store_lanes(mixed[j], column(j) + 4);
-    store_lanes(angular[j], column(4 + j) + 4);
-  }
-}
-
-// The same over the sparse rows of a free body.
+// S += sum_i weight_i row_i' row_i over the sparse rows of a free body.
 void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int dim, const Tree& t,
-                const double* weight, double* sum) {
+                const double* weight, BodySum& sum) {
   const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side];
   const int* column = rows.column.data() + c.column + first;
   const int width = c.width();
   const double* value = rows.value.data() + c.value + begin * width + first;
-  for (int k = 0; k < count; ++k) {
-    double* to = sum + (column[k] - t.begin) * t.count - t.begin;
+  for (int k = 0; k < count; ++k)
     for (int l = 0; l < count; ++l)
       for (int i = 0; i < dim; ++i)
-        to[column[l]] += weight[i] * value[i * width + k] * value[i * width + l];
-  }
-}
-
-// c = a b of matrices with `count` rows, a multiple of four, of which the first n columns count.
-DASHPOT_VECTOR_CLONES
-void multiply(const double* a, const double* b, int n, int count, double* c) {
-  for_each_block(
-      count, [=](int first, auto width) __attribute__((always_inline)) {
-        for (int j = 0; j < n; ++j) {
-          Lanes sum[width()] = {};
-          for (int k = 0; k < n; ++k) add_scaled(a + k * count + first, b[j * count + k], sum);
-          store_block(sum, c + j * count + first);
-        }
-      });
-}
-
-// trace(B^8)^(1/8) for the 6x6 matrix B of a free body. Writes the mixed block above the diagonal
-// into `sum`.
-double body_bound(double* sum, const double* inverse) {
-  constexpr int n = 6, count = 8;
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      sum[(4 + i) * kBodyCoordinates + j] = sum[j * kBodyCoordinates + 4 + i];
-  alignas(kCacheLine) double b[n * count] = {}, square[n * count], fourth[n * count];
-  double trace = 0.0;
-  for (int column = 0; column < n; ++column) {
-    const double* s = sum + kBodyLocal[column] * kBodyCoordinates;
-    double* to = b + column * count;
-    for (int i = 0; i < 3; ++i) {
-      to[i] = inverse[i] * s[i];
-      to[3 + i] = inverse[4 + i] * s[4] + inverse[8 + i] * s[5] + inverse[12 + i] * s[6];
-    }
-    trace += to[column];
-  }
-  if (trace == 0.0) return 0.0;
-  const double scale = 1.0 / trace;
-  for (double& entry : b) entry *= scale;
-  multiply(b, b, n, count, square);
-  multiply(square, square, n, count, fourth);
-  double eighth = 0.0;
-  for (int i = 0; i < n; ++i)
-    for (int j = 0; j < n; ++j) eighth += fourth[i * count + j] * fourth[j * count + i];
-  return trace * std::sqrt(std::sqrt(std::sqrt(eighth)));
+        add_entry(column[k] - t.begin, column[l] - t.begin,
+                  weight[i] * value[i * width + k] * value[i * width + l], sum);
 }
 
 // The sum of the squares of all entries of C C, that is trace(C^4), of a symmetric matrix C with
@@ -157,6 +74,7 @@ void add_weighted(const double* y, int stride, const int* column, int columns, i
 }  // namespace
 
 void CoupledSum::reset(const Trees& trees) {
+  body_.resize(trees.tree.size());
   entry_.resize(trees.inverse.size(), 0.0);
   joint_.resize(trees.coordinates, 0.0);
   reaches_.resize(trees.coordinates, 0);
@@ -173,10 +91,9 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
                      int dim, const double* weight) {
   const int tree = c.tree[side];
   const Tree& t = trees.tree[tree];
-  double* sum = entry_.data() + t.inverse;
   empty_[tree] = 0;
-  if (c.pair >= 0) return add_pair(rows.pair[c.pair], side, first, dim, weight, sum);
-  if (t.free_body) return add_sparse(rows, c, side, first, dim, t, weight, sum);
+  if (c.pair >= 0) return add_rows(rows.pair[c.pair], side, first, dim, weight, body_[tree]);
+  if (t.free_body) return add_sparse(rows, c, side, first, dim, t, weight, body_[tree]);
   if (c.is_of_one_coordinate(side)) {
     const int index = side == 0 ? 0 : c.columns[0];
     const double value = rows.value[c.value + index];
@@ -189,7 +106,19 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   const int stride = padded(weighted.count);
   for (int k = 0; k < weighted.count; ++k) reaches_[column[k]] = 1;
   add_weighted(rows.weighted_value.data() + weighted.value + first * stride, stride, column,
-               weighted.count, t.begin, dim, weight, sum, t.count);
+               weighted.count, t.begin, dim, weight, entry_.data() + t.inverse, t.count);
+}
+
+void CoupledSum::add_contact(const Rows& rows, const Trees& trees, const RowGroup& c, int side,
+                             const double* weight, CoupledSum& normal, CoupledSum& friction) {
+  if (c.pair >= 0 && c.dim > 1) {
+    const int tree = c.tree[side];
+    normal.empty_[tree] = friction.empty_[tree] = 0;
+    return dashpot::add_contact(rows.pair[c.pair], side, c.dim, weight, normal.body_[tree],
+                                friction.body_[tree]);
+  }
+  normal.add(rows, trees, c, side, 0, 1, weight);
+  if (c.dim > 1) friction.add(rows, trees, c, side, 1, c.dim - 1, weight + 1);
 }
 
 // Rows of one coordinate each: B has the eigenvalues of C = K^1/2 inv(H) K^1/2, K = diag(joint).
@@ -267,17 +196,19 @@ double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t) {
 double CoupledSum::bound(const Trees& trees, int tree) {
   const Tree& t = trees.tree[tree];
   if (empty_[tree]) return 0.0;
-  if (t.free_body) return body_bound(entry_.data() + t.inverse, trees.inverse.data() + t.inverse);
+  if (t.free_body) return bound_of_body(body_[tree], trees.inverse.data() + t.inverse);
   return wide_[tree] ? bound_of_reached(trees, t) : bound_of_joints(trees, t);
 }
 
 void CoupledSum::clear(const Trees& trees, int tree) {
   if (empty_[tree]) return;
   const Tree& t = trees.tree[tree];
-  if (t.free_body || wide_[tree]) std::fill_n(entry_.data() + t.inverse, t.count * t.count, 0.0);
+  empty_[tree] = 1;
+  body_[tree] = {};
+  if (t.free_body) return;
+  if (wide_[tree]) std::fill_n(entry_.data() + t.inverse, t.count * t.count, 0.0);
   std::fill_n(joint_.data() + t.begin, t.count, 0.0);
   std::fill_n(reaches_.begin() + t.begin, t.count, 0);
-  empty_[tree] = 1;
   wide_[tree] = 0;
 }
 
@@ -290,14 +221,15 @@ double CoupledSum::take_bound(const Trees& trees, int tree) {
 double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to) {
   const double result = bound(trees, tree);
   if (empty_[tree]) return result;
+  to.empty_[tree] = 0;
+  add_sum(body_[tree], to.body_[tree]);
   const Tree& t = trees.tree[tree];
   const auto add_range = [](const auto& from, int begin, int count, auto& sum) {
     for (int i = begin; i < begin + count; ++i) sum[i] += from[i];
   };
-  if (t.free_body || wide_[tree]) add_range(entry_, t.inverse, t.count * t.count, to.entry_);
-  add_range(joint_, t.begin, t.count, to.joint_);
+  if (wide_[tree]) add_range(entry_, t.inverse, t.count * t.count, to.entry_);
+  if (!t.free_body) add_range(joint_, t.begin, t.count, to.joint_);
   for (int i = t.begin; i < t.begin + t.count; ++i) to.reaches_[i] |= reaches_[i];
-  to.empty_[tree] = 0;
   to.wide_[tree] |= wide_[tree];
   clear(trees, tree);
   return result;

@@ -1,6 +1,7 @@
 #include "dashpot/islands.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -22,6 +23,20 @@ RigidCoupling split_coupling(double all, double normal) {
   const double share = std::max(kFrictionShare, resolved / normal - 1.0);
   if ((1.0 + share) * normal >= all) return {all, all, all};
   return {all, (1.0 + share) * normal, (1.0 + 1.0 / share) * all};
+}
+
+// The weight of each row in its two trees, k (1 + sqrt(w_other / w)), without k; 0 in one that does
+// not move it.
+std::array<std::array<double, kMaxRows>, 2> split_between_trees(const Rows& rows,
+                                                                const RowGroup& c) {
+  std::array<std::array<double, kMaxRows>, 2> split;
+  for (int i = 0; i < c.dim; ++i) {
+    const auto [w0, w1] = rows.tree_inverse_mass[c.row + i];
+    const double ratio = w0 > 0.0 && w1 > 0.0 ? std::sqrt(w1 / w0) : 0.0;
+    split[0][i] = w0 > 0.0 ? 1.0 + ratio : 0.0;
+    split[1][i] = w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0;
+  }
+  return split;
 }
 
 }  // namespace
@@ -113,30 +128,24 @@ void Islands::measure(const Island& island, const Rows& rows, const Trees& trees
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const bool is_rigid = all_rigid || materials[index].rigid();
-    // The weight of a row in a tree, k (1 + sqrt(w_other / w)), without k.
-    double split[2][kMaxRows];
+    const auto split = split_between_trees(rows, c);
+    double weight[kMaxRows], unit[kMaxRows];
     for (int i = 0; i < c.dim; ++i) {
-      const auto [w0, w1] = rows.tree_inverse_mass[c.row + i];
-      const double both = std::sqrt(w0 * w1);
-      split[0][i] = w0 > 0.0 ? (w0 + both) / w0 : 0.0;
-      split[1][i] = w1 > 0.0 ? (w1 + both) / w1 : 0.0;
+      const double w = rows.inverse_mass[c.row + i];
+      unit[i] = w > 0.0 ? 1.0 / w : 0.0;
     }
-    double weight[kMaxRows];
-    const auto weigh = [&](int side, const auto& weight_of_row) {
-      for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * weight_of_row(c.row + i);
+    const auto weigh = [&](int side, const double* of_row) {
+      for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * of_row[i];
     };
     for (int side = 0; side < 2; ++side) {
       if (c.tree[side] < 0) continue;
       if (is_rigid) {
-        weigh(side, [&](int row) {
-          return rows.inverse_mass[row] > 0.0 ? 1.0 / rows.inverse_mass[row] : 0.0;
-        });
-        rigid_normal_.add(rows, trees, c, side, 0, 1, weight);
-        if (c.dim > 1) rigid_friction_.add(rows, trees, c, side, 1, c.dim - 1, weight + 1);
+        weigh(side, unit);
+        CoupledSum::add_contact(rows, trees, c, side, weight, rigid_normal_, rigid_friction_);
       } else {
-        weigh(side, [&](int row) { return rows.stiffness[row]; });
+        weigh(side, rows.stiffness.data() + c.row);
         stiffness_.add(rows, trees, c, side, 0, c.dim, weight);
-        weigh(side, [&](int row) { return rows.damping[row]; });
+        weigh(side, rows.damping.data() + c.row);
         damping_.add(rows, trees, c, side, 0, c.dim, weight);
       }
     }

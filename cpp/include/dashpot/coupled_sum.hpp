@@ -16,20 +16,23 @@
 #include <vector>
 
 #include "dashpot/aligned.hpp"
+#include "dashpot/body_sum.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/trees.hpp"
 
 namespace dashpot {
 
-// S_T of every tree, dense, `count` columns each (of a free body the columns of the linear
-// coordinates and the angular block, of others the lower triangle, mass-weighted); zero between
-// islands. Keeps its arrays from step to step.
+// S_T of every tree, of those that are no free bodies the lower triangle, `count` columns each,
+// mass-weighted; zero between islands. Keeps its arrays from step to step.
 class CoupledSum {
  public:
   void reset(const Trees& trees);
   // Adds `dim` rows of a group from the row `first` on over one of its trees, `weight` for each.
   void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int first,
            int dim, const double* weight);
+  // The same of a whole group, whose first row goes to one sum and the others to another.
+  static void add_contact(const Rows& rows, const Trees& trees, const RowGroup& group, int side,
+                          const double* weight, CoupledSum& normal, CoupledSum& friction);
   bool empty(int tree) const { return empty_[tree]; }
   // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
   double take_bound(const Trees& trees, int tree);
@@ -43,7 +46,8 @@ class CoupledSum {
   double bound(const Trees& trees, int tree);
   void clear(const Trees& trees, int tree);
 
-  AlignedDoubles entry_;
+  std::vector<BodySum> body_;  // by tree; of free bodies
+  AlignedDoubles entry_;       // of others
   // By motion coordinate: the sum of the rows of this one coordinate, not mass-weighted.
   AlignedDoubles joint_;
   // By tree: nothing was added; rows of several coordinates were.
