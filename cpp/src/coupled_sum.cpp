@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "dashpot/aligned.hpp"
 #include "dashpot/instruction_sets.hpp"
@@ -26,31 +27,33 @@ void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int di
                   weight[i] * value[i * width + k] * value[i * width + l], sum);
 }
 
-// The sum of the squares of all entries of C C, that is trace(C^4), of a symmetric matrix C with
-// columns `count` apart, a multiple of four.
+// Rounds of the iteration for x, and the part of the bound that one has to take off for another.
+constexpr int kMostRounds = 8;
+constexpr double kWorthwhile = 0.01;
+
+// max_i (M x)_i / x_i of a symmetric matrix M of no negative entry, columns `count` apart, a
+// multiple of four, for the best x of the power iteration x <- M x. Room for x and M x is given.
 DASHPOT_VECTOR_CLONES
-double fourth_power(const double* c, int n, int count) {
-  double on_diagonal = 0.0, above_diagonal = 0.0;
-  for (int j = 0; j < n; ++j) {
-    const double* column = c + j * count;
-    const int begin = j / kLanes * kLanes;
-    alignas(kCacheLine) double square[kMostLanesOfBlock * kLanes];
+double perron_bound(const double* m, int n, int count, double* x, double* product) {
+  std::fill_n(x, n, 1.0);
+  double least = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < kMostRounds; ++round) {
     for_each_block(
-        count - begin, [&](int first, auto width) __attribute__((always_inline)) {
+        count, [=](int first, auto width) __attribute__((always_inline)) {
           Lanes sum[width()] = {};
-          // Trees that branch leave zeros.
-          for (int k = 0; k < n; ++k)
-            if (column[k] != 0.0) add_scaled(c + k * count + begin + first, column[k], sum);
-          for (Lanes& lanes : sum) lanes *= lanes;
-          store_block(sum, square);
-          for (int i = 0; i < width() * kLanes; ++i) {
-            const int row = begin + first + i;
-            if (row == j) on_diagonal += square[i];
-            if (row > j) above_diagonal += square[i];
-          }
+          for (int k = 0; k < n; ++k) add_scaled(m + k * count + first, x[k], sum);
+          store_block(sum, product + first);
         });
+    double most = 0.0;
+    for (int i = 0; i < n; ++i) most = std::max(most, product[i] / x[i]);
+    const bool goes_on = most < (1.0 - kWorthwhile) * least && most > 0.0;
+    least = std::min(least, most);
+    if (!goes_on) break;
+    // A row of zeros bounds nothing.
+    for (int i = 0; i < n; ++i)
+      if (product[i] > 0.0) x[i] = product[i] / most;
   }
-  return on_diagonal + 2.0 * above_diagonal;
+  return least;
 }
 
 // S += sum_i weight_i y_i' y_i over the lower triangle, whose rows are `count` apart, at the
@@ -84,7 +87,8 @@ void CoupledSum::reset(const Trees& trees) {
   for (const Tree& t : trees.tree)
     if (!t.free_body) largest = std::max<size_t>(largest, t.count);
   room_.resize(largest * largest);
-  weighted_row_.resize(largest);
+  row_.resize(largest);
+  product_.resize(largest);
 }
 
 void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side, int first,
@@ -125,21 +129,16 @@ void CoupledSum::add_contact(const Rows& rows, const Trees& trees, const RowGrou
 double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t) {
   const double* inverse = trees.inverse.data() + t.inverse;
   reached_.clear();
-  double trace = 0.0;
-  for (int i = 0; i < t.dof_count; ++i) {
-    if (joint_[t.begin + i] == 0.0) continue;
-    reached_.push_back(i);
-    trace += joint_[t.begin + i] * inverse[i * (t.count + 1)];
-  }
+  for (int i = 0; i < t.dof_count; ++i)
+    if (joint_[t.begin + i] != 0.0) reached_.push_back(i);
   const int n = static_cast<int>(reached_.size()), count = padded(n);
-  if (trace == 0.0) return 0.0;
-  for (int i = 0; i < n; ++i) weighted_row_[i] = std::sqrt(joint_[t.begin + reached_[i]] / trace);
+  for (int i = 0; i < n; ++i) row_[i] = std::sqrt(joint_[t.begin + reached_[i]]);
   std::fill_n(room_.data(), n * count, 0.0);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j < n; ++j)
       room_[i * count + j] =
-          weighted_row_[i] * weighted_row_[j] * inverse[reached_[i] * t.count + reached_[j]];
-  return trace * std::sqrt(std::sqrt(fourth_power(room_.data(), n, count)));
+          row_[i] * row_[j] * std::abs(inverse[reached_[i] * t.count + reached_[j]]);
+  return perron_bound(room_.data(), n, count, row_.data(), product_.data());
 }
 
 // Makes the rows of one coordinate each a part of S.
@@ -156,7 +155,7 @@ void CoupledSum::add_joints(const Trees& trees, const Tree& t) {
     for (int dof = t.dof_begin + k; dof >= 0; dof = trees.above[dof])
       reached_.push_back(dof - t.dof_begin);
     const int count = static_cast<int>(reached_.size());
-    double* y = weighted_row_.data();
+    double* y = row_.data();
     std::fill_n(y, count, 0.0);
     y[0] = 1.0;
     for (int a = 0; a < count; ++a) {
@@ -177,20 +176,15 @@ double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t) {
   add_joints(trees, t);
   const double* sum = entry_.data() + t.inverse;
   reached_.clear();
-  double trace = 0.0;
-  for (int i = 0; i < t.dof_count; ++i) {
-    if (!reaches_[t.begin + i]) continue;
-    reached_.push_back(i);
-    trace += sum[i * (t.count + 1)];
-  }
+  for (int i = 0; i < t.dof_count; ++i)
+    if (reaches_[t.begin + i]) reached_.push_back(i);
   const int n = static_cast<int>(reached_.size()), count = padded(n);
-  if (trace == 0.0) return 0.0;
   std::fill_n(room_.data(), n * count, 0.0);
   for (int i = 0; i < n; ++i)
     for (int j = 0; j <= i; ++j)
       room_[i * count + j] = room_[j * count + i] =
-          sum[reached_[i] * t.count + reached_[j]] / trace;
-  return trace * std::sqrt(std::sqrt(fourth_power(room_.data(), n, count)));
+          std::abs(sum[reached_[i] * t.count + reached_[j]]);
+  return perron_bound(room_.data(), n, count, row_.data(), product_.data());
 }
 
 double CoupledSum::bound(const Trees& trees, int tree) {
