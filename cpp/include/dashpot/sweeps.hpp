@@ -7,9 +7,10 @@
 #include <type_traits>
 #include <vector>
 
-#include "dashpot/contact_lanes.hpp"
 #include "dashpot/jacobian_lanes.hpp"
 #include "dashpot/lane_blocks.hpp"
+#include "dashpot/lane_flow.hpp"
+#include "dashpot/lane_motion.hpp"
 #include "dashpot/trees.hpp"
 
 namespace dashpot {

@@ -1,0 +1,190 @@
+// The contact law on four groups of rows at once over a micro-step of length h.
+//
+// Between events it is that of kelvin_voigt.hpp and friction.hpp. A lane whose normal meets an
+// event (onset, release, re-contact) inside the micro-step is handed to flow_contact.
+
+#pragma once
+
+#include <algorithm>
+
+#include "dashpot/contact_lanes.hpp"
+#include "dashpot/friction.hpp"
+
+namespace dashpot {
+
+// Returns friction impulses or forces, behind the normal one, to the limit surface: return_to_limit
+// of friction.hpp. `inside`: the lanes in which nothing slips. `duration` is that of an impulse, 1
+// for forces. Lanes without pressure carry nothing.
+template <int Dim>
+[[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
+                                                   LaneMask& inside, double duration) {
+  const Lanes zero{}, one = all_lanes(1.0);
+  const LaneMask pressed = impulse[0] > zero;
+  Lanes pressure = impulse[0];
+  if (c.load_dependent) {
+    const Lanes load = max_lanes(impulse[0], zero) * c.inverse_friction_load / duration;
+    pressure *= c.loaded_friction + (one - c.loaded_friction) / (one + load);
+  }
+  Lanes z[Dim], square{};
+  for (int i = 1; i < Dim; ++i) {
+    impulse[i] = pressed ? impulse[i] : zero;
+    z[i] = impulse[i] * c.inverse_friction[i - 1];
+    square += z[i] * z[i];
+  }
+  inside = square <= pressure * pressure;
+  if (all_of(inside)) return;
+  const Lanes inverse_normal = one / (pressed ? pressure : one);
+  Lanes gamma{}, shrink[Dim];
+  for (int i = 1; i < Dim; ++i) z[i] *= inverse_normal;
+  for (int round = 0;; ++round) {
+    Lanes slope{};
+    square = zero;
+    for (int i = 1; i < Dim; ++i) {
+      shrink[i] = one / (one + gamma * c.slip[i - 1]);
+      const Lanes q = z[i] * shrink[i];
+      square += q * q;
+      slope += q * q * c.slip[i - 1] * shrink[i];
+    }
+    const Lanes length = root_lanes(square);
+    // The next gamma is infinite where a direction that does not respond is beyond the surface.
+    const Lanes next = gamma + (length - one) * square / (slope > zero ? slope : one);
+    const LaneMask outside =
+        ~inside & (length - one > zero + kOnSurface) & (slope > zero) & (next - next == zero);
+    if (round == kMaxRounds || !any_of(outside)) {
+      for (int i = 1; i < Dim; ++i) {
+        const Lanes returned = impulse[i] * shrink[i] * (length > one ? one / length : one);
+        impulse[i] = inside ? impulse[i] : returned;
+      }
+      return;
+    }
+    gamma = outside ? next : gamma;
+  }
+}
+
+// The force every contact has now; no number where anything it depends on is none.
+template <int Dim>
+[[gnu::always_inline]] inline void find_present_force(ContactLanes<Dim>& c) {
+  const Lanes zero{};
+  for (int i = 0; i < Dim; ++i)
+    c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
+  c.force[0] = max_lanes(zero, c.force[0] + c.damping[0] * c.surface);
+  c.force[0] = c.deformation[0] >= zero ? zero : c.force[0];
+  LaneMask inside;
+  if (Dim > 1) return_friction(c, c.force, inside, 1.0);
+}
+
+// The same for a spring behind a slider.
+[[gnu::always_inline]] inline void find_present_force(SpringLanes& c) {
+  const Lanes force = -c.stiffness[0] * c.deformation[0] - c.damping[0] * c.rate[0];
+  c.force[0] = min_lanes(c.limit, max_lanes(-c.limit, force));
+}
+
+// One lane through all its events.
+template <int Dim>
+void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h, Lanes& moment) {
+  const KelvinVoigt law{c.stiffness[0][lane], c.damping[0][lane], c.inverse_mass[0][lane]};
+  const Propagator e{c.e[0][lane], c.e[1][lane], c.e[2][lane], c.e[3][lane], c.e[4][lane]};
+  const Flow flow = flow_contact(law, c.deformation[0][lane], rate, load, h, &e);
+  c.impulse[0][lane] = flow.impulse;
+  moment[lane] = flow.moment;
+}
+
+// Impulse and moment of the normals: closed form where contact lasts throughout, nothing where it
+// stays open, event by event elsewhere.
+template <int Dim>
+[[gnu::always_inline]] inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load, double h,
+                                               Lanes& moment) {
+  constexpr double kSquaredPi = 9.869604401089358;
+  const Lanes zero{};
+  const Lanes k = c.stiffness[0], d = c.damping[0], w = c.inverse_mass[0];
+  const Lanes x = c.deformation[0], u = c.rate[0] - c.surface;
+  // The force f = f0 E0 - drive E1 - k b E2, its rates, and what bounds it (kelvin_voigt.cpp).
+  const Lanes f0 = -k * x - d * u;
+  const Lanes drive = k * u + d * load;
+  const Lanes f1 = -drive - w * d * f0;
+  const Lanes q = -k * (load + w * f0);
+  const Lanes f2 = q - w * d * f1;
+  const Lanes end = f0 * c.e[0] - drive * c.e[1] - k * load * c.e[2];
+  const Lanes end_rate = f1 * c.e[0] + q * c.e[1];
+  const Lanes square_frequency = w * k;
+  const Lanes sum = f0 + end;
+  const LaneMask far_from_zero =
+      sum * sum * square_frequency >= h * h * (f1 * f1 * square_frequency + f2 * f2);
+  const LaneMask one_minimum =
+      (square_frequency * (h * h) < kSquaredPi - zero) & ((f1 >= zero) | (end_rate <= zero));
+  const LaneMask holds = (x < zero) & (f0 > zero) & (end >= zero) & (far_from_zero | one_minimum);
+  const LaneMask open = x + h * min_lanes(zero, min_lanes(u, u + h * load)) > zero;
+  const Lanes impulse = max_lanes(f0 * c.e[1] - drive * c.e[2] - k * load * c.e[3], zero);
+  moment = max_lanes(f0 * c.e[2] - drive * c.e[3] - k * load * c.e[4], zero);
+  c.impulse[0] = holds ? impulse : zero;
+  moment = holds ? moment : zero;
+  const LaneMask closed_form = holds | open;
+  if (!all_of(closed_form))
+    for (int lane = 0; lane < kLanes; ++lane)
+      if (!closed_form[lane]) flow_lane(c, lane, u[lane], load[lane], h, moment);
+  c.recovery_input += c.impulse[0] * c.surface;
+}
+
+// Impulse and moment of a spring-damper row.
+template <int Dim>
+[[gnu::always_inline]] inline void flow_spring(RowLanes<Dim>& c, int i,
+                                               const SpringCoefficients& spring, const Lanes& load,
+                                               Lanes& moment) {
+  const Lanes x = c.deformation[i], rate = c.rate[i];
+  c.impulse[i] =
+      spring.impulse_displacement * x + spring.impulse_rate * rate + spring.impulse_load * load;
+  moment = spring.moment_displacement * x + spring.impulse_load * rate + spring.moment_load * load;
+}
+
+// The sums of impulses and of their moments.
+template <int Dim>
+[[gnu::always_inline]] inline void add_totals(RowLanes<Dim>& c, const Lanes* moment) {
+  for (int i = 0; i < Dim; ++i) {
+    c.total_impulse[i] += c.impulse[i];
+    c.total_moment[i] += moment[i];
+  }
+}
+
+// Flow over h under `motion`, the acceleration of every row with all present forces; a row's own
+// force is left out of its load. `moment`: of every row's impulse.
+template <int Dim>
+[[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h,
+                                        Lanes* moment) {
+  const Lanes zero{};
+  Lanes load[Dim];
+  for (int i = 0; i < Dim; ++i) load[i] = motion[i] - c.inverse_mass[i] * c.force[i];
+  if (c.turns)
+    for (int i = 0; i < std::min(Dim, 3); ++i) load[i] += c.turning[i];
+  flow_normal(c, load[0], h, moment[0]);
+  if (Dim > 1) {
+    for (int i = 1; i < Dim; ++i) flow_spring(c, i, c.spring[i - 1], load[i], moment[i]);
+    LaneMask inside;
+    return_friction(c, c.impulse, inside, h);
+    const LaneMask pressed = c.impulse[0] > zero;
+    c.sticking = inside & pressed;
+    // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
+    if (!all_of(c.sticking)) {
+      const Lanes lever = moment[0] / (pressed ? c.impulse[0] : all_lanes(1.0));
+      for (int i = 1; i < Dim; ++i) {
+        const Lanes sticks_or_slips = inside ? moment[i] : c.impulse[i] * lever;
+        moment[i] = pressed ? sticks_or_slips : zero;
+      }
+    }
+  }
+  add_totals(c, moment);
+}
+
+[[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h,
+                                        Lanes* moment) {
+  const Lanes zero{};
+  flow_spring(c, 0, c.spring, motion[0] - c.inverse_mass[0] * c.force[0], moment[0]);
+  const Lanes limit = c.limit * h;
+  const Lanes clamped = min_lanes(max_lanes(c.impulse[0], -limit), limit);
+  c.sticking = clamped == c.impulse[0];
+  c.impulse[0] = clamped;
+  moment[0] = c.sticking ? moment[0] : 0.5 * h * clamped;
+  c.touched |= c.impulse[0] != zero;
+  add_totals(c, moment);
+}
+
+}  // namespace dashpot

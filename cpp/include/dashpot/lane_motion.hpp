@@ -1,0 +1,93 @@
+// What a micro-step's motion changes in four groups of rows at once: rates, deformations,
+// unstressed offsets, and the work of the rows.
+//
+// A slipping friction spring relaxes towards what the limit asks for, k s + d s' = -p/h.
+
+#pragma once
+
+#include <algorithm>
+
+#include "dashpot/contact_lanes.hpp"
+
+namespace dashpot {
+
+// How fast unstressed offsets shrink, m/s or rad/s: not at all where the spring is compressed
+// beyond what is bearable, nor where the bodies have left it as far behind: a surface that comes
+// after them would keep them in motion.
+template <int Dim>
+[[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, double h,
+                                                double recovery_speed) {
+  const Lanes speed = all_lanes(recovery_speed), zero{};
+  const Lanes rate = min_lanes(c.offset / h, speed);
+  const Lanes x = c.deformation[0];
+  return (c.offset <= zero) | (x * x > c.bearable * c.bearable) ? zero : rate;
+}
+
+// An impulse p with moment r does the work p (u0 + u1) / 2 + b (h p / 2 - r) under the load b of
+// everything but the rows, which is the same in all micro-steps: here the first term of the last
+// impulses, which changed the rates to `rate`.
+template <int Dim>
+[[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate) {
+  c.work[i > 0] += 0.5 * c.impulse[i] * (c.rate[i] + rate);
+  c.rate[i] = rate;
+}
+
+// What the turn of its geometry adds to a contact's rates and displacements: `rate_time` (s) times
+// its acceleration, and `displacement_time` (s^2) times it. The first half of a step takes from the
+// rates, and the second adds: no motion of bodies, so no work is booked of it. `work_time` (s): its
+// mean time during the last impulses.
+template <int Dim>
+[[gnu::always_inline]] inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
+                                             double displacement_time, double work_time,
+                                             Lanes* rate, Lanes* displacement) {
+  for (int i = 0; i < std::min(Dim, 3); ++i) {
+    rate[i] += c.turning[i] * rate_time;
+    displacement[i] += c.turning[i] * displacement_time;
+    c.work[i > 0] -= c.impulse[i] * c.turning[i] * work_time;
+  }
+}
+
+// The second term, of all micro-steps. `load`: of every row.
+template <int Dim>
+[[gnu::always_inline]] inline void account_load(RowLanes<Dim>& c, const Lanes* load, double h) {
+  for (int i = 0; i < Dim; ++i)
+    c.work[i > 0] += load[i] * (0.5 * h * c.total_impulse[i] - c.total_moment[i]);
+}
+
+[[gnu::always_inline]] inline Lanes relax(const RelaxationCoefficients& spring,
+                                          const Lanes& impulse, const Lanes& deformation) {
+  const Lanes limit = -impulse * spring.compliance_h;
+  return limit + spring.relaxation * (deformation - limit);
+}
+
+// Rates, work and deformations after the motion of a micro-step: springs follow the relative
+// motion, unstressed offsets recover, springs behind slipping sliders relax.
+template <int Dim>
+[[gnu::always_inline]] inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate,
+                                               const Lanes* displacement, double h,
+                                               double recovery_speed) {
+  const Lanes recovered = h * c.surface;
+  c.offset -= recovered;
+  c.deformation[0] += displacement[0] - recovered;
+  if (all_of(c.sticking)) {
+    for (int i = 1; i < Dim; ++i) c.deformation[i] += displacement[i];
+  } else {
+    for (int i = 1; i < Dim; ++i) {
+      const Lanes relaxed = relax(c.relaxation[i - 1], c.impulse[i], c.deformation[i]);
+      c.deformation[i] = c.sticking ? c.deformation[i] + displacement[i] : relaxed;
+    }
+  }
+  for (int i = 0; i < Dim; ++i) account_motion(c, i, rate[i]);
+  c.surface = offset_rate(c, h, recovery_speed);
+}
+
+// The offsets of equalities are recovered by displacement (position_recovery.hpp).
+[[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate,
+                                               const Lanes* displacement, double /*h*/,
+                                               double /*recovery_speed*/) {
+  const Lanes relaxed = relax(c.relaxation, c.impulse[0], c.deformation[0]);
+  c.deformation[0] = c.sticking ? c.deformation[0] + displacement[0] : relaxed;
+  account_motion(c, 0, rate[0]);
+}
+
+}  // namespace dashpot
