@@ -24,6 +24,8 @@
 
 namespace dashpot {
 
+class SlotsByPair;
+
 // What one compressed contact remembers. Vectors are in the frame of geom 1.
 struct RememberedContact {
   double geom[2];
@@ -112,6 +114,11 @@ class Memory {
   double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const;
+  double* constraint_slot(int constraint) const;
+  bool starts() const;  // no step was taken yet
+  int nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
+  double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
+                           double recovery_speed) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
                        double recovery_speed, double length, RowData& data) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,

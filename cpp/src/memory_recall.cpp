@@ -1,0 +1,198 @@
+// What rows take from memory at the start of a step.
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <map>
+
+#include "dashpot/memory.hpp"
+#include "dashpot/slots_by_pair.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
+
+double squared_distance(const double* a, const double* b) {
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
+  return sum;
+}
+
+// Component of `local` (frame of geom 1) along a world direction.
+double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
+  double sum = 0.0;
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) sum += local[i] * rotation[3 * j + i] * direction[j];
+  return sum;
+}
+
+double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// Factor on what a row remembers of a deformation under another stiffness. The force goes on,
+// F = k x, as long as a falling stiffness adds no energy, F^2 / (2 k), beyond what the apparent
+// mass has at the recovery speed, v^2 / (2 w); otherwise the energy goes on. Loads at rest stay
+// carried, and stiffness that changes with the configuration cannot pump a mechanism.
+double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
+                    double recovery_speed) {
+  if (deformation == 0.0) return 0.0;
+  const double k = rows.stiffness[row];
+  if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
+  const double same_force = old_stiffness / k;
+  if (same_force <= 1.0 || std::isinf(recovery_speed)) return same_force;
+  const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);
+  const double allowed =
+      w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
+  return std::max(std::sqrt(same_force), std::min(same_force, allowed));
+}
+
+// Rigid contacts keep their slack, for their stiffness goes on changing.
+double recalled_deformation(const RememberedContact& old, const ContactInput& input,
+                            const Rows& rows, const RowGroup& c, double recovery_speed,
+                            double length) {
+  const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
+  const double compression =
+      std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
+  return -compression * recall_scale(compression, old.stiffness, rows, c.row, recovery_speed);
+}
+
+void recall_friction(const RememberedContact& old, const ContactInput& input, const Rows& rows,
+                     const RowGroup& c, double recovery_speed, RowData& data) {
+  double* deformation = data.deformation.data() + c.row;
+  const auto scale_of = [&](double remembered, double stiffness, int i) {
+    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed);
+  };
+  // Of rows i and i + 1, along the two tangents.
+  const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
+    const double scale = scale_of(norm(vector), stiffness, i);
+    for (int k = 0; k < 2; ++k)
+      deformation[i + k] = scale * along(vector, input.rotation, input.frame.data() + 3 * (1 + k));
+  };
+  if (c.dim > 1) recall_tangents(old.slide, old.slide_stiffness, 1);
+  if (c.dim > 3) deformation[3] = old.spin * scale_of(old.spin, old.spin_stiffness, 3);
+  if (c.dim > 4) recall_tangents(old.roll, old.roll_stiffness, 4);
+}
+
+}  // namespace
+
+void Memory::recall(const std::vector<ContactInput>& contacts,
+                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                    double recovery_speed, double length, RowData& data) const {
+  recall_constraints(constraints, rows, recovery_speed, data);
+  recall_contacts(contacts, rows, recovery_speed, length, data);
+}
+
+void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                                double recovery_speed, RowData& data) const {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind == RowKind::kContact) continue;
+    const ConstraintInput& input = constraints[c.input];
+    const double* slot = constraint_slot(input.memory);
+    const auto rescaled = [&](double deformation) {
+      return deformation * recall_scale(deformation, slot[1], rows, c.row, recovery_speed);
+    };
+    double& deformation = data.deformation[c.row];
+    if (c.kind == RowKind::kSlider) {
+      deformation = rescaled(slot[0]);
+      continue;
+    }
+    deformation = input.position;
+    const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
+    if (separated || std::isinf(recovery_speed)) continue;
+    // The spring keeps what it remembers, at most what the position says, of the same sign.
+    deformation =
+        slot[0] * input.position <= 0.0
+            ? 0.0
+            : rescaled(std::copysign(
+                  std::min(std::abs(slot[0]), std::abs(input.position) + slot[2]), input.position));
+    data.offset[index] = deformation - input.position;
+  }
+}
+
+// The nearest remembered point of the pair, -1 if there is none; a point fixed to either geom is
+// recognised by that geom.
+int Memory::nearest_contact(const ContactInput& input, const SlotsByPair& slots) const {
+  int nearest = -1;
+  double least = std::numeric_limits<double>::infinity();
+  slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int index) {
+    const double* position = contact_storage(index) + kSlotPosition;
+    const double distance =
+        std::min(squared_distance(position, input.local_position[0].data()),
+                 squared_distance(position + 3, input.local_position[1].data()));
+    if (distance >= least) return;
+    least = distance;
+    nearest = index;
+  });
+  return nearest;
+}
+
+// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness takes
+// what its spring bears.
+double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
+                                 double recovery_speed) const {
+  if (!starts() || c.soft_load == 0.0) return 0.0;
+  return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
+}
+
+void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
+                             double recovery_speed, double length, RowData& data) const {
+  thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
+  slots.reset(contact_count());
+  for (int i = contact_count() - 1; i >= 0; --i) {
+    const double* slot = contact_storage(i);
+    slots.add(pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i);
+  }
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) continue;
+    const ContactInput& input = contacts[c.input];
+    data.deformation[c.row] = input.gap;
+    if (input.gap >= 0.0) continue;
+    const int nearest = nearest_contact(input, slots);
+    if (!std::isinf(recovery_speed)) {
+      data.deformation[c.row] = nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
+                                            : recalled_deformation(contact(nearest), input, rows, c,
+                                                                   recovery_speed, length);
+      data.offset[index] = data.deformation[c.row] - input.gap;
+    }
+    if (nearest >= 0) recall_friction(contact(nearest), input, rows, c, recovery_speed, data);
+  }
+}
+
+void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,
+                               const std::vector<ContactInput>& contacts, const Rows& rows,
+                               RowData& data) const {
+  struct Stored {
+    double before = 0.0, now = 0.0;  // twice the energy, J
+  };
+  std::map<std::array<int, 2>, Stored> stored;
+  for (const auto& pair : pairs) stored[pair] = {};
+  for (int i = 0; i < contact_count(); ++i) {
+    const RememberedContact slot = contact(i);
+    const auto entry = stored.find({int(slot.geom[0]), int(slot.geom[1])});
+    if (entry != stored.end())
+      entry->second.before += slot.stiffness * slot.compression * slot.compression;
+  }
+  const auto for_each_compressed = [&](const auto& visit) {
+    for (size_t index = 0; index < rows.group.size(); ++index) {
+      const RowGroup& c = rows.group[index];
+      if (c.kind != RowKind::kContact || data.deformation[c.row] >= 0.0) continue;
+      const auto entry = stored.find(contacts[c.input].geom);
+      if (entry != stored.end()) visit(index, c.row, entry->second);
+    }
+  };
+  for_each_compressed([&](size_t, int row, Stored& pair) {
+    pair.now += rows.stiffness[row] * data.deformation[row] * data.deformation[row];
+  });
+  for_each_compressed([&](size_t index, int row, const Stored& pair) {
+    if (pair.now <= pair.before) return;
+    const double released = data.deformation[row] * (std::sqrt(pair.before / pair.now) - 1.0);
+    data.deformation[row] += released;
+    data.offset[index] += released;
+  });
+}
+
+}  // namespace dashpot
