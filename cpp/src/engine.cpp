@@ -75,6 +75,7 @@ struct Stepper::Impl {
   void find_touched_trees();
   bool rows_moved_something() const;
   void find_mean_velocity();
+  void find_end_gaps();
   bool lands_in_next_step(const RowGroup& c) const;
   void check_velocities() const;
   Memory memory(mjData_* d) const;
@@ -114,6 +115,7 @@ struct Stepper::Impl {
   std::vector<char> turned;                    // by tree: its inertia is that of the middle
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
+  std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
   host::RungeKutta runge_kutta;
@@ -214,19 +216,21 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   }
 }
 
-// Takes the step anew while its impacts bring about more contacts. A step that cuts at impacts
-// takes care of those of its pairs that are fast.
+// Takes the part of the step anew while its impacts bring about more contacts.
 void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
-  if (parameters.options.law == Law::kComFree || parameters.options.impact == Impact::kCut) return;
+  if (parameters.options.law == Law::kComFree) return;
   for (int turn = 0; turn < kMostTurns && rows_moved_something(); ++turn) {
     find_mean_velocity();
-    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, detection.buffers))
+    find_end_gaps();
+    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
+                                detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, length, false, data);
     host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
     mocap.drive(constraints);
     correct_contacts_ahead(d);
+    drop_pairs(part.apart, contacts);
     solve(d, mocap);
     if (contacts.size() + constraints.size() == known) return;
   }
@@ -248,6 +252,15 @@ void Stepper::Impl::find_mean_velocity() {
     double* mean = mean_velocity.data() + tree.dof_begin;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
+  }
+}
+
+// Positions, not compressions.
+void Stepper::Impl::find_end_gaps() {
+  end_gap.resize(contacts.size());
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
   }
 }
 

@@ -5,9 +5,10 @@
 // spring has taken up, and recovery pushes it out against the force of the impact: five pendulums
 // in a row gained 78 % of their energy in one impact at 2 ms. So once the rows are solved every
 // geom that has gone farther than detection allowed for is looked at. Where its way leads it into a
-// geom that it has no contact with, or a joint beyond a limit that was not found, the step is taken
-// anew with a reach that covers that way; a blow that runs on through many bodies takes as many
-// turns.
+// geom that it has no contact with, or deeper into one than its contacts with it know of, as a
+// plank that claps down on its other end, or a joint beyond a limit that was not found, the step is
+// taken anew with a reach that covers that way; a blow that runs on through many bodies takes as
+// many turns.
 
 #pragma once
 
@@ -27,22 +28,30 @@ namespace dashpot {
 class KnockOn {
  public:
   // Whether motion at `mean_velocity` (nv) over a step of `length` (s) comes to contacts or limits
-  // that are not among `contacts`, or were not within `reach`, which is widened then.
+  // that are not among `contacts`, whose gaps at its end are `end_gap`, or were not within `reach`,
+  // which is widened then.
   bool comes_to_more(const mjModel_* model, const mjData_* data,
                      const std::vector<double>& mean_velocity, double length,
-                     const std::vector<ContactInput>& contacts, host::ReachBuffers& reach);
+                     const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap,
+                     host::ReachBuffers& reach);
 
  private:
+  // The deepest that the contacts of a pair know of, m.
+  struct Known {
+    GeomPair geom;
+    double end_gap = 0.0;
+  };
   void find_ways(const mjModel_* model, const mjData_* data,
                  const std::vector<double>& mean_velocity, double length,
                  const host::ReachBuffers& reach);
+  void find_known(const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap);
   bool meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
              double length, const host::ReachBuffers& reach);
 
   GeomShapes shapes_;
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
   std::vector<int> far_;                     // geoms that went beyond their reach
-  std::vector<GeomPair> known_;              // that have contacts, sorted
+  std::vector<Known> known_;                 // sorted by geoms
 };
 
 }  // namespace dashpot
