@@ -89,13 +89,15 @@ bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
   if (far_.empty()) return more;
   find_known(contacts, end_gap);
-  for (int geom : far_)
-    host::for_each_partner(model, geom, [&](int other, double margin) {
-      if (!meets(model, data, geom, other, margin, length, reach)) return;
+  for (int geom : far_) {
+    host::find_partners(model, geom, partners_);
+    for (const auto& [other, margin] : partners_) {
+      if (!meets(model, data, geom, other, margin, length, reach)) continue;
       for (int side : {geom, other})
         reach.least_reach[side] = std::max(reach.least_reach[side], way_[side]);
       more = true;
-    });
+    }
+  }
   return more;
 }
 

@@ -83,15 +83,16 @@ double bounds_apart(const mjModel_* m, const mjData_* d, int geom1, int geom2) {
   return std::max(spheres, boxes_apart(box_of(m, d, geom1), box_of(m, d, geom2)));
 }
 
-void for_each_partner(const mjModel_* m, int geom,
-                      const std::function<void(int other, double margin)>& visit) {
+void find_partners(const mjModel_* m, int geom, std::vector<Partner>& partners) {
+  partners.clear();
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return;
   for (int other = 0; other < m->ngeom; ++other)
-    if (may_meet(m, geom, other)) visit(other, m->geom_margin[geom] + m->geom_margin[other]);
+    if (may_meet(m, geom, other))
+      partners.push_back({other, m->geom_margin[geom] + m->geom_margin[other]});
   for (int pair = 0; pair < m->npair; ++pair) {
     const int geom1 = m->pair_geom1[pair], geom2 = m->pair_geom2[pair];
-    if (geom == geom1) visit(geom2, m->pair_margin[pair]);
-    if (geom == geom2) visit(geom1, m->pair_margin[pair]);
+    if (geom == geom1) partners.push_back({geom2, m->pair_margin[pair]});
+    if (geom == geom2) partners.push_back({geom1, m->pair_margin[pair]});
   }
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "dashpot/geometry_host.hpp"
+#include "dashpot/mujoco_partners.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/proven_apart.hpp"
 #include "dashpot/rows.hpp"
@@ -51,6 +52,7 @@ class KnockOn {
   GeomShapes shapes_;
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
   std::vector<int> far_;                     // geoms that went beyond their reach
+  std::vector<host::Partner> partners_;      // of one of these
   std::vector<Known> known_;                 // sorted by geoms
 };
 
