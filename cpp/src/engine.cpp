@@ -11,6 +11,7 @@
 #include "dashpot/flight_contacts.hpp"
 #include "dashpot/impact.hpp"
 #include "dashpot/islands.hpp"
+#include "dashpot/knock_on.hpp"
 #include "dashpot/leapfrog.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/microstep.hpp"
@@ -31,6 +32,10 @@ namespace dashpot {
 
 namespace {
 
+// Times that a step is taken anew for what its impacts bring about: bodies that a blow runs through
+// within one step, at most.
+constexpr int kMostTurns = 16;
+
 void accumulate(const StepStats& step, StepStats& total) {
   total.contacts = step.contacts;
   total.touching = step.touching;
@@ -48,10 +53,12 @@ struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p);
   StepStats step(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  void solve(mjData_* d, host::MocapMotion& mocap);
 
   // The stages of a step (DESIGN section 2).
   void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
   void take_turning_contacts_to_middle(mjData_* d);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
@@ -66,6 +73,9 @@ struct Stepper::Impl {
   void remember(mjData_* d, const host::MocapMotion& mocap);
 
   void find_touched_trees();
+  bool rows_moved_something() const;
+  void find_mean_velocity();
+  void find_end_gaps();
   bool lands_in_next_step(const RowGroup& c) const;
   void check_velocities() const;
   Memory memory(mjData_* d) const;
@@ -84,6 +94,7 @@ struct Stepper::Impl {
   int cuts = 0;
   Part part;
   FlightContacts flights;
+  KnockOn knock_on;
   ProvenApart proven_apart;
   host::Detection detection;
   host::MocapBuffers mocap_buffers;
@@ -103,6 +114,8 @@ struct Stepper::Impl {
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> turned;                    // by tree: its inertia is that of the middle
   std::vector<double> mean_displacement;       // generalized
+  std::vector<double> mean_velocity;           // generalized
+  std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
   host::RungeKutta runge_kutta;
@@ -171,6 +184,20 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   correct_contacts_ahead(d);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
+  solve(d, mocap);
+  follow_knock_on(d, mocap);
+  report_forces(d);
+  advance_state(d, new_control);
+  mocap.write_velocities();
+  account_smooth_work(d);
+  ledger.work += mocap.work_against_gravity(length);
+  mocap.advance(length);
+  remember(d, mocap);
+  proven_apart.forget(touched);
+}
+
+// Rows, and what they do over the step.
+void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
   turned.assign(motion.tree_count(), 0);
   if (geometry_of_middle) {
@@ -187,14 +214,54 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
     plan_and_recall(d);
     run_islands();
   }
-  report_forces(d);
-  advance_state(d, new_control);
-  mocap.write_velocities();
-  account_smooth_work(d);
-  ledger.work += mocap.work_against_gravity(length);
-  mocap.advance(length);
-  remember(d, mocap);
-  proven_apart.forget(touched);
+}
+
+// Takes the part of the step anew while its impacts bring about more contacts.
+void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
+  if (parameters.options.law == Law::kComFree) return;
+  for (int turn = 0; turn < kMostTurns && rows_moved_something(); ++turn) {
+    find_mean_velocity();
+    find_end_gaps();
+    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
+                                detection.buffers))
+      return;
+    const size_t known = contacts.size() + constraints.size();
+    motion.find_smooth_motion(d, length, false, data);
+    host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+    mocap.drive(constraints);
+    correct_contacts_ahead(d);
+    drop_pairs(part.apart, contacts);
+    solve(d, mocap);
+    if (contacts.size() + constraints.size() == known) return;
+  }
+}
+
+bool Stepper::Impl::rows_moved_something() const {
+  return std::find(touched.begin(), touched.end(), 1) != touched.end();
+}
+
+// Of trees that no row moved, that of the smooth motion.
+void Stepper::Impl::find_mean_velocity() {
+  const std::vector<double>& start = motion.start_velocity();
+  mean_velocity = start;
+  for (size_t i = 0; i < start.size(); ++i)
+    mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!touched[index]) continue;
+    const Tree& tree = motion.trees().tree[index];
+    double* mean = mean_velocity.data() + tree.dof_begin;
+    motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
+  }
+}
+
+// Positions, not compressions.
+void Stepper::Impl::find_end_gaps() {
+  end_gap.resize(contacts.size());
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
+  }
 }
 
 // Bodies in flight may meet elsewhere than found, or pass by. With the complementarity-free law

@@ -100,13 +100,12 @@ Pose geom_pose(const mjModel* model, const mjData* data, int geom) {
   Pose pose;
   pose.position = Eigen::Map<const Eigen::Vector3d>(data->geom_xpos + 3 * geom);
   pose.rotation = Eigen::Map<const RowMajor>(data->geom_xmat + 9 * geom);
-  const std::string label = geom_label(model, geom);
   if (!pose.position.allFinite()) {
-    throw std::invalid_argument("geom_xpos of " + label + " is not finite");
+    throw std::invalid_argument("geom_xpos of " + geom_label(model, geom) + " is not finite");
   }
   const Eigen::Matrix3d gram = pose.rotation.transpose() * pose.rotation;
   if (!gram.isIdentity(1e-6)) {  // zero before the first mj_forward
-    throw std::invalid_argument("geom_xmat of " + label +
+    throw std::invalid_argument("geom_xmat of " + geom_label(model, geom) +
                                 " is not a rotation; call mujoco.mj_forward first");
   }
   return pose;

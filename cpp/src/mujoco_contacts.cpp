@@ -143,6 +143,7 @@ bool anything_reads_rows(const mjModel_* m) {
 
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  detection.buffers.forget_least();
   detect_rows(m, d, acceleration, detection, contacts, constraints);
   call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_sensorVel, m, d);
@@ -150,6 +151,12 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
     mj_energyPos(m, d);
     mj_energyVel(m, d);
   }
+}
+
+void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                  Detection& detection, std::vector<ContactInput>& contacts,
+                  std::vector<ConstraintInput>& constraints) {
+  detect_rows(m, d, acceleration, detection, contacts, constraints);
 }
 
 MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,

@@ -25,11 +25,6 @@ double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* po
   return (linear + angular.cross(Vector(point) - centre)).norm() + angular.norm() * radius;
 }
 
-double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
-  return speed_about(m, d, m->geom_bodyid[geom], d->geom_xpos + 3 * geom, m->geom_rbound[geom],
-                     body_velocity);
-}
-
 // Largest speed of the vertices of a flex, or of the nodes that carry them.
 double flex_speed(const mjModel* m, const mjData* d, int flex, const double* body_velocity) {
   const bool nodes = m->flex_interp[flex];
@@ -46,6 +41,16 @@ double flex_speed(const mjModel* m, const mjData* d, int flex, const double* bod
 
 }  // namespace
 
+double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
+  return speed_about(m, d, m->geom_bodyid[geom], d->geom_xpos + 3 * geom, m->geom_rbound[geom],
+                     body_velocity);
+}
+
+bool moves_and_collides(const mjModel* m, int geom) {
+  const int body = m->geom_bodyid[geom];
+  return (m->body_treeid[body] >= 0 || is_mocap(m, body)) && may_collide(m, geom);
+}
+
 void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
                      std::vector<double>& velocity) {
   velocity.assign(6 * m->nbody, 0.0);
@@ -57,6 +62,11 @@ void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
     for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
       for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
   }
+}
+
+void ReachBuffers::forget_least() {
+  std::fill(least_reach.begin(), least_reach.end(), 0.0);
+  std::fill(least_dof_reach.begin(), least_dof_reach.end(), 0.0);
 }
 
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
@@ -76,17 +86,19 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   body_velocities(m, d, d->qvel, now);
   body_velocities(m, d, end_velocity.data(), later);
   reach.assign(m->ngeom, 0.0);
+  buffers.dof_reach.resize(m->nv);
+  buffers.least_reach.resize(m->ngeom);
+  buffers.least_dof_reach.resize(m->nv);
   buffers.start_reach.assign(m->ngeom, 0.0);
   // All that may throw is done: where a constructor does, no destructor puts the model right.
   for (int geom = 0; geom < m->ngeom; ++geom) {
-    const int body = m->geom_bodyid[geom];
-    const bool moves = m->body_treeid[body] >= 0 || is_mocap(m, body);
-    if (!moves || !may_collide(m, geom)) continue;
+    if (!moves_and_collides(m, geom)) continue;
     buffers.start_reach[geom] = h * geom_speed(m, d, geom, now.data());
-    reach[geom] = std::max(buffers.start_reach[geom], h * geom_speed(m, d, geom, later.data()));
+    reach[geom] = std::max({buffers.start_reach[geom], h * geom_speed(m, d, geom, later.data()),
+                            buffers.least_reach[geom]});
     m->geom_gap[geom] = std::max(buffers.geom_gap[geom], reach[geom]);
     // The broadphase goes by the largest of a body's geoms.
-    mjtNum& margin = m->body_margin[body];
+    mjtNum& margin = m->body_margin[m->geom_bodyid[geom]];
     margin = std::max(margin, m->geom_margin[geom] + m->geom_gap[geom]);
   }
   for (int pair = 0; pair < m->npair; ++pair)
@@ -98,18 +110,19 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
         buffers.flex_gap[flex],
         h * std::max(flex_speed(m, d, flex, now.data()), flex_speed(m, d, flex, later.data())));
 
-  const auto dof_reach = [&](int dof) {
-    return h * std::max(std::abs(d->qvel[dof]), std::abs(end_velocity[dof]));
-  };
+  std::vector<double>& dof_reach = buffers.dof_reach;
+  for (int i = 0; i < m->nv; ++i)
+    dof_reach[i] = std::max(h * std::max(std::abs(d->qvel[i]), std::abs(end_velocity[i])),
+                            buffers.least_dof_reach[i]);
   for (int joint = 0; joint < m->njnt; ++joint) {
     // A ball joint's angle changes no faster than its angular velocity.
     const int dofs = m->jnt_type[joint] == mjJNT_BALL ? 3 : 1;
-    for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach(m->jnt_dofadr[joint] + i);
+    for (int i = 0; i < dofs; ++i) m->jnt_margin[joint] += dof_reach[m->jnt_dofadr[joint] + i];
   }
   for (int tendon = 0; tendon < m->ntendon; ++tendon)
     for (int k = m->ten_J_rowadr[tendon]; k < m->ten_J_rowadr[tendon] + m->ten_J_rownnz[tendon];
          ++k)
-      m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach(m->ten_J_colind[k]);
+      m->tendon_margin[tendon] += std::abs(d->ten_J[k]) * dof_reach[m->ten_J_colind[k]];
 }
 
 WidenedReach::~WidenedReach() {

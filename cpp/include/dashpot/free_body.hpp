@@ -2,10 +2,11 @@
 // constant force, rotation under a constant world torque, impulses and displacements of contacts
 // on top.
 //
-// The rotation is split into rotations about the principal axes of inertia, each an exact flow,
-// composed symmetrically (Strang) and raised to sixth order by Yoshida's composition (Phys. Lett. A
-// 150, 1990, solution A). Angular momentum is conserved to rounding and energy has no drift.
-// Bodies with three equal moments turn with their mean angular velocity.
+// The rotation is split into one about the angular momentum and rotations about two principal axes,
+// each an exact flow, composed symmetrically (Strang) and raised to sixth order by Yoshida's
+// composition (Phys. Lett. A 150, 1990, solution A). Angular momentum is conserved to rounding and
+// energy has no drift. The free rotation of a body of revolution is exact. Bodies with three equal
+// moments turn with their mean angular velocity.
 
 #pragma once
 

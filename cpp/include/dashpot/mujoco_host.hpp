@@ -152,6 +152,10 @@ bool anything_reads_rows(const mjModel_* m);
 // `acceleration` is the smooth generalized acceleration over the step (nv).
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+// The same once more in this step, with the reach that detection.buffers now ask for at least.
+void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                  Detection& detection, std::vector<ContactInput>& contacts,
+                  std::vector<ConstraintInput>& constraints);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it

@@ -19,7 +19,16 @@ struct ReachBuffers {
   std::vector<double> now, later;           // spatial velocities of bodies at both ends of the step
   std::vector<double> end_velocity, reach;  // generalized; by geom, m
   std::vector<double> start_reach;          // by geom, m: with the velocities of the start alone
+  std::vector<double> dof_reach;            // by degree of freedom, m or rad
+  // What reach covers at least: where rows take geoms and joints, see knock_on.hpp.
+  std::vector<double> least_reach, least_dof_reach;
+  void forget_least();
 };
+
+// Bound on the speed (m/s) of the points of a geom, from the spatial velocities of all bodies.
+double geom_speed(const mjModel_* m, const mjData_* d, int geom, const double* body_velocity);
+// Whether a geom takes part in collisions, and a joint or a mocap body moves it.
+bool moves_and_collides(const mjModel_* m, int geom);
 
 // While it lives, collisions are replaced, and the detection distance of every geom, pair, flex,
 // joint and tendon covers how far it can move in the model's time step with `acceleration` (nv),

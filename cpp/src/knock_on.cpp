@@ -1,0 +1,104 @@
+#include "dashpot/knock_on.hpp"
+
+#include <algorithm>
+#include <tuple>
+
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_partners.hpp"
+#include "dashpot/query.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Part of the way by which a known pair may end deeper than its contacts say: rows that turn leave
+// out half of it for each radian.
+constexpr double kSlack = 0.01;
+
+GeomPair sorted(int geom1, int geom2) { return {std::min(geom1, geom2), std::max(geom1, geom2)}; }
+
+}  // namespace
+
+void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
+                        const std::vector<double>& mean_velocity, double length,
+                        const host::ReachBuffers& reach) {
+  host::body_velocities(model, data, mean_velocity.data(), body_velocity_);
+  const int geoms = host::geom_count(model);
+  way_.assign(geoms, 0.0);
+  far_.clear();
+  for (int geom = 0; geom < geoms; ++geom) {
+    if (!host::moves_and_collides(model, geom)) continue;
+    way_[geom] = length * host::geom_speed(model, data, geom, body_velocity_.data());
+    if (way_[geom] > reach.reach[geom]) far_.push_back(geom);
+  }
+}
+
+void KnockOn::find_known(const std::vector<ContactInput>& contacts,
+                         const std::vector<double>& end_gap) {
+  known_.clear();
+  for (size_t i = 0; i < contacts.size(); ++i)
+    if (!contacts[i].is_of_flex())
+      known_.push_back({sorted(contacts[i].geom[0], contacts[i].geom[1]), end_gap[i]});
+  std::sort(known_.begin(), known_.end(), [](const Known& a, const Known& b) {
+    return std::tie(a.geom, a.end_gap) < std::tie(b.geom, b.end_gap);
+  });
+}
+
+// Whether two geoms overlap where their ways lead, unknown to their contacts. Those without any are
+// seen as detection would: along the normal through their nearest points.
+bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
+                    double length, const host::ReachBuffers& reach) {
+  const double way = way_[geom1] + way_[geom2];
+  // Detection would have found them.
+  if (way <= reach.reach[geom1] + reach.reach[geom2]) return false;
+  if (host::bounds_apart(model, data, geom1, geom2) > margin + way) return false;
+  if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
+  const int geom[2] = {geom1, geom2};
+  const Shape* shape[2];
+  Pose pose[2];
+  Motion motion[2];
+  for (int side = 0; side < 2; ++side) {
+    const int body = geom_body(model, geom[side]);
+    shape[side] = &shapes_.of(model, geom[side]);
+    pose[side] = geom_pose(model, data, geom[side]);
+    motion[side] = body_motion(model, data, body, body_velocity_.data() + 6 * body);
+  }
+  const GeomPair pair = sorted(geom1, geom2);
+  const auto known = std::lower_bound(known_.begin(), known_.end(), pair,
+                                      [](const Known& k, const GeomPair& p) { return k.geom < p; });
+  if (known == known_.end() || known->geom != pair) {
+    const Distance now = distance(*shape[0], pose[0], *shape[1], pose[1]);
+    double rate = 0.0;
+    for (int side = 0; side < 2; ++side) {
+      const Eigen::Vector3d arm = (side ? now.point2 : now.point1) - motion[side].centre;
+      rate += (side ? 1.0 : -1.0) *
+              now.normal.dot(motion[side].linear + motion[side].angular.cross(arm));
+    }
+    return now.distance - margin + length * rate < 0.0;
+  }
+  for (int side = 0; side < 2; ++side) pose[side] = advance(pose[side], motion[side], length);
+  const double end = distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin;
+  return end < std::min(0.0, known->end_gap) - kSlack * way;
+}
+
+bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
+                            const std::vector<double>& mean_velocity, double length,
+                            const std::vector<ContactInput>& contacts,
+                            const std::vector<double>& end_gap, host::ReachBuffers& reach) {
+  find_ways(model, data, mean_velocity, length, reach);
+  bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
+  if (far_.empty()) return more;
+  find_known(contacts, end_gap);
+  for (int geom : far_) {
+    host::find_partners(model, geom, partners_);
+    for (const auto& [other, margin] : partners_) {
+      if (!meets(model, data, geom, other, margin, length, reach)) continue;
+      for (int side : {geom, other})
+        reach.least_reach[side] = std::max(reach.least_reach[side], way_[side]);
+      more = true;
+    }
+  }
+  return more;
+}
+
+}  // namespace dashpot
