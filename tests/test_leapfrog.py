@@ -82,3 +82,31 @@ def test_dry_friction_holds_a_ball_just_above_the_ground():
     assert engine.contacts(data).force.sum() == 0.0
     # Its spring takes the load; MuJoCo's default material of joints is rigid.
     assert data.qpos[0] == pytest.approx(-HEIGHT + 1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("joint", ["<freejoint/>", '<joint type="slide" axis="1 0 0"/>'])
+def test_cart_catches_up_with_a_slower_ball(joint, timestep):
+    """It used to fall back by half a step's way whenever it was about to touch, and never did."""
+    gap, fast, slow, restitution = 0.02, 1.0, 0.9, 0.5
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}" gravity="0 0 0"/><worldbody>
+        <body><joint type="slide" axis="1 0 0"/><geom type="sphere" size=".05" mass="1"/></body>
+        <body pos="{0.1 + gap} 0 0">{joint}<geom type="sphere" size=".05" mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    for geom in range(2):
+        engine.set_material(geom, dashpot.Material(stiffness=1e5, restitution=restitution))
+    data = engine.make_data()
+    data.qvel[:2] = fast, slow
+    meeting = gap / (fast - slow)
+    engine.step(data, nstep=round((meeting - 0.02) / timestep))
+    assert data.qvel[:2] == pytest.approx([fast, slow], abs=1e-12)
+    # Half a step's way of the cart, which it takes for its lead, delays the meeting.
+    delay = 0.5 * timestep * fast / (fast - slow)
+    engine.step(data, nstep=round((0.04 + delay) / timestep))
+    mean, difference = (fast + slow) / 2, (fast - slow) / 2
+    assert data.qvel[:2] == pytest.approx(
+        [mean - restitution * difference, mean + restitution * difference], abs=1e-6
+    )

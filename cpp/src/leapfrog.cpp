@@ -22,6 +22,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   leapfrogs_.clear();
   if (!length) return;
   leapfrogs_.resize(motion.tree_count());
+  in_time_.assign(motion.tree_count(), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (!c.is_unilateral() || data.offset[i] <= std::abs(data.deformation[c.row])) continue;
@@ -36,6 +37,8 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     if (!leapfrogs_[index] || length[index] == 0.0 ||
         !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
       continue;
+    in_time_[index] = length[index] < 0.0;
+    if (in_time_[index]) continue;
     any = true;
     for (int i = 0; i < t.dof_count; ++i)
       data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
@@ -120,8 +123,10 @@ void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMoti
   double* leading_length = memory.leading_length();
   if (!leading_length) return;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    const bool leads = !leapfrogs_.empty() && leapfrogs_[index] && (!held[index] || leads_[index]);
-    leading_length[index] = leads ? length : 0.0;
+    leading_length[index] = 0.0;
+    if (leapfrogs_.empty() || !leapfrogs_[index]) continue;
+    const bool leads = held[index] ? leads_[index] : !in_time_[index];
+    leading_length[index] = leads ? length : -length;
   }
 }
 

@@ -9,8 +9,10 @@
 // and where it leaves again: a ball that falls half a metre by a slide joint and bounces without
 // loss rose to .9876 of it at 2 ms. So a tree that rows hold after a step by MuJoCo's integrator
 // begins at q - H v / 2, with the gaps that it has there, and one that leaves its rows at the end
-// of a step ends at q' + H v' / 2. Momentum is that of the forces, always. Rows keep the geometry
-// of q, an error of second order. Free bodies and RK4 do not lead.
+// of a step ends at q' + H v' / 2, unless this would take it into another row: then it stays in
+// time until it lands, or it would fall back time and again from what it never reaches. Momentum is
+// that of the forces, always. Rows keep the geometry of q, an error of second order. Free bodies
+// and RK4 do not lead.
 
 #pragma once
 
@@ -45,6 +47,7 @@ class Leapfrog {
   void stop(const RowGroup& group);          // its trees from leading
 
   std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
+  std::vector<char> in_time_;    // by tree: left its rows without leading, and has not landed since
   std::vector<char> leads_;      // by tree: at the end of the step
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
   AlignedDoubles ahead_;         // by motion coordinate

@@ -82,7 +82,8 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
-  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), 0 where they do not;
+  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), negative where they
+  // left rows and do not, 0 where nothing is known;
   // and velocities at its end, by degree of freedom, which tell whether trees go on from there.
   // Null in models of free bodies alone.
   double* leading_length() const;
