@@ -51,7 +51,6 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
   const double way = way_[geom1] + way_[geom2];
   // Detection would have found them.
   if (way <= reach.reach[geom1] + reach.reach[geom2]) return false;
-  if (host::bounds_apart(model, data, geom1, geom2) > margin + way) return false;
   if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
   const int geom[2] = {geom1, geom2};
   const Shape* shape[2];
@@ -89,9 +88,9 @@ bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
   if (far_.empty()) return more;
   find_known(contacts, end_gap);
+  partners_.start(model, data, way_);
   for (int geom : far_) {
-    host::find_partners(model, geom, partners_);
-    for (const auto& [other, margin] : partners_) {
+    for (const auto& [other, margin] : partners_.of(geom)) {
       if (!meets(model, data, geom, other, margin, length, reach)) continue;
       for (int side : {geom, other})
         reach.least_reach[side] = std::max(reach.least_reach[side], way_[side]);

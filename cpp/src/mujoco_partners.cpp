@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco_host.hpp"
+
 namespace dashpot::host {
 
 namespace {
@@ -75,25 +77,70 @@ bool may_meet(const mjModel* m, int geom1, int geom2) {
 
 }  // namespace
 
-double bounds_apart(const mjModel_* m, const mjData_* d, int geom1, int geom2) {
-  if (m->geom_type[geom1] == mjGEOM_PLANE) return height_over_plane(m, d, geom1, geom2);
-  if (m->geom_type[geom2] == mjGEOM_PLANE) return height_over_plane(m, d, geom2, geom1);
-  const mjtNum spheres = mju_dist3(d->geom_xpos + 3 * geom1, d->geom_xpos + 3 * geom2) -
-                         m->geom_rbound[geom1] - m->geom_rbound[geom2];
-  return std::max(spheres, boxes_apart(box_of(m, d, geom1), box_of(m, d, geom2)));
+void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<double>& way) {
+  model_ = m;
+  data_ = d;
+  way_ = way.data();
+  spans_.clear();
+  everywhere_.clear();
+  widest_ = 0.0;
+  if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return;
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    if (!may_collide(m, geom)) continue;
+    if (!moves_and_collides(m, geom)) {
+      everywhere_.push_back(geom);
+      continue;
+    }
+    const double radius = m->geom_rbound[geom] + m->geom_margin[geom] + way[geom];
+    spans_.push_back({d->geom_xpos[3 * geom] - radius, geom});
+    widest_ = std::max(widest_, 2.0 * radius);
+  }
+  std::sort(spans_.begin(), spans_.end(),
+            [](const Span& a, const Span& b) { return a.low < b.low; });
 }
 
-void find_partners(const mjModel_* m, int geom, std::vector<Partner>& partners) {
-  partners.clear();
-  if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return;
-  for (int other = 0; other < m->ngeom; ++other)
-    if (may_meet(m, geom, other))
-      partners.push_back({other, m->geom_margin[geom] + m->geom_margin[other]});
-  for (int pair = 0; pair < m->npair; ++pair) {
-    const int geom1 = m->pair_geom1[pair], geom2 = m->pair_geom2[pair];
-    if (geom == geom1) partners.push_back({geom2, m->pair_margin[pair]});
-    if (geom == geom2) partners.push_back({geom1, m->pair_margin[pair]});
+const std::vector<Partner>& Partners::of(int geom) {
+  partners_.clear();
+  const auto add = [&](int other, double margin) {
+    if (may_come_near(geom, other, margin)) partners_.push_back({other, margin});
+  };
+  const auto add_unless_filtered = [&](int other) {
+    const double margin = model_->geom_margin[geom] + model_->geom_margin[other];
+    if (spheres_apart(geom, other) <= margin + way_[geom] + way_[other] &&
+        may_meet(model_, geom, other))
+      add(other, margin);
+  };
+  const double middle = data_->geom_xpos[3 * geom];
+  const double radius = model_->geom_rbound[geom] + model_->geom_margin[geom] + way_[geom];
+  auto span = std::lower_bound(spans_.begin(), spans_.end(), middle - radius - widest_,
+                               [](const Span& s, double low) { return s.low < low; });
+  for (; span != spans_.end() && span->low <= middle + radius; ++span)
+    if (span->geom != geom) add_unless_filtered(span->geom);
+  for (int other : everywhere_) add_unless_filtered(other);
+  for (int pair = 0; pair < model_->npair && !spans_.empty(); ++pair) {
+    const int geom1 = model_->pair_geom1[pair], geom2 = model_->pair_geom2[pair];
+    if (geom == geom1) add(geom2, model_->pair_margin[pair]);
+    if (geom == geom2) add(geom1, model_->pair_margin[pair]);
   }
+  return partners_;
+}
+
+// Of the spheres of bounds; planes have none.
+double Partners::spheres_apart(int geom1, int geom2) const {
+  for (int geom : {geom1, geom2})
+    if (model_->geom_type[geom] == mjGEOM_PLANE) return -mjMAXVAL;
+  return mju_dist3(data_->geom_xpos + 3 * geom1, data_->geom_xpos + 3 * geom2) -
+         model_->geom_rbound[geom1] - model_->geom_rbound[geom2];
+}
+
+bool Partners::may_come_near(int geom1, int geom2, double margin) const {
+  const double within = margin + way_[geom1] + way_[geom2];
+  if (model_->geom_type[geom1] == mjGEOM_PLANE)
+    return height_over_plane(model_, data_, geom1, geom2) <= within;
+  if (model_->geom_type[geom2] == mjGEOM_PLANE)
+    return height_over_plane(model_, data_, geom2, geom1) <= within;
+  return spheres_apart(geom1, geom2) <= within &&
+         boxes_apart(box_of(model_, data_, geom1), box_of(model_, data_, geom2)) <= within;
 }
 
 bool comes_to_limit(const mjModel_* m, const mjData_* d, const std::vector<double>& mean_velocity,

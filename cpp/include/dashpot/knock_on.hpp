@@ -52,7 +52,7 @@ class KnockOn {
   GeomShapes shapes_;
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
   std::vector<int> far_;                     // geoms that went beyond their reach
-  std::vector<host::Partner> partners_;      // of one of these
+  host::Partners partners_;                  // of these
   std::vector<Known> known_;                 // sorted by geoms
 };
 

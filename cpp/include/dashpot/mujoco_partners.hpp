@@ -11,16 +11,39 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// A lower bound of the distance (m) of two geoms, from their spheres and boxes of bounds.
-double bounds_apart(const mjModel_* m, const mjData_* d, int geom1, int geom2);
-
 // A geom, and the distance (m) at which contact with it starts.
 struct Partner {
   int geom = -1;
   double margin = 0.0;
 };
-// All that MuJoCo lets collide with `geom`. Filters that callbacks add are not asked.
-void find_partners(const mjModel_* m, int geom, std::vector<Partner>& partners);
+
+// All that MuJoCo lets collide with a geom and that it may come near to. Filters that callbacks add
+// are not asked. Keeps its arrays from step to step.
+class Partners {
+ public:
+  // `way`: how far each geom may go, m; not copied.
+  void start(const mjModel_* m, const mjData_* d, const std::vector<double>& way);
+  // Those whose bounds leave no more than the ways of both and their margin. Valid until the next
+  // call.
+  const std::vector<Partner>& of(int geom);
+
+ private:
+  // Where the sphere begins, along x, that holds a geom on all its way.
+  struct Span {
+    double low = 0.0;
+    int geom = -1;
+  };
+  double spheres_apart(int geom1, int geom2) const;
+  bool may_come_near(int geom1, int geom2, double margin) const;
+
+  const mjModel_* model_ = nullptr;
+  const mjData_* data_ = nullptr;
+  const double* way_ = nullptr;
+  std::vector<Span> spans_;  // of geoms that move, in ascending order
+  double widest_ = 0.0;      // of them, m
+  std::vector<int> everywhere_;
+  std::vector<Partner> partners_;
+};
 
 // Whether motion at `mean_velocity` (nv) over `length` (s) takes a hinge or slide joint beyond a
 // limit that is out of the reach of detection, which is widened then.
