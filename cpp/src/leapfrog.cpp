@@ -18,6 +18,7 @@ void stay(const Tree& tree, AlignedDoubles& shift) {
 void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
                          const Rows& rows, RowData& data) {
   recovers_.assign(motion.tree_count(), 0);
+  fell_back_.assign(motion.tree_count(), 0.0);
   const double* length = memory.leading_length();
   leapfrogs_.clear();
   if (!length) return;
@@ -37,6 +38,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
         !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
       continue;
     any = true;
+    fell_back_[index] = length[index];
     for (int i = 0; i < t.dof_count; ++i)
       data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
   }
@@ -52,8 +54,11 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   // Where the way back is barred, by a second limit as a rule, they stay.
   for (const RowGroup& c : rows.group) {
     if (!is_apart(c) || gap_in_time(c) > 0.0) continue;
-    for (int tree : c.tree)
-      if (tree >= 0) stay(motion.trees().tree[tree], data.shift);
+    for (int tree : c.tree) {
+      if (tree < 0) continue;
+      stay(motion.trees().tree[tree], data.shift);
+      fell_back_[tree] = 0.0;
+    }
   }
   for (const RowGroup& c : rows.group)
     if (is_apart(c)) data.deformation[c.row] = std::max(0.0, gap_in_time(c));

@@ -363,6 +363,10 @@ void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& rung
     mj_Euler(m, d);
 }
 
+void add_velocity(mjData_* d, const Tree& t, const double* change) {
+  mju_addTo(d->qvel + t.dof_begin, change + t.begin, t.dof_count);
+}
+
 void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,
                 const double* displacement, const double* velocity) {
   std::copy_n(velocity, t.dof_count, d->qvel + t.dof_begin);

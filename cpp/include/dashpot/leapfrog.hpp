@@ -36,6 +36,9 @@ class Leapfrog {
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
             const Rows& rows, RowData& data);
 
+  // By tree: the length (s) by half of which fall_back went back, 0 where it did not.
+  const std::vector<double>& fell_back() const { return fell_back_; }
+
   // At the end of the step.
   void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
             Memory& memory) const;
@@ -47,7 +50,8 @@ class Leapfrog {
   std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
   std::vector<char> leads_;      // by tree: at the end of the step
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
-  AlignedDoubles ahead_;         // by motion coordinate
+  std::vector<double> fell_back_;
+  AlignedDoubles ahead_;  // by motion coordinate
 };
 
 }  // namespace dashpot

@@ -41,6 +41,7 @@ struct RememberedContact {
 // models of free bodies alone.
 struct HeldMotion {
   double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
+  double* weight = nullptr;        // by tree: w
   double* energy = nullptr;        // by tree, J
   double* displacement = nullptr;  // over the step, by degree of freedom
   double* acceleration = nullptr;  // a, by motion coordinate

@@ -263,6 +263,7 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 const double* velocity(const mjData_* d);
+void add_velocity(mjData_* d, const Tree& t, const double* change);  // by motion coordinate
 
 // Smooth force on a degree of freedom at the start of the last step, N or N m: all of it; what
 // follows from positions and velocities alone: bias, springs and gravity compensation; that of
