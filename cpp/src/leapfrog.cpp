@@ -15,8 +15,10 @@ void stay(const Tree& tree, AlignedDoubles& shift) {
 
 }  // namespace
 
-void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                         const Rows& rows, RowData& data) {
+void Leapfrog::fall_back(const mjModel_* model, double step_length, const Memory& memory,
+                         const TreeMotion& motion, const Rows& rows, RowData& data) {
+  in_time_.assign(motion.tree_count(), 0);
+  may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
   const double* length = memory.leading_length();
@@ -34,14 +36,17 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
     const Tree& t = motion.trees().tree[index];
     const double* velocity = motion.start_velocity().data() + t.dof_begin;
-    if (!leapfrogs_[index] || length[index] == 0.0 ||
+    if (!leapfrogs_[index] ||
         !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
       continue;
+    in_time_[index] = length[index] == 0.0;
+    if (in_time_[index]) continue;
     any = true;
     fell_back_[index] = length[index];
     for (int i = 0; i < t.dof_count; ++i)
       data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
   }
+  find_late(step_length, motion, rows, data);
   if (!any) return;
   const auto gap_in_time = [&](const RowGroup& c) {
     double way[kMaxRows];
@@ -60,9 +65,43 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
       fell_back_[tree] = 0.0;
     }
   }
-  for (const RowGroup& c : rows.group)
-    if (is_apart(c)) data.deformation[c.row] = std::max(0.0, gap_in_time(c));
+  // Those that they have left compressed were more so.
+  for (const RowGroup& c : rows.group) {
+    if (is_apart(c))
+      data.deformation[c.row] = std::max(0.0, gap_in_time(c));
+    else if (c.is_unilateral() && data.deformation[c.row] < 0.0)
+      data.deformation[c.row] = std::min(0.0, gap_in_time(c));
+  }
   for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
+}
+
+// Not into a row with the semi-implicit update, either.
+void Leapfrog::find_late(double length, const TreeMotion& motion, const Rows& rows,
+                         const RowData& data) {
+  may_lead_ = in_time_;
+  const auto bar = [&](const RowGroup& c) {
+    for (int tree : c.tree)
+      if (tree >= 0) may_lead_[tree] = 0;
+  };
+  for (const RowGroup& c : rows.group)
+    if (c.kind == RowKind::kBilateral) bar(c);
+  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
+  late_.assign(motion.trees().coordinates, 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = motion.trees().tree[index];
+    for (int i = t.begin; i < t.begin + t.dof_count && may_lead_[index]; ++i)
+      late_[i] = 0.5 * length * data.velocity[i];
+  }
+  way_ = late_;
+  for (size_t i = 0; i < way_.size(); ++i)
+    way_[i] += length * (data.velocity[i] + length * data.smooth_acceleration[i]);
+  const auto may_lead = [&](int tree) { return tree >= 0 && may_lead_[tree]; };
+  for (const RowGroup& c : rows.group) {
+    if (c.kind == RowKind::kSlider || !(may_lead(c.tree[0]) || may_lead(c.tree[1]))) continue;
+    double way[kMaxRows];
+    gather(rows, c, way_.data(), way);
+    if (way[0] < 0.0 && data.deformation[c.row] + way[0] <= 0.0) bar(c);
+  }
 }
 
 void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -91,7 +130,7 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
     for (const RowGroup& c : rows.group) {
       if (!is_led(c)) continue;
       gather(rows, c, ahead_.data(), way);
-      if (data.deformation[c.row] + way[0] > 0.0) continue;
+      if (way[0] >= 0.0 || data.deformation[c.row] + way[0] > 0.0) continue;
       stopped = true;
       stop(c);
       for (int tree : c.tree)

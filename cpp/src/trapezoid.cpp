@@ -14,9 +14,12 @@ constexpr double kScaleRange = 0.5;
 // Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
 // not determine s, and an impact leaves far more.
 constexpr double kResidual = 1e-6;
+// Second half, as part of the velocity, up to which steps resolve how a motion turns that only
+// contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
+constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
-constexpr double kBoost = 0.01;
+constexpr double kBoost = 0.03;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -31,6 +34,7 @@ bool moves_accurately(const mjModel_* model, int tree) {
 // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, at turning points of the
 // motion the end of the range that comes as near; 0 if there is none.
 double Trapezoid::Coupled::find_scale() const {
+  if (!by_equalities && square > kLargestHalf * kLargestHalf * kinetic) return 0.0;
   const double root = std::sqrt(linear * linear - 4.0 * square * (kinetic - wanted));
   const double sum = linear + std::copysign(root, linear);  // without cancellation
   double nearest = 0.0;

@@ -290,6 +290,8 @@ void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& rung
 // Whether it takes smooth forces otherwise than through the effective inertia.
 bool adds_to_smooth_motion(const mjModel_* m);
 
+// Moves one tree by `displacement`, one entry per degree of freedom of it.
+void move_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* displacement);
 // Replaces the state of one tree by `velocity`, and by positions moved from `start_position` (nq)
 // by `displacement`; both are generalized, one entry per degree of freedom of the tree.
 void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* start_position,

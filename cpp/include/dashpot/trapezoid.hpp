@@ -40,7 +40,7 @@
 // turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
 // that step, and the work of those that did is booked as dissipation. A tree that only contacts and
 // limits hold is then brought to v1'M1 v1 / 2 by its speed, unless much of it would have to be
-// added.
+// added; and so it is where the second half would be a large part of its velocity.
 
 #pragma once
 
