@@ -271,7 +271,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   view.recall(contacts, constraints, rows, parameters.options.recovery_speed, length, data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
-  leapfrog.fall_back(model, length, view, motion, rows, data);
+  leapfrog.fall_back(model, view, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands() {
@@ -387,7 +387,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
                    {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
                     trapezoid.holds(index), trapezoid.added_velocity()},
                    data);
-    if (const double* ahead = leapfrog.goes_ahead(index, held)) {
+    if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);
     }

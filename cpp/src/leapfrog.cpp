@@ -15,8 +15,8 @@ void stay(const Tree& tree, AlignedDoubles& shift) {
 
 }  // namespace
 
-void Leapfrog::fall_back(const mjModel_* model, double step_length, const Memory& memory,
-                         const TreeMotion& motion, const Rows& rows, RowData& data) {
+void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                         const Rows& rows, RowData& data) {
   in_time_.assign(motion.tree_count(), 0);
   may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
@@ -31,6 +31,8 @@ void Leapfrog::fall_back(const mjModel_* model, double step_length, const Memory
     for (int tree : c.tree)
       if (tree >= 0) recovers_[tree] = 1;
   }
+  start_velocity_ = data.velocity;
+  start_gap_ = data.deformation;
   bool any = false;
   for (int index = 0; index < motion.tree_count(); ++index) {
     leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
@@ -46,7 +48,6 @@ void Leapfrog::fall_back(const mjModel_* model, double step_length, const Memory
     for (int i = 0; i < t.dof_count; ++i)
       data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
   }
-  find_late(step_length, motion, rows, data);
   if (!any) return;
   const auto gap_in_time = [&](const RowGroup& c) {
     double way[kMaxRows];
@@ -76,37 +77,39 @@ void Leapfrog::fall_back(const mjModel_* model, double step_length, const Memory
 }
 
 // Not into a row with the semi-implicit update, either.
-void Leapfrog::find_late(double length, const TreeMotion& motion, const Rows& rows,
-                         const RowData& data) {
-  may_lead_ = in_time_;
+void Leapfrog::find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+                         const Rows& rows, const RowData& data) {
+  for (int index = 0; index < motion.tree_count(); ++index)
+    may_lead_[index] = in_time_[index] && !held[index];
+  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
   const auto bar = [&](const RowGroup& c) {
     for (int tree : c.tree)
       if (tree >= 0) may_lead_[tree] = 0;
   };
   for (const RowGroup& c : rows.group)
     if (c.kind == RowKind::kBilateral) bar(c);
-  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
   late_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
     for (int i = t.begin; i < t.begin + t.dof_count && may_lead_[index]; ++i)
-      late_[i] = 0.5 * length * data.velocity[i];
+      late_[i] = 0.5 * length * start_velocity_[i];
   }
   way_ = late_;
   for (size_t i = 0; i < way_.size(); ++i)
-    way_[i] += length * (data.velocity[i] + length * data.smooth_acceleration[i]);
+    way_[i] += length * (start_velocity_[i] + length * data.smooth_acceleration[i]);
   const auto may_lead = [&](int tree) { return tree >= 0 && may_lead_[tree]; };
   for (const RowGroup& c : rows.group) {
     if (c.kind == RowKind::kSlider || !(may_lead(c.tree[0]) || may_lead(c.tree[1]))) continue;
     double way[kMaxRows];
     gather(rows, c, way_.data(), way);
-    if (way[0] < 0.0 && data.deformation[c.row] + way[0] <= 0.0) bar(c);
+    if (way[0] < 0.0 && start_gap_[c.row] + way[0] <= 0.0) bar(c);
   }
 }
 
 void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
                     const Rows& rows, RowData& data) {
   if (leapfrogs_.empty()) return;
+  find_late(length, held, motion, rows, data);
   leads_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index)
     leads_[index] = leapfrogs_[index] && held[index] && !recovers_[index];

@@ -29,10 +29,10 @@ namespace dashpot {
 
 class Leapfrog {
  public:
-  // After the rows of a step of `length` (s) have their deformations: takes trees that may be held
-  // back to where they are in time, by the displacements and the gaps in `data`.
-  void fall_back(const mjModel_* model, double length, const Memory& memory,
-                 const TreeMotion& motion, const Rows& rows, RowData& data);
+  // After the rows of a step have their deformations: takes trees that may be held back to where
+  // they are in time, by the displacements and the gaps in `data`.
+  void fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                 const Rows& rows, RowData& data);
   // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
   // `held`, by tree: rows that have a position moved it.
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -43,9 +43,7 @@ class Leapfrog {
 
   // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
   // go ahead besides their motion; null for all others.
-  const double* goes_ahead(int tree, const std::vector<char>& held) const {
-    return may_lead_[tree] && !held[tree] ? late_.data() : nullptr;
-  }
+  const double* goes_ahead(int tree) const { return may_lead_[tree] ? late_.data() : nullptr; }
 
   // At the end of the step.
   void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -53,7 +51,8 @@ class Leapfrog {
 
  private:
   // Trees that may go ahead in this step, where no row holds them.
-  void find_late(double length, const TreeMotion& motion, const Rows& rows, const RowData& data);
+  void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+                 const Rows& rows, const RowData& data);
   bool is_led(const RowGroup& group) const;  // one of its trees leads, and it has a gap
   void stop(const RowGroup& group);          // its trees from leading
 
@@ -63,7 +62,8 @@ class Leapfrog {
   std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
   std::vector<double> fell_back_;
-  AlignedDoubles ahead_, late_, way_;  // by motion coordinate
+  std::vector<double> start_gap_;                       // of the deformations of rows
+  AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
 };
 
 }  // namespace dashpot
