@@ -77,6 +77,7 @@ struct Stepper::Impl {
   void find_mean_velocity();
   void find_end_gaps();
   bool lands_in_next_step(const RowGroup& c) const;
+  bool gets_second_half_in_flight(int tree) const;
   void check_velocities() const;
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
@@ -430,20 +431,33 @@ void Stepper::Impl::report_forces(mjData_* d) {
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
+// MuJoCo's integrator starts from it then.
+bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
+  return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
+}
+
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
 // its velocity there, as other integrators of MuJoCo do.
 void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
+  for (int index = 0; index < motion.tree_count(); ++index)
+    if (gets_second_half_in_flight(index))
+      host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
   host::integrate(model, d, new_control, runge_kutta);
   const bool comfree = parameters.options.law == Law::kComFree;
   if (comfree && !host::is_runge_kutta(model)) return;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (!comfree)
-      motion.advance(d, index, length,
-                     {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
-                      trapezoid.holds(index), trapezoid.added_velocity()},
-                     data);
-    else if (touched[index])
-      motion.advance_semi_implicitly(d, index, length);
+    if (comfree) {
+      if (touched[index]) motion.advance_semi_implicitly(d, index, length);
+      continue;
+    }
+    motion.advance(d, index, length,
+                   {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
+                    trapezoid.holds(index), trapezoid.added_velocity()},
+                   data);
+    if (const double* ahead = leapfrog.goes_ahead(index)) {
+      const Tree& tree = motion.trees().tree[index];
+      host::move_tree(model, d, tree, ahead + tree.begin);
+    }
   }
 }
 
@@ -463,8 +477,13 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   if (parameters.options.law != Law::kComFree) {
     recovered.assign(start_velocity.size(), 0.0);
     for (int index = 0; index < motion.tree_count(); ++index) {
-      if (!moved(index)) continue;
       const Tree& tree = motion.trees().tree[index];
+      if (gets_second_half_in_flight(index)) {
+        const double* added = trapezoid.added_velocity() + tree.begin;
+        for (int i = 0; i < tree.dof_count; ++i)
+          mean_displacement[tree.dof_begin + i] += 0.5 * length * added[i];
+      }
+      if (!moved(index)) continue;
       double* mean = mean_displacement.data() + tree.dof_begin;
       double* shift = recovered.data() + tree.dof_begin;
       motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
@@ -494,8 +513,8 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   leapfrog.keep(length, held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
-  trapezoid.keep(model, d, length, leaves_half, held, mean_displacement, constraints, motion, rows,
-                 data, view, ledger);
+  trapezoid.keep(model, d, length, leaves_half, held, leapfrog.fell_back(), mean_displacement,
+                 constraints, motion, rows, data, view, ledger);
   view.set_ledger(ledger);
 }
 

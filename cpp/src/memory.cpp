@@ -37,7 +37,7 @@ double slack(double deformation, double offset) {
 
 }  // namespace
 
-int MemoryLayout::held_size() const { return 2 * held_trees + held_dofs + 2 * held_coordinates; }
+int MemoryLayout::held_size() const { return 3 * held_trees + held_dofs + 2 * held_coordinates; }
 
 int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
 
@@ -62,7 +62,8 @@ HeldMotion Memory::held_motion() const {
   if (layout_.held_trees == 0) return {};
   HeldMotion motion;
   motion.length = storage_ + kHeader;
-  motion.energy = motion.length + layout_.held_trees;
+  motion.weight = motion.length + layout_.held_trees;
+  motion.energy = motion.weight + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
   motion.acceleration = motion.displacement + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;

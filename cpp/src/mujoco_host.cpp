@@ -363,31 +363,38 @@ void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& rung
     mj_Euler(m, d);
 }
 
+void add_velocity(mjData_* d, const Tree& t, const double* change) {
+  mju_addTo(d->qvel + t.dof_begin, change + t.begin, t.dof_count);
+}
+
+void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displacement) {
+  for (int joint = m->dof_jntid[t.dof_begin]; joint <= m->dof_jntid[t.dof_begin + t.dof_count - 1];
+       ++joint) {
+    double* q = d->qpos + m->jnt_qposadr[joint];
+    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
+    switch (m->jnt_type[joint]) {
+      case mjJNT_FREE:
+        mju_addTo3(q, delta);
+        mju_quatIntegrate(q + 3, delta + 3, 1.0);
+        break;
+      case mjJNT_BALL:
+        mju_quatIntegrate(q, delta, 1.0);
+        break;
+      default:
+        q[0] += delta[0];
+    }
+  }
+}
+
 void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,
                 const double* displacement, const double* velocity) {
   std::copy_n(velocity, t.dof_count, d->qvel + t.dof_begin);
-  for (int joint = m->dof_jntid[t.dof_begin]; joint <= m->dof_jntid[t.dof_begin + t.dof_count - 1];
-       ++joint) {
-    const int q = m->jnt_qposadr[joint];
-    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
-    int rotation = -1, rotation_delta = 0;
-    switch (m->jnt_type[joint]) {
-      case mjJNT_FREE:
-        for (int i = 0; i < 3; ++i) d->qpos[q + i] = start_position[q + i] + delta[i];
-        rotation = q + 3;
-        rotation_delta = 3;
-        break;
-      case mjJNT_BALL:
-        rotation = q;
-        break;
-      default:
-        d->qpos[q] = start_position[q] + delta[0];
-    }
-    if (rotation >= 0) {
-      std::copy(start_position + rotation, start_position + rotation + 4, d->qpos + rotation);
-      mju_quatIntegrate(d->qpos + rotation, delta + rotation_delta, 1.0);
-    }
-  }
+  const int joint = m->dof_jntid[t.dof_begin],
+            next = m->dof_jntid[t.dof_begin + t.dof_count - 1] + 1;
+  const int begin = m->jnt_qposadr[joint];
+  const int end = next < m->njnt ? m->jnt_qposadr[next] : static_cast<int>(m->nq);
+  std::copy(start_position + begin, start_position + end, d->qpos + begin);
+  move_tree(m, d, t, displacement);
 }
 
 void copy_state(const mjModel_* m, const mjData_* d, mjData_* to) {

@@ -14,9 +14,12 @@ constexpr double kScaleRange = 0.5;
 // Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
 // not determine s, and an impact leaves far more.
 constexpr double kResidual = 1e-6;
+// Second half, as part of the velocity, up to which steps resolve how a motion turns that only
+// contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
+constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
-constexpr double kBoost = 0.01;
+constexpr double kBoost = 0.03;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -31,6 +34,7 @@ bool moves_accurately(const mjModel_* model, int tree) {
 // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, at turning points of the
 // motion the end of the range that comes as near; 0 if there is none.
 double Trapezoid::Coupled::find_scale() const {
+  if (!by_equalities && square > kLargestHalf * kLargestHalf * kinetic) return 0.0;
   const double root = std::sqrt(linear * linear - 4.0 * square * (kinetic - wanted));
   const double sum = linear + std::copysign(root, linear);  // without cancellation
   double nearest = 0.0;
@@ -77,6 +81,12 @@ void Trapezoid::find_held_trees(const mjModel_* model, const Rows& rows) {
   }
 }
 
+void Trapezoid::find_freed_trees(const mjModel_* model, const HeldMotion& before) {
+  for (size_t index = 0; index < first_.size(); ++index)
+    if (first_[index] < 0 && before.length[index] > 0.0 && !moves_accurately(model, index))
+      first_[index] = index;
+}
+
 void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
                                  const Memory& memory,
                                  const std::vector<ConstraintInput>& constraints,
@@ -88,6 +98,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   const Trees& trees = motion.trees();
   find_coupled_trees(rows, motion.tree_count());
   find_held_trees(model, rows);
+  find_freed_trees(model, before);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
@@ -96,7 +107,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
-  find_second_half(model, d, before, memory.end_velocity(), motion);
+  find_second_half(model, d, memory, motion);
   if (std::none_of(coupled_.begin(), coupled_.end(),
                    [](const Coupled& c) { return c.by_equalities || c.left_half; }))
     return;
@@ -122,8 +133,11 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   stop_fast_turns(length, rows);
 }
 
-void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
-                                 const double* end_velocity, const TreeMotion& motion) {
+void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
+                                 const TreeMotion& motion) {
+  const HeldMotion before = memory.held_motion();
+  const double* end_velocity = memory.end_velocity();
+  const double* leads = memory.leading_length();
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
@@ -139,16 +153,21 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     coupled.left_half = true;
     coupled.wanted += before.energy[index];
     double* force = wrench_.data() + t.begin;
-    for (int i = 0; i < t.count; ++i) force[i] += before.other_force[t.begin + i];
+    const double weight = before.weight[index];
+    for (int i = 0; i < t.count; ++i)
+      force[i] = weight * (force[i] + before.other_force[t.begin + i]);
     for (int i = 0; i < t.dof_count && !moves_accurately(model, index); ++i) {
       const int dof = t.dof_begin + i;
-      force[i] += host::positional_force(d, dof);
-      coupled.wanted += 0.5 * host::potential_force(model, d, dof) * before.displacement[dof];
+      const double potential = host::potential_force(model, d, dof);
+      const double turning = potential - host::positional_force(d, dof);
+      force[i] += weight * potential - 0.5 * turning;
+      coupled.wanted += weight * potential * before.displacement[dof] +
+                        0.5 * leads[index] * velocity[dof] * turning;
     }
     double* half = second_half_.data() + t.begin;
     add_response(trees, index, force, half);
     for (int i = 0; i < t.count; ++i)
-      half[i] = 0.5 * before.length[index] * (half[i] - before.acceleration[t.begin + i]);
+      half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
   }
 }
@@ -191,7 +210,8 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
 }
 
 void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-                     const std::vector<char>& held, const std::vector<double>& displacement,
+                     const std::vector<char>& held, const std::vector<double>& fell_back,
+                     const std::vector<double>& displacement,
                      const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
                      const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
   const HeldMotion now = memory.held_motion();
@@ -208,6 +228,7 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     scatter(rows, c, equality, wrench_.data());
     ledger.dissipated_constraint += equality[1];
   }
+  const double* leads = memory.leading_length();
   bool any = false;
   for (int index = 0; index < motion.tree_count(); ++index) {
     const bool leaves =
@@ -216,6 +237,7 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     any = any || leaves;
   }
   if (!any) return;
+  generalized_.resize(displacement.size());
   momentum_.resize(displacement.size());
   host::times_inertia(model, d, velocity, momentum_.data());
   for (int index = 0; index < motion.tree_count(); ++index) {
@@ -225,23 +247,30 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     double* acceleration = now.acceleration + t.begin;
     double* force = now.other_force + t.begin;
     double& energy = now.energy[index];
+    double& weight = now.weight[index];
     std::fill_n(acceleration, t.count, 0.0);
     energy = 0.0;
+    weight = 0.5;
     if (moves_accurately(model, index)) {
       for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
       continue;
     }
+    const double back = std::min(fell_back[index], length);
+    weight = (length - back) / (2.0 * length + leads[index] - back);
     for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / length;
+    double* seen = generalized_.data() + t.dof_begin;
     for (int i = 0; i < t.dof_count; ++i) {
       const int dof = t.dof_begin + i;
-      force[i] += host::smooth_force(d, dof);
+      const double potential = host::potential_force(model, d, dof);
+      const double turning = potential - host::positional_force(d, dof);
+      force[i] += host::smooth_force(d, dof) + turning;
       energy += 0.5 * velocity[dof] * momentum_[dof] +
-                (0.5 * host::potential_force(model, d, dof) - host::positional_force(d, dof)) *
-                    displacement[dof];
+                (turning - weight * potential) * displacement[dof] -
+                0.5 * fell_back[index] * motion.start_velocity()[dof] * turning;
+      seen[i] = weight * force[i] - 0.5 * turning;
+      force[i] -= wrench_[t.begin + i] + potential;
     }
-    add_response(trees, index, force, acceleration);
-    for (int i = 0; i < t.dof_count; ++i)
-      force[i] -= wrench_[t.begin + i] + host::positional_force(d, t.dof_begin + i);
+    add_response(trees, index, seen, acceleration);
   }
 }
 

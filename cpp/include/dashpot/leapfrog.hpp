@@ -9,10 +9,11 @@
 // and where it leaves again: a ball that falls half a metre by a slide joint and bounces without
 // loss rose to .9876 of it at 2 ms. So a tree that rows hold after a step by MuJoCo's integrator
 // begins at q - H v / 2, with the gaps that it has there, and one that leaves its rows at the end
-// of a step ends at q' + H v' / 2, unless this would take it into another row: then it stays in
-// time until it lands, or it would fall back time and again from what it never reaches. Momentum is
-// that of the forces, always. Rows keep the geometry of q, an error of second order. Free bodies
-// and RK4 do not lead.
+// of a step ends at q' + H v' / 2. One whose rows are still compressed at the end of a step, and
+// hold it no more in the next, where geometry has them apart, goes H v / 2 ahead in that. Neither
+// does where this would take it into a row: it stays in time until it lands or has room, or it
+// would fall back time and again from what it never reaches. Momentum is that of the forces,
+// always. Rows keep the geometry of q, an error of second order. Free bodies and RK4 do not lead.
 
 #pragma once
 
@@ -38,19 +39,32 @@ class Leapfrog {
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
             const Rows& rows, RowData& data);
 
+  // By tree: the length (s) by half of which fall_back went back, 0 where it did not.
+  const std::vector<double>& fell_back() const { return fell_back_; }
+
+  // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
+  // go ahead besides their motion; null for all others.
+  const double* goes_ahead(int tree) const { return may_lead_[tree] ? late_.data() : nullptr; }
+
   // At the end of the step.
   void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
             Memory& memory) const;
 
  private:
+  // Trees that may go ahead in this step, where no row holds them.
+  void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+                 const Rows& rows, const RowData& data);
   bool is_led(const RowGroup& group) const;  // one of its trees leads, and it has a gap
   void stop(const RowGroup& group);          // its trees from leading
 
   std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
-  std::vector<char> in_time_;    // by tree: left its rows without leading, and has not landed since
   std::vector<char> leads_;      // by tree: at the end of the step
+  std::vector<char> in_time_;    // by tree: as the last step left it
+  std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
-  AlignedDoubles ahead_;         // by motion coordinate
+  std::vector<double> fell_back_;
+  std::vector<double> start_gap_;                       // of the deformations of rows
+  AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
 };
 
 }  // namespace dashpot

@@ -43,6 +43,7 @@ struct RememberedContact {
 // models of free bodies alone.
 struct HeldMotion {
   double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
+  double* weight = nullptr;        // by tree: w
   double* energy = nullptr;        // by tree, J
   double* displacement = nullptr;  // over the step, by degree of freedom
   double* acceleration = nullptr;  // a, by motion coordinate
@@ -82,8 +83,7 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
-  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), negative where they
-  // left rows and do not, 0 where nothing is known;
+  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), 0 where they do not;
   // and velocities at its end, by degree of freedom, which tell whether trees go on from there.
   // Null in models of free bodies alone.
   double* leading_length() const;

@@ -267,6 +267,7 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 const double* velocity(const mjData_* d);
+void add_velocity(mjData_* d, const Tree& t, const double* change);  // by motion coordinate
 
 // Smooth force on a degree of freedom at the start of the last step, N or N m: all of it; what
 // follows from positions and velocities alone: bias, springs and gravity compensation; that of
@@ -293,6 +294,8 @@ void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& rung
 // Whether it takes smooth forces otherwise than through the effective inertia.
 bool adds_to_smooth_motion(const mjModel_* m);
 
+// Moves one tree by `displacement`, one entry per degree of freedom of it.
+void move_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* displacement);
 // Replaces the state of one tree by `velocity`, and by positions moved from `start_position` (nq)
 // by `displacement`; both are generalized, one entry per degree of freedom of the tree.
 void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* start_position,

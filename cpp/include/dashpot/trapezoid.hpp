@@ -12,22 +12,35 @@
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
 // forces, those of limits and contacts too, which have the geometry of the middle (mujoco_turning);
 // lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective inertia.
+// Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
+// step in which a tree lands those of its middle, and at the end of one in which it leaves those
+// half a step on. The mean is what there is in the middle of the step, found on the line through
+// both,
+//
+//     1/2 (a + a')  becomes  (1 - w) a + w a',    w = (1/2 - t0) / (t1 - t0),
+//
+// with t0 = 0 or 1/2 and t1 = 1 or 3/2. Of the forces that come with velocity, c, it stays the
+// mean: velocities do not lead.
+//
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
 // smooth forces change.
 //
 // s is 1 to first order in H, and such that energy is conserved:
 //
-//     v1'M1 v1 / 2 = v'M0 v / 2 + ((p0 + p1) / 2 - f0) dq + integral of lambda (dJ/dt xi) t dt ,
+//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + (l1 v'c1 - l0 v0'c0) / 2
+//                    + integral of lambda (dJ/dt xi) t dt ,
 //
-// v: what the step left, v1: with the second half; p: the part of f that has a potential; dq:
-// displacement over the step. The first term is the energy that the frozen geometry of the step
-// has; the second replaces the work of f0 by the change of potential energy; the last is the work
-// that equalities did because they turned. Where an impact or a configuration near a singular one
-// leaves no s near 1, or equalities would turn too far in a step, frozen geometry stays: the second
-// half is left out, they do not turn in that step, and the work of those that did is booked as
-// dissipation. A tree that only contacts and limits hold is then brought to v1'M1 v1 / 2 by its
-// speed, unless much of it would have to be added.
+// v: what the step left, v1: with the second half; p: the part of f that has a potential, p - c;
+// dq: displacement over the step; l: length of a step where positions lead at its start or end, 0
+// where they do not. The first term is the energy that the frozen geometry of the step has; the
+// second replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2
+// gains while positions go ahead; the last is the work that equalities did because they turned.
+// Where an impact or a configuration near a singular one leaves no s near 1, or equalities would
+// turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
+// that step, and the work of those that did is booked as dissipation. A tree that only contacts and
+// limits hold is then brought to v1'M1 v1 / 2 by its speed, unless much of it would have to be
+// added; and so it is where the second half would be a large part of its velocity.
 
 #pragma once
 
@@ -45,24 +58,26 @@ namespace dashpot {
 class Trapezoid {
  public:
   // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
-  // last step left over, where a tree still has rows that may hold it and goes on with the velocity
-  // that step gave it. Trees that equalities couple share s. Takes the turning from `rows` of
-  // equalities where they may not turn in this step.
+  // last step left over, where a tree goes on with the velocity that step gave it. Trees that
+  // equalities couple share s. Takes the turning from `rows` of equalities where they may not turn
+  // in this step.
   void finish_last_step(const mjModel_* model, const mjData_* d, double length,
                         const Memory& memory, const std::vector<ConstraintInput>& constraints,
                         const TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
 
-  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember.
-  // `held`, by tree: rows that have a position moved it. `displacement` (nv) is what the change of
+  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
+  // and Leapfrog::keep. By tree: `held`, rows that have a position moved it; `fell_back`, see
+  // Leapfrog. `displacement` (nv) is what the change of
   // kinetic energy went with. `leaves_half` false: the step had the geometry of its middle, or
   // another law, and leaves nothing over.
   void keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-            const std::vector<char>& held, const std::vector<double>& displacement,
+            const std::vector<char>& held, const std::vector<double>& fell_back,
+            const std::vector<double>& displacement,
             const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
             const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
 
-  // Of this step: whether rows that may hold a tree leave a second half, and what was added to
-  // velocities, by motion coordinate; null where nothing was.
+  // Of this step: whether rows that may hold a tree leave a second half, or have left one, and what
+  // was added to velocities, by motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
 
@@ -83,13 +98,15 @@ class Trapezoid {
 
   void find_coupled_trees(const Rows& rows, int trees);
   void find_held_trees(const mjModel_* model, const Rows& rows);
-  void find_second_half(const mjModel_* model, const mjData_* d, const HeldMotion& before,
-                        const double* end_velocity, const TreeMotion& motion);
+  // Those that rows held in the last step and none does any more.
+  void find_freed_trees(const mjModel_* model, const HeldMotion& before);
+  void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
+                        const TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   void stop_fast_turns(double length, Rows& rows);
 
-  // By tree: the first one that equalities couple it to, itself where other rows may hold it, -1
-  // if none do.
+  // By tree: the first one that equalities couple it to, itself where other rows may hold it or
+  // have held it, -1 if none do.
   std::vector<int> first_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<Coupled> coupled_;                                   // by first tree
