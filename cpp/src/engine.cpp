@@ -6,35 +6,16 @@
 #include <string>
 
 #include "dashpot/comfree.hpp"
-#include "dashpot/contacts.hpp"
-#include "dashpot/energy_ledger.hpp"
-#include "dashpot/flight_contacts.hpp"
-#include "dashpot/impact.hpp"
-#include "dashpot/islands.hpp"
-#include "dashpot/knock_on.hpp"
-#include "dashpot/leapfrog.hpp"
-#include "dashpot/memory.hpp"
-#include "dashpot/microstep.hpp"
-#include "dashpot/middle.hpp"
-#include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_errors.hpp"
-#include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_turning.hpp"
 #include "dashpot/position_recovery.hpp"
-#include "dashpot/pressed_together.hpp"
 #include "dashpot/row_assembly.hpp"
-#include "dashpot/rows.hpp"
 #include "dashpot/solref.hpp"
-#include "dashpot/trapezoid.hpp"
-#include "dashpot/tree_motion.hpp"
+#include "stepper_impl.hpp"
 
 namespace dashpot {
 
 namespace {
-
-// Times that a step is taken anew for what its impacts bring about: bodies that a blow runs through
-// within one step, at most.
-constexpr int kMostTurns = 16;
 
 void accumulate(const StepStats& step, StepStats& total) {
   total.contacts = step.contacts;
@@ -48,81 +29,6 @@ void accumulate(const StepStats& step, StepStats& total) {
 }
 
 }  // namespace
-
-struct Stepper::Impl {
-  Impl(mjModel_* m, const Parameters& p);
-  StepStats step(mjData_* d, bool leave_rows);
-  void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
-  void solve(mjData_* d, host::MocapMotion& mocap);
-
-  // The stages of a step (DESIGN section 2).
-  void correct_contacts_ahead(mjData_* d);
-  void cut_at_impact(mjData_* d, host::StepParts& parts);
-  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
-  void take_turning_contacts_to_middle(mjData_* d);
-  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
-                                host::MocapMotion& mocap);
-  void build_rows(mjData_* d);
-  void finish_last_step(mjData_* d);
-  void plan_and_recall(mjData_* d);
-  void run_islands();
-  void update_complementarity_free(mjData_* d);
-  void report_forces(mjData_* d);
-  void advance_state(mjData_* d, bool new_control);
-  void account_smooth_work(mjData_* d);
-  void remember(mjData_* d, const host::MocapMotion& mocap);
-
-  void find_touched_trees();
-  bool rows_moved_something() const;
-  void find_mean_velocity();
-  void find_end_gaps();
-  bool lands_in_next_step(const RowGroup& c) const;
-  bool gets_second_half_in_flight(int tree) const;
-  void check_velocities() const;
-  Memory memory(mjData_* d) const;
-  StepStats statistics() const;
-
-  mjModel_* model;
-  Parameters parameters;
-  MemoryLayout memory_layout;
-  long long data_size;
-  TreeMotion motion;
-  Leapfrog leapfrog;
-  Trapezoid trapezoid;
-
-  // Rebuilt in every step.
-  double length = 0.0;  // H, s, of the step or the part of it
-  int cuts = 0;
-  Part part;
-  FlightContacts flights;
-  KnockOn knock_on;
-  ProvenApart proven_apart;
-  host::Detection detection;
-  host::MocapBuffers mocap_buffers;
-  bool geometry_of_middle = false;  // of the part, not of its start
-  std::vector<ContactInput> contacts;
-  std::vector<ConstraintInput> constraints;
-  std::vector<GroupMaterial> materials;  // per group
-  std::vector<double> sag_time;          // per group, see Islands::plan
-  Rows rows;
-  RowData data;
-  PressedTogether pressed_together;
-  Islands islands;
-  MicrostepLoop microsteps;
-  std::vector<double> constraint_force, row_force;
-  std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
-  std::vector<char> touched;                   // by tree: rows moved it
-  std::vector<char> held;                      // by tree: rows that have a position moved it
-  std::vector<char> turned;                    // by tree: its inertia is that of the middle
-  std::vector<double> mean_displacement;       // generalized
-  std::vector<double> mean_velocity;           // generalized
-  std::vector<double> end_gap;                 // by contact, m
-  std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
-  std::vector<double> recovered;               // the same, generalized
-  host::RungeKutta runge_kutta;
-  host::SmoothWork smooth_work;
-  EnergyLedger ledger;
-};
 
 Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
     : model(m),
@@ -214,54 +120,6 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
     finish_last_step(d);
     plan_and_recall(d);
     run_islands();
-  }
-}
-
-// Takes the part of the step anew while its impacts bring about more contacts.
-void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
-  if (parameters.options.law == Law::kComFree) return;
-  for (int turn = 0; turn < kMostTurns && rows_moved_something(); ++turn) {
-    find_mean_velocity();
-    find_end_gaps();
-    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
-                                detection.buffers))
-      return;
-    const size_t known = contacts.size() + constraints.size();
-    motion.find_smooth_motion(d, length, false, data);
-    host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
-    mocap.drive(constraints);
-    correct_contacts_ahead(d);
-    drop_pairs(part.apart, contacts);
-    solve(d, mocap);
-    if (contacts.size() + constraints.size() == known) return;
-  }
-}
-
-bool Stepper::Impl::rows_moved_something() const {
-  return std::find(touched.begin(), touched.end(), 1) != touched.end();
-}
-
-// Of trees that no row moved, that of the smooth motion.
-void Stepper::Impl::find_mean_velocity() {
-  const std::vector<double>& start = motion.start_velocity();
-  mean_velocity = start;
-  for (size_t i = 0; i < start.size(); ++i)
-    mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
-  for (int index = 0; index < motion.tree_count(); ++index) {
-    if (!touched[index]) continue;
-    const Tree& tree = motion.trees().tree[index];
-    double* mean = mean_velocity.data() + tree.dof_begin;
-    motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
-    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
-  }
-}
-
-// Positions, not compressions.
-void Stepper::Impl::find_end_gaps() {
-  end_gap.resize(contacts.size());
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
   }
 }
 
@@ -417,20 +275,6 @@ void Stepper::Impl::check_velocities() const {
     check_bounded(tree, data.velocity.data(), host::kLargestValue);
 }
 
-void Stepper::Impl::report_forces(mjData_* d) {
-  constraint_force.assign(motion.start_velocity().size(), 0.0);
-  for (int index = 0; index < motion.tree_count(); ++index) {
-    const Tree& tree = motion.trees().tree[index];
-    if (touched[index])
-      motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
-                                  constraint_force.data() + tree.dof_begin);
-  }
-  for (double& force : constraint_force) force /= length;
-  row_force = data.total_impulse;
-  for (double& force : row_force) force /= length;
-  host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
-}
-
 // MuJoCo's integrator starts from it then.
 bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
   return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
@@ -461,83 +305,8 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   }
 }
 
-// Trees that rows moved went the integral of their velocity and what recovery displaced them; the
-// change of kinetic energy of all others goes with their mean velocity, also that of trees which
-// dry friction alone slows where RK4 integrates them.
-void Stepper::Impl::account_smooth_work(mjData_* d) {
-  const auto moved = [&](int tree) {
-    return touched[tree] &&
-           (held[tree] || !host::is_runge_kutta(model) || !motion.integrated()[tree]);
-  };
-  const double* velocity = host::velocity(d);
-  const std::vector<double>& start_velocity = motion.start_velocity();
-  mean_displacement.resize(start_velocity.size());
-  for (size_t i = 0; i < start_velocity.size(); ++i)
-    mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
-  if (parameters.options.law != Law::kComFree) {
-    recovered.assign(start_velocity.size(), 0.0);
-    for (int index = 0; index < motion.tree_count(); ++index) {
-      const Tree& tree = motion.trees().tree[index];
-      if (gets_second_half_in_flight(index)) {
-        const double* added = trapezoid.added_velocity() + tree.begin;
-        for (int i = 0; i < tree.dof_count; ++i)
-          mean_displacement[tree.dof_begin + i] += 0.5 * length * added[i];
-      }
-      if (!moved(index)) continue;
-      double* mean = mean_displacement.data() + tree.dof_begin;
-      double* shift = recovered.data() + tree.dof_begin;
-      motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
-      motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
-      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
-      if (!tree.free_body)
-        for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
-    }
-    ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
-  }
-  smooth_work.find(
-      model, d, motion.trees(),
-      {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
-       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated()});
-  ledger.dissipated_damping -= smooth_work.damping;
-  ledger.work += smooth_work.applied;
-  book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
-  for (const RowGroup& c : rows.group)
-    ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
-}
-
-void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
-  Memory view = memory(d);
-  mocap.remember(view);
-  view.remember(contacts, constraints, rows, data);
-  if (double* end_velocity = view.end_velocity())
-    std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(length, held, motion, view);
-  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
-  trapezoid.keep(model, d, length, leaves_half, held, leapfrog.fell_back(), mean_displacement,
-                 constraints, motion, rows, data, view, ledger);
-  view.set_ledger(ledger);
-}
-
 Memory Stepper::Impl::memory(mjData_* d) const {
   return Memory(host::memory(model, d, memory_layout.size()), memory_layout);
-}
-
-StepStats Stepper::Impl::statistics() const {
-  StepStats stats;
-  stats.contacts = static_cast<int>(contacts.size());
-  stats.islands = static_cast<int>(islands.all().size());
-  for (const Island& island : islands.all()) {
-    stats.microsteps = std::max(stats.microsteps, island.microsteps);
-    stats.clipped += island.clipped;
-  }
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kContact) continue;
-    stats.touching += data.touched[i];
-    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
-    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
-  }
-  return stats;
 }
 
 Stepper::Stepper(mjModel_* model, const Parameters& parameters)

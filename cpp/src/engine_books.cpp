@@ -1,0 +1,98 @@
+// The books of a step: forces as MuJoCo reports them, work and energies, memory, statistics.
+
+#include <algorithm>
+
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+void Stepper::Impl::report_forces(mjData_* d) {
+  constraint_force.assign(motion.start_velocity().size(), 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& tree = motion.trees().tree[index];
+    if (touched[index])
+      motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
+                                  constraint_force.data() + tree.dof_begin);
+  }
+  for (double& force : constraint_force) force /= length;
+  row_force = data.total_impulse;
+  for (double& force : row_force) force /= length;
+  host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
+}
+
+// Trees that rows moved went the integral of their velocity and what recovery displaced them; the
+// change of kinetic energy of all others goes with their mean velocity, also that of trees which
+// dry friction alone slows where RK4 integrates them.
+void Stepper::Impl::account_smooth_work(mjData_* d) {
+  const auto moved = [&](int tree) {
+    return touched[tree] &&
+           (held[tree] || !host::is_runge_kutta(model) || !motion.integrated()[tree]);
+  };
+  const double* velocity = host::velocity(d);
+  const std::vector<double>& start_velocity = motion.start_velocity();
+  mean_displacement.resize(start_velocity.size());
+  for (size_t i = 0; i < start_velocity.size(); ++i)
+    mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
+  if (parameters.options.law != Law::kComFree) {
+    recovered.assign(start_velocity.size(), 0.0);
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      const Tree& tree = motion.trees().tree[index];
+      if (gets_second_half_in_flight(index)) {
+        const double* added = trapezoid.added_velocity() + tree.begin;
+        for (int i = 0; i < tree.dof_count; ++i)
+          mean_displacement[tree.dof_begin + i] += 0.5 * length * added[i];
+      }
+      if (!moved(index)) continue;
+      double* mean = mean_displacement.data() + tree.dof_begin;
+      double* shift = recovered.data() + tree.dof_begin;
+      motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+      motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
+      if (!tree.free_body)
+        for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
+    }
+    ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
+  }
+  smooth_work.find(
+      model, d, motion.trees(),
+      {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
+       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated()});
+  ledger.dissipated_damping -= smooth_work.damping;
+  ledger.work += smooth_work.applied;
+  book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
+  for (const RowGroup& c : rows.group)
+    ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
+}
+
+void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
+  Memory view = memory(d);
+  mocap.remember(view);
+  view.remember(contacts, constraints, rows, data);
+  if (double* end_velocity = view.end_velocity())
+    std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
+  leapfrog.keep(length, held, motion, view);
+  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
+  trapezoid.keep(model, d, length, leaves_half, held, leapfrog.fell_back(), mean_displacement,
+                 constraints, motion, rows, data, view, ledger);
+  view.set_ledger(ledger);
+}
+
+StepStats Stepper::Impl::statistics() const {
+  StepStats stats;
+  stats.contacts = static_cast<int>(contacts.size());
+  stats.islands = static_cast<int>(islands.all().size());
+  for (const Island& island : islands.all()) {
+    stats.microsteps = std::max(stats.microsteps, island.microsteps);
+    stats.clipped += island.clipped;
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact) continue;
+    stats.touching += data.touched[i];
+    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
+    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
+  }
+  return stats;
+}
+
+}  // namespace dashpot

@@ -1,0 +1,65 @@
+// Steps whose impacts bring about contacts that detection did not know of, see knock_on.hpp.
+
+#include <algorithm>
+
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Times that a step is taken anew for what its impacts bring about: bodies that a blow runs through
+// within one step, at most.
+constexpr int kMostTurns = 16;
+
+}  // namespace
+
+// Takes the part of the step anew while its impacts bring about more contacts.
+void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
+  if (parameters.options.law == Law::kComFree) return;
+  for (int turn = 0; turn < kMostTurns && rows_moved_something(); ++turn) {
+    find_mean_velocity();
+    find_end_gaps();
+    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
+                                detection.buffers))
+      return;
+    const size_t known = contacts.size() + constraints.size();
+    motion.find_smooth_motion(d, length, false, data);
+    host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+    mocap.drive(constraints);
+    correct_contacts_ahead(d);
+    drop_pairs(part.apart, contacts);
+    solve(d, mocap);
+    if (contacts.size() + constraints.size() == known) return;
+  }
+}
+
+bool Stepper::Impl::rows_moved_something() const {
+  return std::find(touched.begin(), touched.end(), 1) != touched.end();
+}
+
+// Of trees that no row moved, that of the smooth motion.
+void Stepper::Impl::find_mean_velocity() {
+  const std::vector<double>& start = motion.start_velocity();
+  mean_velocity = start;
+  for (size_t i = 0; i < start.size(); ++i)
+    mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!touched[index]) continue;
+    const Tree& tree = motion.trees().tree[index];
+    double* mean = mean_velocity.data() + tree.dof_begin;
+    motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
+  }
+}
+
+// Positions, not compressions.
+void Stepper::Impl::find_end_gaps() {
+  end_gap.resize(contacts.size());
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,104 @@
+// What a stepper holds. Its stages are in engine.cpp and engine_knock_on.cpp, its books in
+// engine_books.cpp.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/contacts.hpp"
+#include "dashpot/energy_ledger.hpp"
+#include "dashpot/engine.hpp"
+#include "dashpot/flight_contacts.hpp"
+#include "dashpot/impact.hpp"
+#include "dashpot/islands.hpp"
+#include "dashpot/knock_on.hpp"
+#include "dashpot/leapfrog.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/microstep.hpp"
+#include "dashpot/middle.hpp"
+#include "dashpot/mocap_motion.hpp"
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/pressed_together.hpp"
+#include "dashpot/row_data.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/trapezoid.hpp"
+#include "dashpot/tree_motion.hpp"
+
+namespace dashpot {
+
+struct Stepper::Impl {
+  Impl(mjModel_* m, const Parameters& p);
+  StepStats step(mjData_* d, bool leave_rows);
+  void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  void solve(mjData_* d, host::MocapMotion& mocap);
+
+  // The stages of a step (DESIGN section 2).
+  void correct_contacts_ahead(mjData_* d);
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
+  void take_turning_contacts_to_middle(mjData_* d);
+  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
+                                host::MocapMotion& mocap);
+  void build_rows(mjData_* d);
+  void finish_last_step(mjData_* d);
+  void plan_and_recall(mjData_* d);
+  void run_islands();
+  void update_complementarity_free(mjData_* d);
+  void report_forces(mjData_* d);
+  void advance_state(mjData_* d, bool new_control);
+  void account_smooth_work(mjData_* d);
+  void remember(mjData_* d, const host::MocapMotion& mocap);
+
+  void find_touched_trees();
+  bool rows_moved_something() const;
+  void find_mean_velocity();
+  void find_end_gaps();
+  bool lands_in_next_step(const RowGroup& c) const;
+  bool gets_second_half_in_flight(int tree) const;
+  void check_velocities() const;
+  Memory memory(mjData_* d) const;
+  StepStats statistics() const;
+
+  mjModel_* model;
+  Parameters parameters;
+  MemoryLayout memory_layout;
+  long long data_size;
+  TreeMotion motion;
+  Leapfrog leapfrog;
+  Trapezoid trapezoid;
+
+  // Rebuilt in every step.
+  double length = 0.0;  // H, s, of the step or the part of it
+  int cuts = 0;
+  Part part;
+  FlightContacts flights;
+  KnockOn knock_on;
+  ProvenApart proven_apart;
+  host::Detection detection;
+  host::MocapBuffers mocap_buffers;
+  bool geometry_of_middle = false;  // of the part, not of its start
+  std::vector<ContactInput> contacts;
+  std::vector<ConstraintInput> constraints;
+  std::vector<GroupMaterial> materials;  // per group
+  std::vector<double> sag_time;          // per group, see Islands::plan
+  Rows rows;
+  RowData data;
+  PressedTogether pressed_together;
+  Islands islands;
+  MicrostepLoop microsteps;
+  std::vector<double> constraint_force, row_force;
+  std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
+  std::vector<char> touched;                   // by tree: rows moved it
+  std::vector<char> held;                      // by tree: rows that have a position moved it
+  std::vector<char> turned;                    // by tree: its inertia is that of the middle
+  std::vector<double> mean_displacement;       // generalized
+  std::vector<double> mean_velocity;           // generalized
+  std::vector<double> end_gap;                 // by contact, m
+  std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
+  std::vector<double> recovered;               // the same, generalized
+  host::RungeKutta runge_kutta;
+  host::SmoothWork smooth_work;
+  EnergyLedger ledger;
+};
+
+}  // namespace dashpot
