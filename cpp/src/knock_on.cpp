@@ -11,6 +11,8 @@ namespace dashpot {
 
 namespace {
 
+// Part of the way beyond the reach of detection that may be unknown.
+constexpr double kFarther = 0.05;
 // Part of the way by which a known pair may end deeper than its contacts say: rows that turn leave
 // out half of it for each radian.
 constexpr double kSlack = 0.01;
@@ -29,7 +31,7 @@ void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
   for (int geom = 0; geom < geoms; ++geom) {
     if (!host::moves_and_collides(model, geom)) continue;
     way_[geom] = length * host::geom_speed(model, data, geom, body_velocity_.data());
-    if (way_[geom] > reach.reach[geom]) far_.push_back(geom);
+    if (way_[geom] - reach.reach[geom] > kFarther * way_[geom]) far_.push_back(geom);
   }
 }
 
@@ -47,10 +49,8 @@ void KnockOn::find_known(const std::vector<ContactInput>& contacts,
 // Whether two geoms overlap where their ways lead, unknown to their contacts. Those without any are
 // seen as detection would: along the normal through their nearest points.
 bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
-                    double length, const host::ReachBuffers& reach) {
+                    double length) {
   const double way = way_[geom1] + way_[geom2];
-  // Detection would have found them.
-  if (way <= reach.reach[geom1] + reach.reach[geom2]) return false;
   if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
   const int geom[2] = {geom1, geom2};
   const Shape* shape[2];
@@ -75,6 +75,9 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
     }
     return now.distance - margin + length * rate < 0.0;
   }
+  const auto last = std::upper_bound(known, known_.end(), pair,
+                                     [](const GeomPair& p, const Known& k) { return p < k.geom; });
+  if (last - known >= host::most_contacts(model, geom1, geom2)) return false;
   for (int side = 0; side < 2; ++side) pose[side] = advance(pose[side], motion[side], length);
   const double end = distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin;
   return end < std::min(0.0, known->end_gap) - kSlack * way;
@@ -88,10 +91,10 @@ bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
   if (far_.empty()) return more;
   find_known(contacts, end_gap);
-  partners_.start(model, data, way_);
+  partners_.start(model, data, way_, reach.reach);
   for (int geom : far_) {
     for (const auto& [other, margin] : partners_.of(geom)) {
-      if (!meets(model, data, geom, other, margin, length, reach)) continue;
+      if (!meets(model, data, geom, other, margin, length)) continue;
       for (int side : {geom, other})
         reach.least_reach[side] = std::max(reach.least_reach[side], way_[side]);
       more = true;

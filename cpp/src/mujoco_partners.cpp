@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "dashpot/mujoco_host.hpp"
 
@@ -77,10 +78,12 @@ bool may_meet(const mjModel* m, int geom1, int geom2) {
 
 }  // namespace
 
-void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<double>& way) {
+void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
+                     const std::vector<double>& reach) {
   model_ = m;
   data_ = d;
   way_ = way.data();
+  reach_ = reach.data();
   spans_.clear();
   everywhere_.clear();
   widest_ = 0.0;
@@ -134,13 +137,19 @@ double Partners::spheres_apart(int geom1, int geom2) const {
 }
 
 bool Partners::may_come_near(int geom1, int geom2, double margin) const {
-  const double within = margin + way_[geom1] + way_[geom2];
+  const double way = way_[geom1] + way_[geom2], within = margin + way;
+  if (way <= reach_[geom1] + reach_[geom2]) return false;
   if (model_->geom_type[geom1] == mjGEOM_PLANE)
     return height_over_plane(model_, data_, geom1, geom2) <= within;
   if (model_->geom_type[geom2] == mjGEOM_PLANE)
     return height_over_plane(model_, data_, geom2, geom1) <= within;
   return spheres_apart(geom1, geom2) <= within &&
          boxes_apart(box_of(model_, data_, geom1), box_of(model_, data_, geom2)) <= within;
+}
+
+int most_contacts(const mjModel_* m, int geom1, int geom2) {
+  if (m->geom_type[geom1] > m->geom_type[geom2]) std::swap(geom1, geom2);
+  return mj_maxContact(m, geom1, geom2, 1);
 }
 
 bool comes_to_limit(const mjModel_* m, const mjData_* d, const std::vector<double>& mean_velocity,

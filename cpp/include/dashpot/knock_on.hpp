@@ -47,7 +47,7 @@ class KnockOn {
                  const host::ReachBuffers& reach);
   void find_known(const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap);
   bool meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
-             double length, const host::ReachBuffers& reach);
+             double length);
 
   GeomShapes shapes_;
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m

@@ -21,9 +21,11 @@ struct Partner {
 // are not asked. Keeps its arrays from step to step.
 class Partners {
  public:
-  // `way`: how far each geom may go, m; not copied.
-  void start(const mjModel_* m, const mjData_* d, const std::vector<double>& way);
-  // Those whose bounds leave no more than the ways of both and their margin. Valid until the next
+  // How far each geom goes, and how far detection let it go, m; not copied.
+  void start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
+             const std::vector<double>& reach);
+  // Those whose bounds leave no more than the ways of both and their margin, and whose ways are
+  // more than detection knew of. Valid until the next
   // call.
   const std::vector<Partner>& of(int geom);
 
@@ -38,12 +40,15 @@ class Partners {
 
   const mjModel_* model_ = nullptr;
   const mjData_* data_ = nullptr;
-  const double* way_ = nullptr;
+  const double *way_ = nullptr, *reach_ = nullptr;
   std::vector<Span> spans_;  // of geoms that move, in ascending order
   double widest_ = 0.0;      // of them, m
   std::vector<int> everywhere_;
   std::vector<Partner> partners_;
 };
+
+// The most contacts that MuJoCo finds of two geoms.
+int most_contacts(const mjModel_* m, int geom1, int geom2);
 
 // Whether motion at `mean_velocity` (nv) over `length` (s) takes a hinge or slide joint beyond a
 // limit that is out of the reach of detection, which is widened then.
