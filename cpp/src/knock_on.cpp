@@ -52,6 +52,7 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
                     double length) {
   const double way = way_[geom1] + way_[geom2];
   if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
+  const double unknown = host::unknown_overlap(model, geom1, geom2);
   const int geom[2] = {geom1, geom2};
   const Shape* shape[2];
   Pose pose[2];
@@ -73,14 +74,14 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
       rate += (side ? 1.0 : -1.0) *
               now.normal.dot(motion[side].linear + motion[side].angular.cross(arm));
     }
-    return now.distance - margin + length * rate < 0.0;
+    return now.distance - margin + length * rate < -unknown;
   }
   const auto last = std::upper_bound(known, known_.end(), pair,
                                      [](const GeomPair& p, const Known& k) { return p < k.geom; });
   if (last - known >= host::most_contacts(model, geom1, geom2)) return false;
   for (int side = 0; side < 2; ++side) pose[side] = advance(pose[side], motion[side], length);
   const double end = distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin;
-  return end < std::min(0.0, known->end_gap) - kSlack * way;
+  return end < std::min(0.0, known->end_gap) - std::max(kSlack * way, unknown);
 }
 
 bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,

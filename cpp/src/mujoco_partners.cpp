@@ -12,6 +12,9 @@ namespace dashpot::host {
 
 namespace {
 
+// Part of the least half-width of two geoms: a tenth of what rigid contacts may sag by.
+constexpr double kUnknown = 1e-4;
+
 // The box of bounds of a geom in the world.
 struct Box {
   mjtNum centre[3], axis[3][3], half[3];
@@ -138,13 +141,22 @@ double Partners::spheres_apart(int geom1, int geom2) const {
 
 bool Partners::may_come_near(int geom1, int geom2, double margin) const {
   const double way = way_[geom1] + way_[geom2], within = margin + way;
-  if (way <= reach_[geom1] + reach_[geom2]) return false;
+  if (way <= reach_[geom1] + reach_[geom2] + unknown_overlap(model_, geom1, geom2)) return false;
   if (model_->geom_type[geom1] == mjGEOM_PLANE)
     return height_over_plane(model_, data_, geom1, geom2) <= within;
   if (model_->geom_type[geom2] == mjGEOM_PLANE)
     return height_over_plane(model_, data_, geom2, geom1) <= within;
   return spheres_apart(geom1, geom2) <= within &&
          boxes_apart(box_of(model_, data_, geom1), box_of(model_, data_, geom2)) <= within;
+}
+
+double unknown_overlap(const mjModel_* m, int geom1, int geom2) {
+  double least = mjMAXVAL;
+  for (int geom : {geom1, geom2}) {
+    const mjtNum* half = m->geom_aabb + 6 * geom + 3;
+    if (m->geom_type[geom] != mjGEOM_PLANE) least = std::min({least, half[0], half[1], half[2]});
+  }
+  return kUnknown * least;
 }
 
 int most_contacts(const mjModel_* m, int geom1, int geom2) {

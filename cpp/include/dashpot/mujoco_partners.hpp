@@ -47,6 +47,9 @@ class Partners {
   std::vector<Partner> partners_;
 };
 
+// The overlap (m) of two geoms that may come about unknown to their contacts.
+double unknown_overlap(const mjModel_* m, int geom1, int geom2);
+
 // The most contacts that MuJoCo finds of two geoms.
 int most_contacts(const mjModel_* m, int geom1, int geom2);
 
