@@ -11,7 +11,8 @@ namespace dashpot {
 
 namespace {
 
-// Part of the way beyond the reach of detection that may be unknown.
+// Part of the way beyond the reach of detection that may be unknown: links of a robot at rest
+// change their ways by some hundredths with the forces of rows, what is hit by a multiple.
 constexpr double kFarther = 0.05;
 // Part of the way by which a known pair may end deeper than its contacts say: rows that turn leave
 // out half of it for each radian.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -151,12 +152,7 @@ bool Partners::may_come_near(int geom1, int geom2, double margin) const {
 }
 
 double unknown_overlap(const mjModel_* m, int geom1, int geom2) {
-  double least = mjMAXVAL;
-  for (int geom : {geom1, geom2}) {
-    const mjtNum* half = m->geom_aabb + 6 * geom + 3;
-    if (m->geom_type[geom] != mjGEOM_PLANE) least = std::min({least, half[0], half[1], half[2]});
-  }
-  return kUnknown * least;
+  return kUnknown * std::min(geom_bounds(m, geom1).half_width, geom_bounds(m, geom2).half_width);
 }
 
 int most_contacts(const mjModel_* m, int geom1, int geom2) {
