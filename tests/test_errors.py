@@ -80,10 +80,11 @@ def test_friction_of_a_pair_that_is_none_names_the_pair():
         dashpot.Engine(model)
 
 
+@pytest.mark.parametrize("geom", ["ball", "floor"])
 @pytest.mark.parametrize("field", ["geom_solref", "geom_solimp"])
-def test_solref_that_is_not_finite_names_the_geoms(engine, field):
+def test_solref_that_is_not_finite_names_the_geoms(engine, field, geom):
     data = engine.make_data()
-    getattr(engine.model, field)[engine.model.geom("ball").id] = np.nan
+    getattr(engine.model, field)[engine.model.geom(geom).id] = np.nan
     with pytest.raises(ValueError, match=r"^contact of geom 'floor' and geom 'ball': .* got .*nan"):
         engine.step(data, 5)
     engine.set_material("ball", dashpot.Material(1e4))  # in place of the solref

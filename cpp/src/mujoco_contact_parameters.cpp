@@ -8,19 +8,13 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
 
 namespace {
-
-struct ContactParameters {
-  int dim;
-  std::array<double, 5> friction;
-  std::array<double, 2> solref;
-  std::array<double, 5> solimp;
-};
 
 template <size_t N>
 std::array<double, N> numbers(const mjtNum* from) {
@@ -29,16 +23,12 @@ std::array<double, N> numbers(const mjtNum* from) {
   return result;
 }
 
-ContactParameters of_pair(const mjModel* m, int pair) {
-  return {m->pair_dim[pair], numbers<5>(m->pair_friction + 5 * pair),
-          numbers<2>(m->pair_solref + mjNREF * pair), numbers<5>(m->pair_solimp + mjNIMP * pair)};
-}
-
 ContactParameters of_geom(const mjModel* m, int geom) {
   const mjtNum* f = m->geom_friction + 3 * geom;
   return {m->geom_condim[geom],
           {f[0], f[0], f[1], f[2], f[2]},
           numbers<2>(m->geom_solref + mjNREF * geom),
+          {},
           numbers<5>(m->geom_solimp + mjNIMP * geom)};
 }
 
@@ -51,6 +41,8 @@ double share_of_first(double first, double second) {
 
 ContactParameters mixed(const ContactParameters& a, const ContactParameters& b, double share) {
   const auto mean = [&](double x, double y) { return share * x + (1.0 - share) * y; };
+  // What is no number is not passed over: it is an error where it comes to be used.
+  const auto lower = [](double x, double y) { return x < y || std::isnan(x) ? x : y; };
   ContactParameters result = a;
   result.dim = std::max(a.dim, b.dim);
   for (size_t i = 0; i < result.friction.size(); ++i)
@@ -58,25 +50,43 @@ ContactParameters mixed(const ContactParameters& a, const ContactParameters& b, 
   const bool both_times = a.solref[0] > 0.0 && b.solref[0] > 0.0;
   for (size_t i = 0; i < result.solref.size(); ++i)
     result.solref[i] =
-        both_times ? mean(a.solref[i], b.solref[i]) : std::min(a.solref[i], b.solref[i]);
+        both_times ? mean(a.solref[i], b.solref[i]) : lower(a.solref[i], b.solref[i]);
   for (size_t i = 0; i < result.solimp.size(); ++i)
     result.solimp[i] = mean(a.solimp[i], b.solimp[i]);
   return result;
+}
+
+// MuJoCo lets no coefficient of friction be less.
+ContactParameters with_least_friction(ContactParameters parameters) {
+  for (double& coefficient : parameters.friction) coefficient = std::max(coefficient, mjMINMU);
+  return parameters;
 }
 
 ContactParameters parameters_of(const mjModel* m, int geom1, int geom2) {
   for (int pair = 0; pair < m->npair; ++pair) {
     const int first = m->pair_geom1[pair], second = m->pair_geom2[pair];
     if ((first == geom1 && second == geom2) || (first == geom2 && second == geom1))
-      return of_pair(m, pair);
+      return parameters_of_pair(m, pair);
   }
-  const int priority1 = m->geom_priority[geom1], priority2 = m->geom_priority[geom2];
-  if (priority1 != priority2) return of_geom(m, priority1 > priority2 ? geom1 : geom2);
-  return mixed(of_geom(m, geom1), of_geom(m, geom2),
-               share_of_first(m->geom_solmix[geom1], m->geom_solmix[geom2]));
+  return parameters_of_geoms(m, geom1, geom2);
 }
 
 }  // namespace
+
+ContactParameters parameters_of_pair(const mjModel_* m, int pair) {
+  return with_least_friction({m->pair_dim[pair], numbers<5>(m->pair_friction + 5 * pair),
+                              numbers<2>(m->pair_solref + mjNREF * pair),
+                              numbers<2>(m->pair_solreffriction + mjNREF * pair),
+                              numbers<5>(m->pair_solimp + mjNIMP * pair)});
+}
+
+ContactParameters parameters_of_geoms(const mjModel_* m, int geom1, int geom2) {
+  const int priority1 = m->geom_priority[geom1], priority2 = m->geom_priority[geom2];
+  if (priority1 != priority2)
+    return with_least_friction(of_geom(m, priority1 > priority2 ? geom1 : geom2));
+  return with_least_friction(mixed(of_geom(m, geom1), of_geom(m, geom2),
+                                   share_of_first(m->geom_solmix[geom1], m->geom_solmix[geom2])));
+}
 
 ContactInput contact_of_pair(const mjModel_* m, int geom1, int geom2) {
   const ContactParameters parameters = parameters_of(m, geom1, geom2);
@@ -84,7 +94,6 @@ ContactInput contact_of_pair(const mjModel_* m, int geom1, int geom2) {
   input.geom = {geom1, geom2};
   input.dim = parameters.dim;
   input.friction = parameters.friction;
-  for (double& coefficient : input.friction) coefficient = std::max(coefficient, mjMINMU);
   input.solref = parameters.solref;
   input.solimp = parameters.solimp;
   input.has_solref = !is_default_impedance(input.solref.data(), input.solimp.data());

@@ -8,6 +8,7 @@
 
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_narrowphase.hpp"
 #include "dashpot/mujoco_reach.hpp"
 
 namespace dashpot::host {
@@ -114,7 +115,10 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     WidenedReach reach(m, d, acceleration, faces, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
-    call_with_callbacks(mj_collision, m, d);
+    if (CandidatePairs::cover(m, d))
+      collide_pairs(m, d, detection.candidates.near(m, d, detection.buffers.reach));
+    else
+      call_with_callbacks(mj_collision, m, d);
     const bool contacts_fit = add_surplus(d, detection.faces.surplus);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
@@ -195,10 +199,20 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
 }
 
 void set_frame(const double* normal, double* frame) {
+  const double tangent[3] = {0.0, 0.0, 0.0};
+  set_frame(normal, tangent, frame);
+}
+
+// As MuJoCo does.
+void set_frame(const double* normal, const double* tangent, double* frame) {
   mju_copy3(frame, normal);
-  mju_zero3(frame + 3);
-  frame[std::abs(normal[1]) < 0.5 ? 4 : 5] = 1.0;
-  mju_addToScl3(frame + 3, normal, -mju_dot3(frame + 3, normal));
+  mju_copy3(frame + 3, tangent);
+  mju_normalize3(frame);
+  if (mju_dot3(tangent, tangent) < 0.25) {
+    mju_zero3(frame + 3);
+    frame[std::abs(frame[1]) < 0.5 ? 4 : 5] = 1.0;
+  }
+  mju_addToScl3(frame + 3, frame, -mju_dot3(frame + 3, frame));
   mju_normalize3(frame + 3);
   mju_cross(frame + 6, frame, frame + 3);
 }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "dashpot/geometry_host.hpp"
+#include "dashpot/mujoco_candidates.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -15,70 +16,6 @@ namespace {
 
 // Part of the least half-width of two geoms: a tenth of what rigid contacts may sag by.
 constexpr double kUnknown = 1e-4;
-
-// The box of bounds of a geom in the world.
-struct Box {
-  mjtNum centre[3], axis[3][3], half[3];
-};
-
-Box box_of(const mjModel* m, const mjData* d, int geom) {
-  const mjtNum* bounds = m->geom_aabb + 6 * geom;
-  const mjtNum* rotation = d->geom_xmat + 9 * geom;
-  Box box;
-  mju_mulMatVec3(box.centre, rotation, bounds);
-  mju_addTo3(box.centre, d->geom_xpos + 3 * geom);
-  for (int i = 0; i < 3; ++i) {
-    box.half[i] = bounds[3 + i];
-    for (int j = 0; j < 3; ++j) box.axis[i][j] = rotation[3 * j + i];
-  }
-  return box;
-}
-
-mjtNum extent(const Box& box, const mjtNum* direction) {
-  mjtNum sum = 0.0;
-  for (int i = 0; i < 3; ++i) sum += box.half[i] * std::abs(mju_dot3(box.axis[i], direction));
-  return sum;
-}
-
-mjtNum height_over_plane(const mjModel* m, const mjData* d, int plane, int geom) {
-  const Box box = box_of(m, d, geom);
-  const mjtNum* rotation = d->geom_xmat + 9 * plane;
-  const mjtNum normal[3] = {rotation[2], rotation[5], rotation[8]};
-  mjtNum apart[3];
-  mju_sub3(apart, box.centre, d->geom_xpos + 3 * plane);
-  return mju_dot3(apart, normal) - extent(box, normal);
-}
-
-// The widest gap that a face of either leaves.
-mjtNum boxes_apart(const Box& box1, const Box& box2) {
-  mjtNum between[3], widest = -mjMAXVAL;
-  mju_sub3(between, box2.centre, box1.centre);
-  for (const Box* box : {&box1, &box2})
-    for (const mjtNum* axis : {box->axis[0], box->axis[1], box->axis[2]})
-      widest = std::max(
-          widest, std::abs(mju_dot3(between, axis)) - extent(box1, axis) - extent(box2, axis));
-  return widest;
-}
-
-bool is_excluded(const mjModel* m, int body1, int body2) {
-  const int signature = (std::min(body1, body2) << 16) + std::max(body1, body2);
-  return std::find(m->exclude_signature, m->exclude_signature + m->nexclude, signature) !=
-         m->exclude_signature + m->nexclude;
-}
-
-// The filters of mj_collision: bits, bodies that are welded or next to each other, exclusions.
-bool may_meet(const mjModel* m, int geom1, int geom2) {
-  if (!(m->geom_contype[geom1] & m->geom_conaffinity[geom2]) &&
-      !(m->geom_contype[geom2] & m->geom_conaffinity[geom1]))
-    return false;
-  const int body1 = m->geom_bodyid[geom1], body2 = m->geom_bodyid[geom2];
-  const int weld1 = m->body_weldid[body1], weld2 = m->body_weldid[body2];
-  if (weld1 == weld2 || is_excluded(m, body1, body2)) return false;
-  if (m->opt.disableflags & mjDSBL_FILTERPARENT || weld1 == 0 || weld2 == 0) return true;
-  const int parent1 = m->body_weldid[m->body_parentid[weld1]];
-  const int parent2 = m->body_weldid[m->body_parentid[weld2]];
-  return weld1 != parent2 && weld2 != parent1;
-}
 
 }  // namespace
 
@@ -144,11 +81,12 @@ bool Partners::may_come_near(int geom1, int geom2, double margin) const {
   const double way = way_[geom1] + way_[geom2], within = margin + way;
   if (way <= reach_[geom1] + reach_[geom2] + unknown_overlap(model_, geom1, geom2)) return false;
   if (model_->geom_type[geom1] == mjGEOM_PLANE)
-    return height_over_plane(model_, data_, geom1, geom2) <= within;
+    return height_over_plane(data_, geom1, bounding_box(model_, data_, geom2)) <= within;
   if (model_->geom_type[geom2] == mjGEOM_PLANE)
-    return height_over_plane(model_, data_, geom2, geom1) <= within;
+    return height_over_plane(data_, geom2, bounding_box(model_, data_, geom1)) <= within;
   return spheres_apart(geom1, geom2) <= within &&
-         boxes_apart(box_of(model_, data_, geom1), box_of(model_, data_, geom2)) <= within;
+         boxes_apart(bounding_box(model_, data_, geom1), bounding_box(model_, data_, geom2)) <=
+             within;
 }
 
 double unknown_overlap(const mjModel_* m, int geom1, int geom2) {

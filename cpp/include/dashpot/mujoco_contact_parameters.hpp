@@ -2,11 +2,24 @@
 
 #pragma once
 
+#include <array>
+
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
 
 namespace dashpot::host {
+
+// Of contacts of two geoms, and of those that a <pair> defines.
+struct ContactParameters {
+  int dim = 1;
+  std::array<double, 5> friction{};
+  std::array<double, 2> solref{};
+  std::array<double, 2> solreffriction{};  // zeros: as solref
+  std::array<double, 5> solimp{};
+};
+ContactParameters parameters_of_geoms(const mjModel_* m, int geom1, int geom2);
+ContactParameters parameters_of_pair(const mjModel_* m, int pair);
 
 // A contact of two geoms of a model, with all that the model says about it and no geometry: what
 // MuJoCo gives the contacts that it detects between them.

@@ -12,6 +12,7 @@
 
 #include "dashpot/free_body.hpp"
 #include "dashpot/law.hpp"
+#include "dashpot/mujoco_candidates.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/mujoco_seams.hpp"
@@ -138,6 +139,7 @@ struct Detection {
   bool takes_faces = true;  // see mujoco_collisions.hpp
   FaceBuffers faces;
   ReachBuffers buffers;
+  CandidatePairs candidates;
   SeamBuffers seams;
 };
 
@@ -196,8 +198,10 @@ int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
-// The frame (9) that MuJoCo gives a contact of this normal.
+// The frame (9) that MuJoCo gives a contact of this normal, and of a tangent where a collision finds
+// one.
 void set_frame(const double* normal, double* frame);
+void set_frame(const double* normal, const double* tangent, double* frame);
 // Gives a contact another position, normal (both world) and gap, also in `d`.
 void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
                       ContactInput& contact);

@@ -1,0 +1,245 @@
+#include "dashpot/mujoco_candidates.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+#include <utility>
+
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Room beyond the reach of a step: steps like the present one, and part of the least half-width for
+// geoms that hardly move.
+constexpr double kStepsAhead = 8.0;
+constexpr double kLeastRoom = 0.1;
+
+int signature_of(int body1, int body2) {
+  return (std::min(body1, body2) << 16) + std::max(body1, body2);
+}
+
+bool is_excluded(const mjModel* m, int body1, int body2) {
+  int* const end = m->exclude_signature + m->nexclude;
+  return std::find(m->exclude_signature, end, signature_of(body1, body2)) != end;
+}
+
+// MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
+auto place_of(const mjModel* m, const CandidatePair& pair) {
+  const int signature = signature_of(m->geom_bodyid[pair.geom[0]], m->geom_bodyid[pair.geom[1]]);
+  return std::make_tuple(signature, pair.defined < 0, pair.defined, pair.geom);
+}
+
+CandidatePair pair_of(const mjModel* m, int geom1, int geom2, int defined) {
+  if (m->geom_type[geom1] > m->geom_type[geom2]) std::swap(geom1, geom2);
+  return {{geom1, geom2}, defined};
+}
+
+bool collides(const mjModel* m, const CandidatePair& pair) {
+  return mjCOLLISIONFUNC[m->geom_type[pair.geom[0]]][m->geom_type[pair.geom[1]]] != nullptr;
+}
+
+std::array<double, 12> pose_of(const mjData* d, int geom) {
+  std::array<double, 12> pose;
+  std::copy_n(d->geom_xpos + 3 * geom, 3, pose.begin());
+  std::copy_n(d->geom_xmat + 9 * geom, 9, pose.begin() + 3);
+  return pose;
+}
+
+// How far from a geom its contacts are detected, of its share.
+double around(const mjModel* m, int geom) { return m->geom_margin[geom] + m->geom_gap[geom]; }
+
+template <typename Room>
+bool overlap(const Room& a, const Room& b) {
+  for (int i = 0; i < 3; ++i)
+    if (a.low[i] > b.high[i] || b.low[i] > a.high[i]) return false;
+  return true;
+}
+
+}  // namespace
+
+bool may_meet(const mjModel_* m, int geom1, int geom2) {
+  if (!(m->geom_contype[geom1] & m->geom_conaffinity[geom2]) &&
+      !(m->geom_contype[geom2] & m->geom_conaffinity[geom1]))
+    return false;
+  const int body1 = m->geom_bodyid[geom1], body2 = m->geom_bodyid[geom2];
+  const int weld1 = m->body_weldid[body1], weld2 = m->body_weldid[body2];
+  if (m->body_treeid[body1] < 0 && m->body_treeid[body2] < 0) return false;
+  if (weld1 == weld2 || is_excluded(m, body1, body2)) return false;
+  if (m->opt.disableflags & mjDSBL_FILTERPARENT || weld1 == 0 || weld2 == 0) return true;
+  const int parent1 = m->body_weldid[m->body_parentid[weld1]];
+  const int parent2 = m->body_weldid[m->body_parentid[weld2]];
+  return weld1 != parent2 && weld2 != parent1;
+}
+
+double margin_of(const mjModel_* m, const CandidatePair& pair) {
+  return pair.defined >= 0 ? m->pair_margin[pair.defined]
+                           : m->geom_margin[pair.geom[0]] + m->geom_margin[pair.geom[1]];
+}
+
+double gap_of(const mjModel_* m, const CandidatePair& pair) {
+  return pair.defined >= 0 ? m->pair_gap[pair.defined]
+                           : m->geom_gap[pair.geom[0]] + m->geom_gap[pair.geom[1]];
+}
+
+bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
+  return m->nflex == 0 && !mjcb_contactfilter && !has_adhesion(m) && d->threadpool == 0 &&
+         std::find(m->geom_type, m->geom_type + m->ngeom, mjGEOM_SDF) == m->geom_type + m->ngeom;
+}
+
+const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const mjData_* d,
+                                                       const std::vector<double>& reach) {
+  near_.clear();
+  if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
+  const bool changed = has_changed(m);
+  if (changed) {
+    bounded_.clear();
+    planes_.clear();
+    for (int geom = 0; geom < m->ngeom; ++geom)
+      if (may_collide(m, geom))
+        (m->geom_type[geom] == mjGEOM_PLANE ? planes_ : bounded_).push_back(geom);
+  }
+  find_boxes(m, d);
+  if (changed || is_left(m, d)) gather(m, d, reach);
+  for (const CandidatePair& pair : all_)
+    if (are_near(m, d, pair)) near_.push_back(pair);
+  return near_;
+}
+
+bool CandidatePairs::has_changed(const mjModel_* m) const {
+  const auto same = [](const std::vector<int>& kept, const int* now, int count) {
+    return static_cast<int>(kept.size()) == count && std::equal(kept.begin(), kept.end(), now);
+  };
+  const int geoms = static_cast<int>(m->ngeom), exclusions = static_cast<int>(m->nexclude);
+  return !(flags_ == m->opt.disableflags && same(contype_, m->geom_contype, geoms) &&
+           same(conaffinity_, m->geom_conaffinity, geoms) && same(type_, m->geom_type, geoms) &&
+           same(exclusions_, m->exclude_signature, exclusions));
+}
+
+void CandidatePairs::find_boxes(const mjModel_* m, const mjData_* d) {
+  boxes_.resize(m->ngeom);
+  present_.resize(m->ngeom);
+  for (int geom : bounded_) {
+    BoundingBox& box = boxes_[geom] = bounding_box(m, d, geom);
+    Room& room = present_[geom];
+    for (int i = 0; i < 3; ++i) {
+      double wide = around(m, geom);
+      for (int j = 0; j < 3; ++j) wide += box.half[j] * std::abs(box.rotation[3 * i + j]);
+      room.low[i] = box.centre[i] - wide;
+      room.high[i] = box.centre[i] + wide;
+    }
+  }
+}
+
+bool CandidatePairs::is_left(const mjModel_* m, const mjData_* d) const {
+  for (int geom : bounded_)
+    for (int i = 0; i < 3; ++i)
+      if (!(present_[geom].low[i] >= rooms_[geom].low[i] &&
+            present_[geom].high[i] <= rooms_[geom].high[i]))
+        return true;
+  for (size_t i = 0; i < planes_.size(); ++i)
+    if (pose_of(d, planes_[i]) != as_gathered_[i].pose ||
+        !(around(m, planes_[i]) <= as_gathered_[i].around))
+      return true;
+  return false;
+}
+
+void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach) {
+  flags_ = m->opt.disableflags;
+  contype_.assign(m->geom_contype, m->geom_contype + m->ngeom);
+  conaffinity_.assign(m->geom_conaffinity, m->geom_conaffinity + m->ngeom);
+  type_.assign(m->geom_type, m->geom_type + m->ngeom);
+  exclusions_.assign(m->exclude_signature, m->exclude_signature + m->nexclude);
+  rooms_ = present_;
+  for (int geom : bounded_) {
+    if (!moves_and_collides(m, geom)) continue;
+    const double* half = boxes_[geom].half;
+    const double more =
+        std::max(kStepsAhead * reach[geom], kLeastRoom * std::min({half[0], half[1], half[2]}));
+    for (int i = 0; i < 3; ++i) {
+      rooms_[geom].low[i] -= more;
+      rooms_[geom].high[i] += more;
+    }
+  }
+  all_.clear();
+  for (int defined = 0; defined < m->npair; ++defined) {
+    const CandidatePair pair = pair_of(m, m->pair_geom1[defined], m->pair_geom2[defined], defined);
+    if (collides(m, pair)) all_.push_back(pair);
+  }
+  gather_of_planes(m, d);
+  gather_of_rooms(m);
+  std::sort(all_.begin(), all_.end(), [&](const CandidatePair& a, const CandidatePair& b) {
+    return place_of(m, a) < place_of(m, b);
+  });
+}
+
+void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d) {
+  as_gathered_.clear();
+  for (int plane : planes_) {
+    as_gathered_.push_back({pose_of(d, plane), around(m, plane)});
+    for (int geom : bounded_) {
+      const Room& room = rooms_[geom];
+      BoundingBox box{{}, {}, {1, 0, 0, 0, 1, 0, 0, 0, 1}};
+      for (int i = 0; i < 3; ++i) {
+        box.centre[i] = 0.5 * (room.high[i] + room.low[i]);
+        box.half[i] = 0.5 * (room.high[i] - room.low[i]);
+      }
+      if (height_over_plane(d, plane, box) <= around(m, plane)) add(m, plane, geom);
+    }
+  }
+}
+
+// Sweeps along the axis over which the rooms are spread most.
+void CandidatePairs::gather_of_rooms(const mjModel_* m) {
+  double spread[3];
+  for (int i = 0; i < 3; ++i) {
+    double sum = 0.0, squares = 0.0;
+    for (int geom : bounded_) {
+      const double middle = boxes_[geom].centre[i];
+      sum += middle;
+      squares += middle * middle;
+    }
+    spread[i] = squares * bounded_.size() - sum * sum;
+  }
+  const auto axis = std::max_element(spread, spread + 3) - spread;
+  order_ = bounded_;
+  std::sort(order_.begin(), order_.end(),
+            [&](int a, int b) { return rooms_[a].low[axis] < rooms_[b].low[axis]; });
+  for (size_t i = 0; i < order_.size(); ++i) {
+    const Room& room = rooms_[order_[i]];
+    for (size_t j = i + 1; j < order_.size(); ++j) {
+      const Room& other = rooms_[order_[j]];
+      if (other.low[axis] > room.high[axis]) break;
+      if (overlap(room, other)) add(m, order_[i], order_[j]);
+    }
+  }
+}
+
+void CandidatePairs::add(const mjModel_* m, int geom1, int geom2) {
+  const auto ids = std::minmax(geom1, geom2);
+  const CandidatePair pair = pair_of(m, ids.first, ids.second, -1);
+  if (!may_meet(m, geom1, geom2) || !collides(m, pair)) return;
+  for (int defined = 0; defined < m->npair; ++defined)
+    if (std::minmax(m->pair_geom1[defined], m->pair_geom2[defined]) == ids) return;
+  all_.push_back(pair);
+}
+
+bool CandidatePairs::are_near(const mjModel_* m, const mjData_* d,
+                              const CandidatePair& pair) const {
+  const int geom1 = pair.geom[0], geom2 = pair.geom[1];
+  const double within = margin_of(m, pair) + gap_of(m, pair);
+  if (m->geom_type[geom1] == mjGEOM_PLANE)
+    return height_over_plane(d, geom1, boxes_[geom2]) <= within;
+  if (pair.defined < 0 && !overlap(present_[geom1], present_[geom2])) return false;
+  const double between = m->geom_rbound[geom1] + m->geom_rbound[geom2] + within;
+  mjtNum apart[3];
+  mju_sub3(apart, d->geom_xpos + 3 * geom1, d->geom_xpos + 3 * geom2);
+  if (mju_dot3(apart, apart) > between * between) return false;
+  return m->geom_type[geom1] == mjGEOM_SPHERE ||
+         boxes_apart(boxes_[geom1], boxes_[geom2]) <= within;
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,79 @@
+#include "dashpot/mujoco_narrowphase.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+#include "dashpot/mujoco_collisions.hpp"
+#include "dashpot/mujoco_contact_parameters.hpp"
+#include "dashpot/mujoco_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// No contacts, and no rows that lie behind them.
+void clear_contacts(mjModel* m, mjData* d) {
+  const int flags = m->opt.disableflags;
+  m->opt.disableflags |= mjDSBL_CONTACT;
+  mj_collision(m, d);
+  m->opt.disableflags = flags;
+}
+
+mjContact contact_of(const mjModel* m, const CandidatePair& pair) {
+  const ContactParameters parameters = pair.defined >= 0
+                                           ? parameters_of_pair(m, pair.defined)
+                                           : parameters_of_geoms(m, pair.geom[0], pair.geom[1]);
+  mjContact contact{};
+  contact.includemargin = margin_of(m, pair);
+  contact.dim = parameters.dim;
+  std::copy(parameters.friction.begin(), parameters.friction.end(), contact.friction);
+  std::copy(parameters.solref.begin(), parameters.solref.end(), contact.solref);
+  std::copy(parameters.solreffriction.begin(), parameters.solreffriction.end(),
+            contact.solreffriction);
+  std::copy(parameters.solimp.begin(), parameters.solimp.end(), contact.solimp);
+  contact.geom1 = contact.geom[0] = pair.geom[0];
+  contact.geom2 = contact.geom[1] = pair.geom[1];
+  for (int side = 0; side < 2; ++side)
+    contact.flex[side] = contact.elem[side] = contact.vert[side] = -1;
+  contact.efc_address = -1;
+  return contact;
+}
+
+// Room for one more contact, behind the others and first in the arena, as mj_addContact has them;
+// it forgets about rows each time. Null, with MuJoCo's warning, where there is none.
+mjContact* new_contact(mjData* d) {
+  const size_t size = sizeof(mjContact) * (d->ncon + 1);
+  if (size > d->narena - d->pstack) {
+    mj_warning(d, mjWARN_CONTACTFULL, d->ncon);
+    return nullptr;
+  }
+  d->parena = size;
+  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
+  d->maxuse_con = std::max(d->maxuse_con, ++d->ncon);
+  return d->contact + d->ncon - 1;
+}
+
+}  // namespace
+
+void collide_pairs(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs) {
+  clear_contacts(m, d);
+  mjPreContact found[mjMAXCONPAIR];
+  for (const CandidatePair& pair : pairs) {
+    const int count =
+        collide_all(m, d, pair.geom[0], pair.geom[1], margin_of(m, pair) + gap_of(m, pair), found);
+    if (count == 0) continue;
+    const mjContact of_pair = contact_of(m, pair);
+    for (int i = 0; i < count; ++i) {
+      mjContact* const contact = new_contact(d);
+      if (!contact) return;
+      *contact = of_pair;
+      contact->dist = found[i].dist;
+      mju_copy3(contact->pos, found[i].pos);
+      set_frame(found[i].normal, found[i].tangent, contact->frame);
+      contact->exclude = contact->dist >= contact->includemargin;
+    }
+  }
+}
+
+}  // namespace dashpot::host
