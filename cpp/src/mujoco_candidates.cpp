@@ -27,15 +27,10 @@ bool is_excluded(const mjModel* m, int body1, int body2) {
   return std::find(m->exclude_signature, end, signature_of(body1, body2)) != end;
 }
 
-// MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
-auto place_of(const mjModel* m, const CandidatePair& pair) {
-  const int signature = signature_of(m->geom_bodyid[pair.geom[0]], m->geom_bodyid[pair.geom[1]]);
-  return std::make_tuple(signature, pair.defined < 0, pair.defined, pair.geom);
-}
-
 CandidatePair pair_of(const mjModel* m, int geom1, int geom2, int defined) {
+  const int bodies = signature_of(m->geom_bodyid[geom1], m->geom_bodyid[geom2]);
   if (m->geom_type[geom1] > m->geom_type[geom2]) std::swap(geom1, geom2);
-  return {{geom1, geom2}, defined};
+  return {{geom1, geom2}, defined, bodies};
 }
 
 bool collides(const mjModel* m, const CandidatePair& pair) {
@@ -60,6 +55,12 @@ bool overlap(const Room& a, const Room& b) {
 }
 
 }  // namespace
+
+bool comes_before(const CandidatePair& a, const CandidatePair& b) {
+  if (a.bodies != b.bodies) return a.bodies < b.bodies;
+  if ((a.defined < 0) != (b.defined < 0)) return b.defined < 0;
+  return std::tie(a.defined, a.geom) < std::tie(b.defined, b.geom);
+}
 
 bool may_meet(const mjModel_* m, int geom1, int geom2) {
   if (!(m->geom_contype[geom1] & m->geom_conaffinity[geom2]) &&
@@ -171,9 +172,7 @@ void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vect
   }
   gather_of_planes(m, d);
   gather_of_rooms(m);
-  std::sort(all_.begin(), all_.end(), [&](const CandidatePair& a, const CandidatePair& b) {
-    return place_of(m, a) < place_of(m, b);
-  });
+  std::sort(all_.begin(), all_.end(), comes_before);
 }
 
 void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d) {

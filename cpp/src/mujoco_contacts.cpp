@@ -107,6 +107,12 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   return make_rows_without_contacts(m, d);
 }
 
+void find_contacts(mjModel* m, mjData* d, Detection& detection) {
+  Narrowphase& narrowphase = detection.narrowphase;
+  narrowphase.find(m, d, detection.candidates.near(m, d, detection.buffers.reach));
+  narrowphase.write(m, d);
+}
+
 void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints) {
@@ -115,10 +121,11 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     WidenedReach reach(m, d, acceleration, faces, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
-    if (CandidatePairs::cover(m, d))
-      collide_pairs(m, d, detection.candidates.near(m, d, detection.buffers.reach));
-    else
+    if (CandidatePairs::cover(m, d)) {
+      find_contacts(m, d, detection);
+    } else {
       call_with_callbacks(mj_collision, m, d);
+    }
     const bool contacts_fit = add_surplus(d, detection.faces.surplus);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
@@ -148,6 +155,7 @@ bool anything_reads_rows(const mjModel_* m) {
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   detection.buffers.forget_least();
+  detection.narrowphase.forget();
   detect_rows(m, d, acceleration, detection, contacts, constraints);
   call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_sensorVel, m, d);
@@ -173,7 +181,9 @@ MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double
   mj_integratePos(m, d->qpos, velocity.data(), half);
   mj_fwdKinematics(m, d);
   mj_makeM(m, d);
+  detection.narrowphase.forget();
   detect_rows(m, d, acceleration, detection, contacts, constraints);
+  detection.narrowphase.forget();  // for the start is where geoms will be asked for next
 }
 
 MiddleGeometry::Start::Start(const mjModel_* m, mjData_* d)

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "dashpot/mujoco_collisions.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
@@ -56,21 +57,45 @@ mjContact* new_contact(mjData* d) {
 
 }  // namespace
 
-void collide_pairs(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs) {
-  clear_contacts(m, d);
+void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs) {
+  std::swap(before_, now_);
+  now_.pairs.clear();
+  now_.contacts.clear();
   mjPreContact found[mjMAXCONPAIR];
+  auto old = before_.pairs.begin();
   for (const CandidatePair& pair : pairs) {
-    const int count =
-        collide_all(m, d, pair.geom[0], pair.geom[1], margin_of(m, pair) + gap_of(m, pair), found);
-    if (count == 0) continue;
-    const mjContact of_pair = contact_of(m, pair);
-    for (int i = 0; i < count; ++i) {
+    const double within = margin_of(m, pair) + gap_of(m, pair);
+    const int first = static_cast<int>(now_.contacts.size());
+    while (old != before_.pairs.end() && comes_before(old->pair, pair)) ++old;
+    if (old != before_.pairs.end() && !comes_before(pair, old->pair) && old->within == within) {
+      const auto begin = before_.contacts.begin() + old->first;
+      now_.contacts.insert(now_.contacts.end(), begin, begin + old->count);
+      now_.pairs.push_back({pair, within, first, old->count});
+      continue;
+    }
+    const int count = collide_all(m, d, pair.geom[0], pair.geom[1], within, found);
+    now_.pairs.push_back({pair, within, first, count});
+    for (const mjPreContact* c = found; c != found + count; ++c)
+      now_.contacts.push_back({c->dist,
+                               {c->pos[0], c->pos[1], c->pos[2]},
+                               {c->normal[0], c->normal[1], c->normal[2]},
+                               {c->tangent[0], c->tangent[1], c->tangent[2]}});
+  }
+}
+
+void Narrowphase::write(mjModel_* m, mjData_* d) const {
+  clear_contacts(m, d);
+  for (const FoundPair& of : now_.pairs) {
+    if (of.count == 0) continue;
+    const mjContact of_pair = contact_of(m, of.pair);
+    for (int i = of.first; i < of.first + of.count; ++i) {
       mjContact* const contact = new_contact(d);
       if (!contact) return;
+      const FoundContact& found = now_.contacts[i];
       *contact = of_pair;
-      contact->dist = found[i].dist;
-      mju_copy3(contact->pos, found[i].pos);
-      set_frame(found[i].normal, found[i].tangent, contact->frame);
+      contact->dist = found.distance;
+      mju_copy3(contact->pos, found.position.data());
+      set_frame(found.normal.data(), found.tangent.data(), contact->frame);
       contact->exclude = contact->dist >= contact->includemargin;
     }
   }

@@ -21,7 +21,11 @@ namespace dashpot::host {
 struct CandidatePair {
   std::array<int, 2> geom;
   int defined = -1;  // index of the <pair> that defines it, -1 for none
+  int bodies = 0;    // by which MuJoCo orders pairs
 };
+
+// MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
+bool comes_before(const CandidatePair& a, const CandidatePair& b);
 
 // Whether MuJoCo lets two geoms collide that no <pair> names: by their bits, by bodies that are
 // welded or next to each other, and by exclusions. Filters that callbacks add are not asked.

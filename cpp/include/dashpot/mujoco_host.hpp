@@ -12,8 +12,8 @@
 
 #include "dashpot/free_body.hpp"
 #include "dashpot/law.hpp"
-#include "dashpot/mujoco_candidates.hpp"
 #include "dashpot/mujoco_faces.hpp"
+#include "dashpot/mujoco_narrowphase.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/mujoco_seams.hpp"
 #include "dashpot/rows.hpp"
@@ -140,6 +140,7 @@ struct Detection {
   FaceBuffers faces;
   ReachBuffers buffers;
   CandidatePairs candidates;
+  Narrowphase narrowphase;
   SeamBuffers seams;
 };
 
