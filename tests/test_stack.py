@@ -64,3 +64,21 @@ def test_inelastic_boxes_do_not_sink(timestep):
     # One weight presses a body in by 1e-4 of its radius at most, the bottom one bears five.
     assert 0.0 < sag[0] <= count * 1e-4 * np.sqrt(3.0) * half * (1.0 + 1e-6)
     assert np.abs(data.qvel).max() < 1e-9
+
+
+def test_micro_steps_go_by_the_load_that_a_contact_bears():
+    """A block of 10 kg beside a ball of 10 g could weigh on it, but it is the ball that rests."""
+    model = mujoco.MjModel.from_xml_string("""
+<mujoco><option timestep="0.002" cone="elliptic"/><worldbody>
+ <geom type="plane" size="1 1 .1"/>
+ <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="10"/></body>
+ <body pos="0 0 .25"><freejoint/><geom name="ball" size=".05" mass=".01" condim="4"/></body>
+</worldbody></mujoco>""")
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    lands = max(engine.step(data).microsteps for _ in range(100))
+    rests = engine.step(data, 200)
+    (ball,) = np.flatnonzero(np.any(data.contact.geom == model.geom("ball").id, axis=1))
+    assert lands > 2 * rests.microsteps
+    assert -0.001 * 0.05 <= data.contact.dist[ball] <= 0.0  # a thousandth of its radius
+    assert data.qvel == pytest.approx(np.zeros(12), abs=1e-9)

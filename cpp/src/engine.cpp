@@ -189,11 +189,13 @@ void Stepper::Impl::finish_last_step(mjData_* d) {
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
-  find_sag_times(model, rows, contacts, sag_time);
+  Memory view = memory(d);
+  view.match(contacts, rows, matches);
+  find_sag_times(model, rows, contacts, matches, sag_time);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
-  Memory view = memory(d);
-  view.recall(contacts, constraints, rows, parameters.options.recovery_speed, length, data);
+  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length,
+              data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
   leapfrog.fall_back(model, view, motion, rows, data);

@@ -91,7 +91,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   const std::vector<double>& sag_time, double step, const Options& options) {
+                   const std::vector<SagTime>& sag_time, double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
@@ -179,7 +179,7 @@ double Islands::longest_si_microstep(const Island& island) const {
 
 double Islands::longest_rigid_microstep(const Island& island, const Rows& rows,
                                         const std::vector<GroupMaterial>& materials,
-                                        const std::vector<double>& sag_time) const {
+                                        const std::vector<SagTime>& sag_time) const {
   double h = std::numeric_limits<double>::infinity();
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];

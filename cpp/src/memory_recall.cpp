@@ -78,10 +78,11 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
 }  // namespace
 
 void Memory::recall(const std::vector<ContactInput>& contacts,
-                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                    double recovery_speed, double length, RowData& data) const {
+                    const std::vector<ConstraintInput>& constraints,
+                    const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
+                    double length, RowData& data) const {
   recall_constraints(constraints, rows, recovery_speed, data);
-  recall_contacts(contacts, rows, recovery_speed, length, data);
+  recall_contacts(contacts, matches, rows, recovery_speed, length, data);
 }
 
 void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
@@ -137,8 +138,9 @@ double Memory::first_deformation(const ContactInput& input, const Rows& rows, co
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 
-void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
-                             double recovery_speed, double length, RowData& data) const {
+void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
+                   std::vector<Match>& matches) const {
+  matches.assign(rows.group.size(), Match());
   thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
   slots.reset(contact_count());
   for (int i = contact_count() - 1; i >= 0; --i) {
@@ -149,9 +151,24 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts, const Ro
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
+    slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int slot) {
+      const RememberedContact last = contact(slot);
+      matches[index].load += last.stiffness * last.compression;
+    });
+    if (input.gap < 0.0) matches[index].nearest = nearest_contact(input, slots);
+  }
+}
+
+void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
+                             const std::vector<Match>& matches, const Rows& rows,
+                             double recovery_speed, double length, RowData& data) const {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) continue;
+    const ContactInput& input = contacts[c.input];
     data.deformation[c.row] = input.gap;
     if (input.gap >= 0.0) continue;
-    const int nearest = nearest_contact(input, slots);
+    const int nearest = matches[index].nearest;
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] = nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
                                             : recalled_deformation(contact(nearest), input, rows, c,

@@ -12,6 +12,8 @@ namespace dashpot {
 namespace {
 
 constexpr double kStandardGravity = 9.80665;  // m/s^2
+// A load may grow by it in a step before the contact is stiffer.
+constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
 
@@ -66,14 +68,18 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
 }
 
 void find_sag_times(const mjModel_* model, const Rows& rows,
-                    const std::vector<ContactInput>& contacts, std::vector<double>& sag_time) {
+                    const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
+                    std::vector<SagTime>& sag_time) {
   const double gravity = host::gravity(model);
-  sag_time.assign(rows.group.size(), std::numeric_limits<double>::infinity());
+  sag_time.assign(rows.group.size(), SagTime());
   if (gravity == 0.0) return;
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) continue;
-    sag_time[i] = std::sqrt(kRigidSag * host::contact_radius(model, contacts[c.input]) / gravity);
+    const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
+    sag_time[i].weight = std::sqrt(sag / gravity);
+    const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
+    if (acceleration > 0.0) sag_time[i].load = std::sqrt(sag / std::max(acceleration, gravity));
   }
 }
 

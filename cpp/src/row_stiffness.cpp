@@ -121,7 +121,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
 }
 
 bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
-                     const RigidCoupling& coupling, double sag_time, double h) {
+                     const RigidCoupling& coupling, const SagTime& sag_time, double h) {
   const Material& material = given.material;
   const bool is_limited = !given.rigid() || given.from_solref;
   const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
@@ -144,7 +144,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     const double zeta = damping_ratio(c, material);
     if (keeps_restitution(given) && zeta > 0.0) {
       const double bearing =
-          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time), 2);
+          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time.weight), 2);
       kappa = std::min(kappa, std::max(std::pow(most_damped / (2.0 * zeta), 2), bearing));
     }
     delta = 2.0 * zeta * std::sqrt(kappa);
@@ -171,12 +171,13 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
 }
 
 double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupMaterial& given,
-                               const RigidCoupling& coupling, double sag_time) {
+                               const RigidCoupling& coupling, const SagTime& sag_time) {
   double longest = kRigidMicrostep;
-  const double sag = loaded_sag_time(rows, c, sag_time);
+  const double sag = loaded_sag_time(rows, c, sag_time.weight);
   // h^2 <= kappa h^2 sag / a
   if (c.tree[0] >= 0 && c.tree[1] >= 0)
-    longest = std::min(longest, sag * std::sqrt(stiffest_rigid(coupling.stiffness)));
+    longest = std::min(
+        longest, std::max(sag, sag_time.load) * std::sqrt(stiffest_rigid(coupling.stiffness)));
   if (keeps_restitution(given))
     longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
   if (given.from_solref)

@@ -80,7 +80,8 @@ struct Stepper::Impl {
   std::vector<ContactInput> contacts;
   std::vector<ConstraintInput> constraints;
   std::vector<GroupMaterial> materials;  // per group
-  std::vector<double> sag_time;          // per group, see Islands::plan
+  std::vector<Match> matches;            // per group
+  std::vector<SagTime> sag_time;         // per group
   Rows rows;
   RowData data;
   PressedTogether pressed_together;

@@ -47,13 +47,12 @@ class Islands {
   const std::vector<Island>& find(const Rows& rows, const Trees& trees);
 
   // Chooses the number of micro-steps of every island over a step of length `step` (s) and fills
-  // the stiffness and damping of its rows from `materials` (one per group). A rigid material
-  // becomes as stiff as h resolves, one of a model's own solref no stiffer than that says. Where h
-  // does not resolve an island's SI values, all its rows are rigid, those no stiffer than given.
-  // What is lowered is counted as clipped.
-  // `sag_time` (s, one per group): in which a weight moves its body by sag, sqrt(sag / g).
+  // the stiffness and damping of its rows from `materials` and `sag_time` (one per group). A rigid
+  // material becomes as stiff as h resolves, one of a model's own solref no stiffer than that says.
+  // Where h does not resolve an island's SI values, all its rows are rigid, those no stiffer than
+  // given. What is lowered is counted as clipped.
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-            const std::vector<double>& sag_time, double step, const Options& options);
+            const std::vector<SagTime>& sag_time, double step, const Options& options);
 
   const std::vector<Island>& all() const { return islands_; }
 
@@ -72,7 +71,7 @@ class Islands {
   double longest_si_microstep(const Island& island) const;
   double longest_rigid_microstep(const Island& island, const Rows& rows,
                                  const std::vector<GroupMaterial>& materials,
-                                 const std::vector<double>& sag_time) const;
+                                 const std::vector<SagTime>& sag_time) const;
   RigidCoupling rigid_coupling(const RowGroup& group) const;
 
   std::vector<Island> islands_;

@@ -39,6 +39,13 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
 };
 
+// What memory has of a contact: the nearest remembered point of its pair, -1 for none, where it
+// overlaps; and the force (N) that all points of its pair bore at the end of the last step.
+struct Match {
+  int nearest = -1;
+  double load = 0.0;
+};
+
 // What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
 // models of free bodies alone.
 struct HeldMotion {
@@ -94,11 +101,14 @@ class Memory {
   // turned (J); by ConstraintInput::memory.
   double* equality(int constraint) const;
 
+  // What is remembered of the contacts of every group.
+  void match(const std::vector<ContactInput>& contacts, const Rows& rows,
+             std::vector<Match>& matches) const;
   // Fills the deformation and offset of every row at the start of a step of `length` (s). With
   // infinite `recovery_speed` the spring takes the whole overlap.
   void recall(const std::vector<ContactInput>& contacts,
-              const std::vector<ConstraintInput>& constraints, const Rows& rows,
-              double recovery_speed, double length, RowData& data) const;
+              const std::vector<ConstraintInput>& constraints, const std::vector<Match>& matches,
+              const Rows& rows, double recovery_speed, double length, RowData& data) const;
   // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
   // normals than the pair remembers, as points that are new among old ones do, all of them give
   // way.
@@ -120,8 +130,8 @@ class Memory {
   int nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
-  void recall_contacts(const std::vector<ContactInput>& contacts, const Rows& rows,
-                       double recovery_speed, double length, RowData& data) const;
+  void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
+                       const Rows& rows, double recovery_speed, double length, RowData& data) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
                           double recovery_speed, RowData& data) const;
 

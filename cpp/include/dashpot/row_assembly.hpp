@@ -5,6 +5,8 @@
 #include <vector>
 
 #include "dashpot/group_material.hpp"
+#include "dashpot/memory.hpp"
+#include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/tree_motion.hpp"
 
@@ -17,9 +19,10 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
                    const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
                    std::vector<GroupMaterial>& materials);
 
-// For Islands::plan: in which time (s) a weight moves the smaller body of a contact by the sag that
-// a rigid contact may have; infinite for all other groups, and without gravity.
+// For Islands::plan, by group; the sag is a part of the smaller body's radius. Without gravity
+// there is no weight.
 void find_sag_times(const mjModel_* model, const Rows& rows,
-                    const std::vector<ContactInput>& contacts, std::vector<double>& sag_time);
+                    const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
+                    std::vector<SagTime>& sag_time);
 
 }  // namespace dashpot

@@ -17,6 +17,8 @@
 
 #pragma once
 
+#include <limits>
+
 #include "dashpot/group_material.hpp"
 #include "dashpot/rows.hpp"
 
@@ -30,6 +32,13 @@ inline constexpr double kRounding = 1.0e-12;       // relative, of quotients and
 
 // Whether a value is within a bound, but for the last bits.
 inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRounding); }
+
+// In which time (s) a weight, and in which the load that a contact bore in the last step, moves a
+// body by the sag that a rigid contact may have, sqrt(sag / acceleration). Infinite for groups that
+// bear no weight; 0 where no load is known.
+struct SagTime {
+  double weight = std::numeric_limits<double>::infinity(), load = 0.0;
+};
 
 // Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, c, of the damping
 // of normals, c_n, and of that of friction, c_t.
@@ -45,15 +54,14 @@ double stiffest_rigid(double bound);
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
 // Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
-// micro-steps of `h` (s) resolve. Returns whether nothing that was given was lowered. `sag_time`
-// (s): in which a weight moves a body by kRigidSag, infinite for groups that bear none.
+// micro-steps of `h` (s) resolve. Returns whether nothing that was given was lowered.
 bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& given,
-                     const RigidCoupling& coupling, double sag_time, double h);
+                     const RigidCoupling& coupling, const SagTime& sag_time, double h);
 
 // Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
 // light one and as damped as their restitution says at the stiffness that weights need. Rows of a
 // model's own solref need not be stiffer than it says.
 double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
-                               const RigidCoupling& coupling, double sag_time);
+                               const RigidCoupling& coupling, const SagTime& sag_time);
 
 }  // namespace dashpot
