@@ -72,7 +72,7 @@ def test_reach_leaves_the_model_as_it_was():
     assert engine.model.geom_gap.tolist() == before[1].tolist()
 
 
-def test_a_contact_that_no_joint_can_close_belongs_to_no_island():
+def test_a_contact_that_no_joint_can_close_is_left_out():
     """A sled on a rail beside a wall is within reach of it at speed, but moves along it."""
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
@@ -84,6 +84,22 @@ def test_a_contact_that_no_joint_can_close_belongs_to_no_island():
     data = engine.make_data()
     data.qvel[0] = 1.0
     stats = engine.step(data)
-    assert stats.contacts > 0
-    assert stats.islands == 0
+    assert data.ncon > 0
+    assert stats.contacts == stats.islands == 0
     assert data.qpos[0] == pytest.approx(0.01, rel=1e-15)
+
+
+@pytest.mark.parametrize(("tilt", "contacts"), [(0.0, 0), (0.01, 4)])
+def test_a_link_that_turns_beside_another_is_left_out_if_its_joint_keeps_it_apart(tilt, contacts):
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="0.01" cone="elliptic"/><worldbody>
+        <geom type="box" size=".1 .1 .1"/>
+        <body pos="0 0 .2001"><joint axis="{tilt} 0 1" damping="0"/>
+        <geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = 0.5
+    stats = engine.step(data)
+    assert data.ncon == 4
+    assert stats.contacts == contacts

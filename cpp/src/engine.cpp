@@ -291,15 +291,17 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   host::integrate(model, d, new_control, runge_kutta);
   const bool comfree = parameters.options.law == Law::kComFree;
   if (comfree && !host::is_runge_kutta(model)) return;
+  find_ungiven(d);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
       if (touched[index]) motion.advance_semi_implicitly(d, index, length);
       continue;
     }
-    motion.advance(d, index, length,
-                   {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
-                    trapezoid.holds(index), trapezoid.added_velocity()},
-                   data);
+    ledger.dissipated_normal +=
+        motion.advance(d, index, length,
+                       {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
+                        trapezoid.holds(index), ungiven[index], trapezoid.added_velocity()},
+                       data);
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);

@@ -20,6 +20,28 @@ void Stepper::Impl::report_forces(mjData_* d) {
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
+// What contacts gave beyond what their springs lost, because they turn: no more than all contacts
+// together gave too much. Shared by two trees as their relative motion is.
+void Stepper::Impl::find_ungiven(mjData_* d) {
+  ungiven.assign(motion.tree_count(), 0.0);
+  const EnergyLedger start = memory(d).ledger();
+  const double gained = start.dissipated_by_contacts() - ledger.dissipated_by_contacts();
+  if (gained <= 0.0) return;
+  double all = 0.0;
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    const double energy = -data.turning_work[i];
+    if (energy <= 0.0 || rows.inverse_mass[c.row] == 0.0) continue;
+    all += energy;
+    for (int side = 0; side < 2; ++side)
+      if (c.tree[side] >= 0)
+        ungiven[c.tree[side]] +=
+            energy * rows.tree_inverse_mass[c.row][side] / rows.inverse_mass[c.row];
+  }
+  if (all > gained)
+    for (double& energy : ungiven) energy *= gained / all;
+}
+
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
 // change of kinetic energy of all others goes with their mean velocity, also that of trees which
 // dry friction alone slows where RK4 integrates them.

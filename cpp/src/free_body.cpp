@@ -291,16 +291,17 @@ double energy_gain(const FreeMotion& motion, double step, const FreeBody& end) {
          rotation_energy(start) - 0.5 * step * torque.dot(motion.angular_velocity + omega);
 }
 
-void brake_rotation(FreeBody& body, double energy) {
+double brake_rotation(FreeBody& body, double energy) {
   const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
   const double rotation = 0.5 * body.inertia.dot(local.cwiseProduct(local));
-  if (rotation == 0.0) return;
+  if (rotation == 0.0) return 0.0;
   const double loss = 1.0 - std::sqrt(std::max(0.0, 1.0 - energy / rotation));
   // The centre of mass keeps its velocity.
   const Eigen::Vector3d arm = body.orientation * body.offset;
   const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
   body.velocity.head<3>() += loss * omega.cross(arm);
   body.velocity.tail<3>() *= 1.0 - loss;
+  return std::min(energy, rotation);
 }
 
 Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized) {

@@ -265,6 +265,7 @@ void MicrostepLoop::Impl::unpack() {
       data->touched[index] = law.touched[lane] != 0;
     } else {
       data->touched[index] = law.total_impulse[0][lane] > 0.0;
+      data->turning_work[index] = law.turning_work[lane];
     }
     data->offset[index] = law.offset[lane];
     data->sticking[index] = law.sticking[lane] != 0;

@@ -69,6 +69,34 @@ bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInpu
          m->body_weldid[m->geom_bodyid[first]] == m->body_weldid[m->geom_bodyid[second]];
 }
 
+// The last degree of freedom that moves a geom against the world, -1 for none.
+int last_dof(const mjModel* m, int geom) {
+  const int body = m->body_weldid[m->geom_bodyid[geom]];
+  return m->body_dofnum[body] == 0 ? -1 : m->body_dofadr[body] + m->body_dofnum[body] - 1;
+}
+
+// Whether a single joint moves two geoms that are apart against each other, along their contact and
+// not along its normal, like links that face each other across the axis between them: it cannot be
+// loaded.
+bool turns_in_place(const mjModel* m, const mjData* d, const mjContact& contact,
+                    const ContactInput& input) {
+  if (input.gap < 0.0 || input.is_of_flex()) return false;
+  const int dof1 = last_dof(m, contact.geom[0]), dof2 = last_dof(m, contact.geom[1]);
+  const auto follows = [&](int dof, int parent) {
+    return dof >= 0 && m->dof_parentid[dof] == parent;
+  };
+  if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
+  const int dof = follows(dof1, dof2) ? dof1 : dof2;
+  const mjtNum *axis = d->cdof + 6 * dof,
+               *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
+  mjtNum arm[3], velocity[3], rate[3];
+  mju_sub3(arm, contact.pos, centre);
+  mju_cross(velocity, axis, arm);
+  mju_addTo3(velocity, axis + 3);
+  mju_mulMatVec3(rate, contact.frame, velocity);
+  return std::abs(rate[0]) < kDirection * std::max(std::abs(rate[1]), std::abs(rate[2]));
+}
+
 // Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
 constexpr int kIncluded = 0, kInGap = 1;
 
@@ -204,7 +232,9 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     if (contact.exclude != kIncluded || !(geoms || contact.efc_address >= 0)) continue;
     contacts.emplace_back();
     read_contact(m, d, i, contacts.back());
-    if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
+    if (moves_nothing(m, contact, contacts.back()) ||
+        turns_in_place(m, d, contact, contacts.back()))
+      contacts.pop_back();
   }
 }
 

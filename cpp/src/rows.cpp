@@ -9,8 +9,7 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kDirection = 1e-5;  // rad, to which collision knows a contact's frame
-constexpr double kSingular = 0.01;   // part of the typical inverse mass that counts as singular
+constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
 
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 

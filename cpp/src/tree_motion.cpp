@@ -139,16 +139,16 @@ void TreeMotion::to_generalized_force(int index, const double* coordinates, doub
     std::copy_n(coordinates, tree.dof_count, force);
 }
 
-void TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
-                         const RowData& data) {
+double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
+                           const RowData& data) {
   integrated_[index] = is_integrated(index, length, by_rows);
   if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
-  if (!by_rows.touched) return;
+  if (!by_rows.touched) return 0.0;
   const Tree& tree = trees_.tree[index];
   const double* moved = data.total_displacement.data() + tree.begin;
   const double* velocity = data.velocity.data() + tree.begin;
   if (integrated_[index]) {
-    if (!by_rows.held) return;
+    if (!by_rows.held) return 0.0;
     velocity = host::velocity(d) + tree.dof_begin;
     end_velocity_.assign(velocity, velocity + tree.dof_count);
     for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
@@ -161,6 +161,7 @@ void TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree&
     moved = displacement_.data();
   }
   host::write_tree(model_, d, tree, start_position_.data(), moved, velocity);
+  return 0.0;
 }
 
 bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_rows) const {
@@ -199,9 +200,9 @@ void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
 
 // Seen from the geometry of the middle, or from the start of a step in which the body turns far,
 // its inertia differs from what it is where contacts act. What this would add to its energy is
-// taken out of its rotation.
-void TreeMotion::advance_free_body(mjData_* d, int index, double length, const RowsOnTree& by_rows,
-                                   const RowData& data) {
+// taken out of its rotation; so is, of one that turns far, what springs did not give.
+double TreeMotion::advance_free_body(mjData_* d, int index, double length,
+                                     const RowsOnTree& by_rows, const RowData& data) {
   const Tree& tree = trees_.tree[index];
   const FreeMotion& motion = free_motion_[index];
   Vector6 velocity_change = Vector6::Zero(), shift = Vector6::Zero();
@@ -223,13 +224,20 @@ void TreeMotion::advance_free_body(mjData_* d, int index, double length, const R
     }
   }
   FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
+  double withheld = 0.0;
   const bool turns_far =
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm()) > kFarTurn;
   if (by_rows.touched && (by_rows.from_middle || turns_far)) {
-    const double excess = energy_gain(motion, length, end) - contact_work(index, length, data);
-    if (excess > 0.0) brake_rotation(end, excess);
+    const double ungiven = turns_far ? by_rows.ungiven : 0.0;
+    const double excess =
+        energy_gain(motion, length, end) - contact_work(index, length, data) + ungiven;
+    if (excess > 0.0) {
+      const double taken = brake_rotation(end, excess);
+      if (ungiven > 0.0) withheld = ungiven - excess + taken;
+    }
   }
   host::write_free_body(model_, d, index, end);
+  return withheld;
 }
 
 // Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the

@@ -80,8 +80,8 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
 // velocity.
 double energy_gain(const FreeMotion& motion, double step, const FreeBody& end);
 
-// Takes `energy` (J) out of the body's rotation, or all that is there.
-void brake_rotation(FreeBody& body, double energy);
+// Takes `energy` (J) out of the body's rotation, or all that is there. Returns what it took.
+double brake_rotation(FreeBody& body, double energy);
 
 // The same between generalized coordinates (origin, rotation in the body frame) and the centre of
 // mass (world axes), in the frozen frame: velocities and accelerations go to the centre, forces

@@ -43,7 +43,9 @@ template <int Dim>
   for (int i = 0; i < std::min(Dim, 3); ++i) {
     rate[i] += c.turning[i] * rate_time;
     displacement[i] += c.turning[i] * displacement_time;
-    c.work[i > 0] -= c.impulse[i] * c.turning[i] * work_time;
+    const Lanes work = c.impulse[i] * c.turning[i] * work_time;
+    c.work[i > 0] -= work;
+    c.turning_work += work;
   }
 }
 

@@ -32,6 +32,9 @@ struct RowData {
   std::vector<char> sticking, touched;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;
+  // Per group: work (J) that a contact frozen in the middle would have done on bodies because its
+  // normal and arms turn.
+  std::vector<double> turning_work;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
   // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in

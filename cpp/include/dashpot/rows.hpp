@@ -20,6 +20,7 @@
 namespace dashpot {
 
 inline constexpr int kMaxRows = 6;
+inline constexpr double kDirection = 1e-5;  // rad, to which collision knows a contact's frame
 
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {

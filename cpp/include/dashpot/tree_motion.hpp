@@ -31,6 +31,7 @@ struct RowsOnTree {
   bool held = false;         // so did rows that have a position, which dry friction has not
   bool from_middle = false;  // in the geometry of the middle of the part
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
+  double ungiven = 0.0;      // J, of the work of contacts that turn what their springs did not lose
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
   const double* added_velocity = nullptr;
 };
@@ -60,7 +61,9 @@ class TreeMotion {
   void to_generalized_force(int tree, const double* coordinates, double* force) const;
 
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
-  void advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, const RowData& data);
+  // Returns the energy (J) that rows gave the tree and that it does not have then.
+  double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                 const RowData& data);
   // By tree, of the last step: it has its velocity from MuJoCo's integrator.
   const std::vector<char>& integrated() const { return integrated_; }
   // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
@@ -78,8 +81,8 @@ class TreeMotion {
   bool is_integrated(int tree, double length, const RowsOnTree& by_rows) const;
   bool resolves_dampers(int tree, double length) const;
   double contact_work(int tree, double length, const RowData& data) const;
-  void advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
-                         const RowData& data);
+  double advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                           const RowData& data);
 
   const mjModel_* model_;
   bool accurate_free_bodies_;
