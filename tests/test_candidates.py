@@ -189,6 +189,48 @@ def test_teleported_bodies_are_found_where_they_are(ground: str) -> None:
     assert data.ncon == 1
 
 
+def test_a_ball_whose_size_is_edited_rests_on_its_new_radius() -> None:
+    engine = ball('<geom name="ground" type="plane" size="1 1 .1"/>')
+    data = engine.make_data()
+    engine.step(data)
+    geom = engine.model.geom("ball")
+    geom.size[0] = engine.model.geom_rbound[geom.id] = 0.2  # not geom_aabb
+    data.qpos[2] = 0.3
+    engine.step(data, nstep=400)
+    assert data.qpos[2] == pytest.approx(0.2, abs=1e-5)
+
+
+def test_bits_of_bodies_keep_them_apart_as_they_do_in_mujoco() -> None:
+    engine = ball('<geom name="ground" type="plane" size="1 1 .1"/>')
+    data = engine.make_data()
+    engine.step(data)
+    assert data.ncon == 1
+    engine.model.body_contype[1] = engine.model.body_conaffinity[1] = 0
+    engine.step(data)
+    assert data.ncon == 0
+
+
+def test_a_pair_that_is_edited_names_other_geoms() -> None:
+    engine = dashpot.Engine(heap(0, GROUNDS["plane"]))
+    model, data = engine.model, engine.make_data()
+    low = model.geom("own").id + 1  # of the body named apart
+    joint = model.body("apart").jntadr[0]
+    data.qpos[model.jnt_qposadr[joint] + 2] = 0.05
+    engine.step(data)
+    assert not np.any(data.contact.geom == low)
+    model.pair_geom1[0], model.pair_geom2[0] = model.geom("ground").id, low
+    engine.step(data)
+    assert np.any(data.contact.geom == low)
+
+
+def test_a_geom_at_no_place_is_named() -> None:
+    engine = ball('<geom name="ground" type="box" size="1 1 .1" pos="0 0 -.1"/>')
+    data = engine.make_data()
+    engine.model.geom("ground").pos[0] = np.nan
+    with pytest.raises(RuntimeError, match="geom 'ground' has no finite place"):
+        engine.step(data)
+
+
 def test_one_engine_steps_several_data_as_engines_of_their_own_do() -> None:
     model = heap(5, GROUNDS["boxes"])
     shared = dashpot.Engine(model)

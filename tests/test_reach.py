@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 import pytest
 
 import dashpot
@@ -103,3 +104,21 @@ def test_a_link_that_turns_beside_another_is_left_out_if_its_joint_keeps_it_apar
     stats = engine.step(data)
     assert data.ncon == 4
     assert stats.contacts == contacts
+
+
+@pytest.mark.parametrize(("speed", "gap"), [(100.0, 1e-3), (60.0, 5e-4)])
+def test_a_cam_that_comes_around_within_a_step_meets_the_wall(speed, gap):
+    """Its contact moves along the wall at first, and closes with the turn, 0.6 and 1 rad."""
+    eccentricity, radius = 0.008, 0.1
+    wall = radius - eccentricity + gap
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="0.01" cone="elliptic"/><worldbody>
+        <geom type="box" size=".1 1 1" pos="{wall + 0.1} 0 0"/>
+        <body><joint axis="0 0 1"/><geom size="{radius}" pos="-{eccentricity} 0 0" mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = speed
+    engine.step(data)
+    assert wall - radius + eccentricity * np.cos(data.qpos[0]) > -1e-4

@@ -139,6 +139,7 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   ++cuts;
   length = part.length;
   parts.set_length(length);
+  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
 }
 
 // The inertia of a free body goes there too, unless constraints hold it, which are those of the
@@ -191,7 +192,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   islands.find(rows, motion.trees());
   Memory view = memory(d);
   view.match(contacts, rows, matches);
-  find_sag_times(model, rows, contacts, matches, sag_time);
+  find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   islands.plan(rows, motion.trees(), materials, sag_time, length, parameters.options);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length,
@@ -291,7 +292,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   host::integrate(model, d, new_control, runge_kutta);
   const bool comfree = parameters.options.law == Law::kComFree;
   if (comfree && !host::is_runge_kutta(model)) return;
-  find_ungiven(d);
+  find_unpaid(d);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
       if (touched[index]) motion.advance_semi_implicitly(d, index, length);
@@ -300,7 +301,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     ledger.dissipated_normal +=
         motion.advance(d, index, length,
                        {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
-                        trapezoid.holds(index), ungiven[index], trapezoid.added_velocity()},
+                        trapezoid.holds(index), unpaid[index], trapezoid.added_velocity()},
                        data);
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];

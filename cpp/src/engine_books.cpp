@@ -20,10 +20,10 @@ void Stepper::Impl::report_forces(mjData_* d) {
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
-// What contacts gave beyond what their springs lost, because they turn: no more than all contacts
-// together gave too much. Shared by two trees as their relative motion is.
-void Stepper::Impl::find_ungiven(mjData_* d) {
-  ungiven.assign(motion.tree_count(), 0.0);
+// Work of contacts, because they turn, that no spring paid for: no more than all contacts together
+// did too much. Shared by two trees as their relative motion is.
+void Stepper::Impl::find_unpaid(mjData_* d) {
+  unpaid.assign(motion.tree_count(), 0.0);
   const EnergyLedger start = memory(d).ledger();
   const double gained = start.dissipated_by_contacts() - ledger.dissipated_by_contacts();
   if (gained <= 0.0) return;
@@ -35,11 +35,11 @@ void Stepper::Impl::find_ungiven(mjData_* d) {
     all += energy;
     for (int side = 0; side < 2; ++side)
       if (c.tree[side] >= 0)
-        ungiven[c.tree[side]] +=
+        unpaid[c.tree[side]] +=
             energy * rows.tree_inverse_mass[c.row][side] / rows.inverse_mass[c.row];
   }
   if (all > gained)
-    for (double& energy : ungiven) energy *= gained / all;
+    for (double& energy : unpaid) energy *= gained / all;
 }
 
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the

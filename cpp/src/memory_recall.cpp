@@ -14,6 +14,8 @@ namespace dashpot {
 namespace {
 
 constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
+constexpr int kSlotCompression = offsetof(RememberedContact, compression) / sizeof(double);
+static_assert(offsetof(RememberedContact, stiffness) == sizeof(double) * (kSlotCompression + 1));
 
 double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
@@ -147,14 +149,25 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
     const double* slot = contact_storage(i);
     slots.add(pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i);
   }
+  const auto force = [&](int slot) {
+    const double* values = contact_storage(slot);
+    return values[kSlotCompression] * values[kSlotCompression + 1];
+  };
+  double load = 0.0;
+  bool first = true;
+  std::uint64_t last_pair = 0;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
-    slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int slot) {
-      const RememberedContact last = contact(slot);
-      matches[index].load += last.stiffness * last.compression;
-    });
+    const std::uint64_t pair = pair_key(input.geom[0], input.geom[1]);
+    if (first || pair != last_pair) {  // contacts of a pair come one after the other
+      load = 0.0;
+      slots.for_each(pair, [&](int slot) { load += force(slot); });
+      last_pair = pair;
+      first = false;
+    }
+    matches[index].load = load;
     if (input.gap < 0.0) matches[index].nearest = nearest_contact(input, slots);
   }
 }

@@ -7,10 +7,42 @@
 
 namespace dashpot::host {
 
+namespace {
+
+// Half-widths by the size of a geom about its centre; whether its type has them.
+bool half_widths_of_size(const mjModel* m, int geom, double* half) {
+  const mjtNum* size = m->geom_size + 3 * geom;
+  const auto set = [&](double x, double y, double z) {
+    half[0] = x;
+    half[1] = y;
+    half[2] = z;
+    return true;
+  };
+  switch (m->geom_type[geom]) {
+    case mjGEOM_SPHERE:
+      return set(size[0], size[0], size[0]);
+    case mjGEOM_CAPSULE:
+      return set(size[0], size[0], size[1] + size[0]);
+    case mjGEOM_CYLINDER:
+      return set(size[0], size[0], size[1]);
+    case mjGEOM_ELLIPSOID:
+    case mjGEOM_BOX:
+      return set(size[0], size[1], size[2]);
+    default:
+      return false;
+  }
+}
+
+}  // namespace
+
 BoundingBox bounding_box(const mjModel_* m, const mjData_* d, int geom) {
-  const mjtNum* bounds = m->geom_aabb + 6 * geom;
   BoundingBox box;
   std::copy_n(d->geom_xmat + 9 * geom, 9, box.rotation);
+  if (half_widths_of_size(m, geom, box.half)) {
+    mju_copy3(box.centre, d->geom_xpos + 3 * geom);
+    return box;
+  }
+  const mjtNum* bounds = m->geom_aabb + 6 * geom;
   mju_mulMatVec3(box.centre, box.rotation, bounds);
   mju_addTo3(box.centre, d->geom_xpos + 3 * geom);
   mju_copy3(box.half, bounds + 3);

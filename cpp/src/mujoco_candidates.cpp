@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <stdexcept>
 #include <tuple>
 #include <utility>
 
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_reach.hpp"
 
 namespace dashpot::host {
 
@@ -17,18 +20,21 @@ namespace {
 // geoms that hardly move.
 constexpr double kStepsAhead = 8.0;
 constexpr double kLeastRoom = 0.1;
+// Pairs kept for each that is near and each geom, above which rooms are looked at again.
+constexpr size_t kMostKept = 8;
 
-int signature_of(int body1, int body2) {
-  return (std::min(body1, body2) << 16) + std::max(body1, body2);
+unsigned signature_of(int body1, int body2) {
+  return (static_cast<unsigned>(std::min(body1, body2)) << 16) +
+         static_cast<unsigned>(std::max(body1, body2));
 }
 
 bool is_excluded(const mjModel* m, int body1, int body2) {
   int* const end = m->exclude_signature + m->nexclude;
-  return std::find(m->exclude_signature, end, signature_of(body1, body2)) != end;
+  return std::find(m->exclude_signature, end, static_cast<int>(signature_of(body1, body2))) != end;
 }
 
 CandidatePair pair_of(const mjModel* m, int geom1, int geom2, int defined) {
-  const int bodies = signature_of(m->geom_bodyid[geom1], m->geom_bodyid[geom2]);
+  const unsigned bodies = signature_of(m->geom_bodyid[geom1], m->geom_bodyid[geom2]);
   if (m->geom_type[geom1] > m->geom_type[geom2]) std::swap(geom1, geom2);
   return {{geom1, geom2}, defined, bodies};
 }
@@ -47,6 +53,10 @@ std::array<double, 12> pose_of(const mjData* d, int geom) {
 // How far from a geom its contacts are detected, of its share.
 double around(const mjModel* m, int geom) { return m->geom_margin[geom] + m->geom_gap[geom]; }
 
+bool have_common_bits(const int* contype, const int* conaffinity, int a, int b) {
+  return (contype[a] & conaffinity[b]) || (contype[b] & conaffinity[a]);
+}
+
 template <typename Room>
 bool overlap(const Room& a, const Room& b) {
   for (int i = 0; i < 3; ++i)
@@ -63,10 +73,10 @@ bool comes_before(const CandidatePair& a, const CandidatePair& b) {
 }
 
 bool may_meet(const mjModel_* m, int geom1, int geom2) {
-  if (!(m->geom_contype[geom1] & m->geom_conaffinity[geom2]) &&
-      !(m->geom_contype[geom2] & m->geom_conaffinity[geom1]))
-    return false;
   const int body1 = m->geom_bodyid[geom1], body2 = m->geom_bodyid[geom2];
+  if (!have_common_bits(m->geom_contype, m->geom_conaffinity, geom1, geom2) ||
+      !have_common_bits(m->body_contype, m->body_conaffinity, body1, body2))
+    return false;
   const int weld1 = m->body_weldid[body1], weld2 = m->body_weldid[body2];
   if (m->body_treeid[body1] < 0 && m->body_treeid[body2] < 0) return false;
   if (weld1 == weld2 || is_excluded(m, body1, body2)) return false;
@@ -87,7 +97,8 @@ double gap_of(const mjModel_* m, const CandidatePair& pair) {
 }
 
 bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
-  return m->nflex == 0 && !mjcb_contactfilter && !has_adhesion(m) && d->threadpool == 0 &&
+  return m->nflex == 0 && !(m->opt.disableflags & mjDSBL_MIDPHASE) && !mjcb_contactfilter &&
+         !has_adhesion(m) && d->threadpool == 0 &&
          std::find(m->geom_type, m->geom_type + m->ngeom, mjGEOM_SDF) == m->geom_type + m->ngeom;
 }
 
@@ -95,8 +106,10 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
                                                        const std::vector<double>& reach) {
   near_.clear();
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
-  const bool changed = has_changed(m);
+  read_filters(m);
+  const bool changed = filters_now_ != filters_;
   if (changed) {
+    filters_.clear();
     bounded_.clear();
     planes_.clear();
     for (int geom = 0; geom < m->ngeom; ++geom)
@@ -104,20 +117,29 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
         (m->geom_type[geom] == mjGEOM_PLANE ? planes_ : bounded_).push_back(geom);
   }
   find_boxes(m, d);
-  if (changed || is_left(m, d)) gather(m, d, reach);
+  if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
   for (const CandidatePair& pair : all_)
     if (are_near(m, d, pair)) near_.push_back(pair);
+  near_count_ = near_.size();
   return near_;
 }
 
-bool CandidatePairs::has_changed(const mjModel_* m) const {
-  const auto same = [](const std::vector<int>& kept, const int* now, int count) {
-    return static_cast<int>(kept.size()) == count && std::equal(kept.begin(), kept.end(), now);
+void CandidatePairs::read_filters(const mjModel_* m) {
+  filters_now_.assign(1, m->opt.disableflags);
+  const auto append = [&](const int* values, auto count) {
+    filters_now_.insert(filters_now_.end(), values, values + count);
   };
-  const int geoms = static_cast<int>(m->ngeom), exclusions = static_cast<int>(m->nexclude);
-  return !(flags_ == m->opt.disableflags && same(contype_, m->geom_contype, geoms) &&
-           same(conaffinity_, m->geom_conaffinity, geoms) && same(type_, m->geom_type, geoms) &&
-           same(exclusions_, m->exclude_signature, exclusions));
+  for (const int* of_geoms : {m->geom_type, m->geom_contype, m->geom_conaffinity})
+    append(of_geoms, m->ngeom);
+  for (const int* of_bodies : {m->body_contype, m->body_conaffinity}) append(of_bodies, m->nbody);
+  for (const int* of_pairs : {m->pair_geom1, m->pair_geom2}) append(of_pairs, m->npair);
+  append(m->exclude_signature, m->nexclude);
+}
+
+// After a step in which geoms were fast.
+bool CandidatePairs::are_too_many(const std::vector<double>& reach) const {
+  return all_.size() > kMostKept * (near_count_ + bounded_.size()) &&
+         std::accumulate(reach.begin(), reach.end(), 0.0) < 0.5 * reach_;
 }
 
 void CandidatePairs::find_boxes(const mjModel_* m, const mjData_* d) {
@@ -149,17 +171,17 @@ bool CandidatePairs::is_left(const mjModel_* m, const mjData_* d) const {
 }
 
 void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach) {
-  flags_ = m->opt.disableflags;
-  contype_.assign(m->geom_contype, m->geom_contype + m->ngeom);
-  conaffinity_.assign(m->geom_conaffinity, m->geom_conaffinity + m->ngeom);
-  type_.assign(m->geom_type, m->geom_type + m->ngeom);
-  exclusions_.assign(m->exclude_signature, m->exclude_signature + m->nexclude);
+  filters_.clear();  // until all pairs are there
   rooms_ = present_;
   for (int geom : bounded_) {
+    for (int i = 0; i < 3; ++i)
+      if (!std::isfinite(present_[geom].low[i]) || !std::isfinite(present_[geom].high[i]))
+        throw std::runtime_error("geom " + named(m, mjOBJ_GEOM, geom) + " has no finite place");
     if (!moves_and_collides(m, geom)) continue;
     const double* half = boxes_[geom].half;
-    const double more =
-        std::max(kStepsAhead * reach[geom], kLeastRoom * std::min({half[0], half[1], half[2]}));
+    const double more = std::min<double>(
+        std::max(kStepsAhead * reach[geom], kLeastRoom * std::min({half[0], half[1], half[2]})),
+        mjMAXVAL);
     for (int i = 0; i < 3; ++i) {
       rooms_[geom].low[i] -= more;
       rooms_[geom].high[i] += more;
@@ -173,6 +195,8 @@ void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vect
   gather_of_planes(m, d);
   gather_of_rooms(m);
   std::sort(all_.begin(), all_.end(), comes_before);
+  reach_ = std::accumulate(reach.begin(), reach.end(), 0.0);
+  filters_ = filters_now_;
 }
 
 void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d) {

@@ -75,26 +75,26 @@ int last_dof(const mjModel* m, int geom) {
   return m->body_dofnum[body] == 0 ? -1 : m->body_dofadr[body] + m->body_dofnum[body] - 1;
 }
 
-// Whether a single joint moves two geoms that are apart against each other, along their contact and
-// not along its normal, like links that face each other across the axis between them: it cannot be
-// loaded.
-bool turns_in_place(const mjModel* m, const mjData* d, const mjContact& contact,
-                    const ContactInput& input) {
+// Whether a single joint moves two geoms that are apart against each other and keeps their contact
+// as it is, along a line across its normal or about it, like links that face each other across the
+// axis between them: it cannot be loaded.
+bool stays_apart(const mjModel* m, const mjData* d, const ContactInput& input) {
   if (input.gap < 0.0 || input.is_of_flex()) return false;
-  const int dof1 = last_dof(m, contact.geom[0]), dof2 = last_dof(m, contact.geom[1]);
+  const int dof1 = last_dof(m, input.geom[0]), dof2 = last_dof(m, input.geom[1]);
   const auto follows = [&](int dof, int parent) {
     return dof >= 0 && m->dof_parentid[dof] == parent;
   };
   if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
   const int dof = follows(dof1, dof2) ? dof1 : dof2;
-  const mjtNum *axis = d->cdof + 6 * dof,
+  const mjtNum *axis = d->cdof + 6 * dof, *normal = input.frame.data(),
                *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
-  mjtNum arm[3], velocity[3], rate[3];
-  mju_sub3(arm, contact.pos, centre);
+  mjtNum arm[3], velocity[3], off_axis[3];
+  mju_cross(off_axis, normal, axis);
+  if (mju_norm3(off_axis) > kDirection * mju_norm3(axis)) return false;
+  mju_sub3(arm, input.position.data(), centre);
   mju_cross(velocity, axis, arm);
   mju_addTo3(velocity, axis + 3);
-  mju_mulMatVec3(rate, contact.frame, velocity);
-  return std::abs(rate[0]) < kDirection * std::max(std::abs(rate[1]), std::abs(rate[2]));
+  return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
 }
 
 // Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
@@ -135,7 +135,7 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   return make_rows_without_contacts(m, d);
 }
 
-void find_contacts(mjModel* m, mjData* d, Detection& detection) {
+void collide_candidates(mjModel* m, mjData* d, Detection& detection) {
   Narrowphase& narrowphase = detection.narrowphase;
   narrowphase.find(m, d, detection.candidates.near(m, d, detection.buffers.reach));
   narrowphase.write(m, d);
@@ -150,7 +150,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
     if (CandidatePairs::cover(m, d)) {
-      find_contacts(m, d, detection);
+      collide_candidates(m, d, detection);
     } else {
       call_with_callbacks(mj_collision, m, d);
     }
@@ -168,6 +168,10 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
   read_contacts(m, d, contacts);
+  contacts.erase(
+      std::remove_if(contacts.begin(), contacts.end(),
+                     [&](const ContactInput& contact) { return stays_apart(m, d, contact); }),
+      contacts.end());
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.seams, contacts);
   read_constraints(m, d, constraints);
   d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
@@ -232,9 +236,7 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     if (contact.exclude != kIncluded || !(geoms || contact.efc_address >= 0)) continue;
     contacts.emplace_back();
     read_contact(m, d, i, contacts.back());
-    if (moves_nothing(m, contact, contacts.back()) ||
-        turns_in_place(m, d, contact, contacts.back()))
-      contacts.pop_back();
+    if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
   }
 }
 

@@ -12,7 +12,9 @@ namespace dashpot {
 namespace {
 
 constexpr double kStandardGravity = 9.80665;  // m/s^2
-// A load may grow by it in a step before the contact is stiffer.
+// Part of the sag that a contact may close or open by in a step for its load to be known, and by
+// how much that load may grow before the contact is stiffer.
+constexpr double kStillPart = 0.03;
 constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
@@ -69,7 +71,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
 
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    std::vector<SagTime>& sag_time) {
+                    const double* velocity, double step, std::vector<SagTime>& sag_time) {
   const double gravity = host::gravity(model);
   sag_time.assign(rows.group.size(), SagTime());
   if (gravity == 0.0) return;
@@ -78,8 +80,12 @@ void find_sag_times(const mjModel_* model, const Rows& rows,
     if (c.kind != RowKind::kContact) continue;
     const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
     sag_time[i].weight = std::sqrt(sag / gravity);
+    if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    double rate[kMaxRows];
+    gather(rows, c, velocity, rate);
+    if (std::abs(rate[0]) * step > kStillPart * sag) continue;
     const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
-    if (acceleration > 0.0) sag_time[i].load = std::sqrt(sag / std::max(acceleration, gravity));
+    sag_time[i].load = std::sqrt(sag / std::max(acceleration, gravity));
   }
 }
 

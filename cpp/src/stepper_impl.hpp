@@ -50,7 +50,7 @@ struct Stepper::Impl {
   void remember(mjData_* d, const host::MocapMotion& mocap);
 
   void find_touched_trees();
-  void find_ungiven(mjData_* d);
+  void find_unpaid(mjData_* d);
   bool rows_moved_something() const;
   void find_mean_velocity();
   void find_end_gaps();
@@ -93,7 +93,7 @@ struct Stepper::Impl {
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> turned;                    // by tree: its inertia is that of the middle
-  std::vector<double> ungiven;                 // by tree, J
+  std::vector<double> unpaid;                  // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
   std::vector<double> end_gap;                 // by contact, m

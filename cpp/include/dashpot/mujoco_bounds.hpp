@@ -7,7 +7,8 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// MuJoCo's box of bounds of a geom, along its own axes. Planes have none.
+// A box that bounds a geom, along its own axes: by its size, which may be edited alone, or as
+// MuJoCo has it for meshes and height fields. Planes have none.
 struct BoundingBox {
   double centre[3];    // world, m
   double half[3];      // half-widths, m

@@ -3,11 +3,13 @@
 // MuJoCo looks for them anew in every step. Here every geom has room to move: its box along the
 // world's axes, widened by its margin, its reach, and some more. As long as all geoms stay in
 // their rooms, pairs whose rooms are apart cannot touch. Which contacts there are does not depend
-// on what was kept: pairs are told apart again by their bounds at the present positions.
+// on what was kept: pairs are told apart again by their bounds at the present positions. MuJoCo's
+// timers of collision and its marks of boxes that overlap (bvh_active) stay empty.
 
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <vector>
 
 #include "dashpot/mujoco_bounds.hpp"
@@ -20,8 +22,8 @@ namespace dashpot::host {
 // Two geoms in the order in which MuJoCo's collisions take their types.
 struct CandidatePair {
   std::array<int, 2> geom;
-  int defined = -1;  // index of the <pair> that defines it, -1 for none
-  int bodies = 0;    // by which MuJoCo orders pairs
+  int defined = -1;     // index of the <pair> that defines it, -1 for none
+  unsigned bodies = 0;  // by which MuJoCo orders pairs
 };
 
 // MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
@@ -38,8 +40,8 @@ double gap_of(const mjModel_* m, const CandidatePair& pair);
 class CandidatePairs {
  public:
   // Whether pairs of geoms are all that collides, and these filters all there are: not where there
-  // are flexes, signed distance fields or adhesion, callbacks that filter, or where MuJoCo's own
-  // threads look for contacts.
+  // are flexes, signed distance fields or adhesion, callbacks that filter, where MuJoCo's own
+  // threads look for contacts, or where its hierarchy of bounds, which orders them, is disabled.
   static bool cover(const mjModel_* m, const mjData_* d);
 
   // Those whose bounds come within their margin and gap, in the order of MuJoCo's contacts. `reach`
@@ -56,7 +58,8 @@ class CandidatePairs {
     std::array<double, 12> pose;
     double around = 0.0;  // margin and gap, m
   };
-  bool has_changed(const mjModel_* m) const;
+  void read_filters(const mjModel_* m);
+  bool are_too_many(const std::vector<double>& reach) const;
   bool is_left(const mjModel_* m, const mjData_* d) const;
   void find_boxes(const mjModel_* m, const mjData_* d);
   void gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach);
@@ -65,15 +68,16 @@ class CandidatePairs {
   void add(const mjModel_* m, int geom1, int geom2);
   bool are_near(const mjModel_* m, const mjData_* d, const CandidatePair& pair) const;
 
-  // What the filters read of the model, as it was.
-  std::vector<int> contype_, conaffinity_, type_, exclusions_;
-  int flags_ = 0;
+  // What the filters read of the model, as it was; which geoms belong to which bodies stays.
+  std::vector<int> filters_, filters_now_;
   std::vector<int> bounded_, planes_;         // geoms that may collide
   std::vector<PlaneAsGathered> as_gathered_;  // by index in planes_
   std::vector<BoundingBox> boxes_;            // by geom
   std::vector<Room> present_, rooms_;         // by geom
   std::vector<int> order_;                    // of bounded geoms along an axis
   std::vector<CandidatePair> all_, near_;
+  size_t near_count_ = 0;  // in the last step
+  double reach_ = 0.0;     // m, of all geoms together when pairs were gathered
 };
 
 }  // namespace dashpot::host

@@ -199,8 +199,8 @@ int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
-// The frame (9) that MuJoCo gives a contact of this normal, and of a tangent where a collision finds
-// one.
+// The frame (9) that MuJoCo gives a contact of this normal, and of a tangent where a collision
+// finds one.
 void set_frame(const double* normal, double* frame);
 void set_frame(const double* normal, const double* tangent, double* frame);
 // Gives a contact another position, normal (both world) and gap, also in `d`.

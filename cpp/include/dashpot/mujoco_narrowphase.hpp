@@ -29,7 +29,7 @@ struct FoundPair {
 // arrays from step to step.
 class Narrowphase {
  public:
-  // Before geoms are where they have not been.
+  // To be called where positions, velocities or the time step have changed.
   void forget() { now_.pairs.clear(); }
   // Pairs that were asked already, within the same distance, are not collided again.
   void find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs);

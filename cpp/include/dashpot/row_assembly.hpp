@@ -20,9 +20,10 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
                    std::vector<GroupMaterial>& materials);
 
 // For Islands::plan, by group; the sag is a part of the smaller body's radius. Without gravity
-// there is no weight.
+// there is no weight. `velocity`: at the start of a step of `step` (s), in motion coordinates;
+// loads of contacts that close or open in it are not known.
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    std::vector<SagTime>& sag_time);
+                    const double* velocity, double step, std::vector<SagTime>& sag_time);
 
 }  // namespace dashpot

@@ -31,7 +31,7 @@ struct RowsOnTree {
   bool held = false;         // so did rows that have a position, which dry friction has not
   bool from_middle = false;  // in the geometry of the middle of the part
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
-  double ungiven = 0.0;      // J, of the work of contacts that turn what their springs did not lose
+  double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
   const double* added_velocity = nullptr;
 };
