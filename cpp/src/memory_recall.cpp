@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
 constexpr int kSlotCompression = offsetof(RememberedContact, compression) / sizeof(double);
-static_assert(offsetof(RememberedContact, stiffness) == sizeof(double) * (kSlotCompression + 1));
+constexpr int kSlotStiffness = offsetof(RememberedContact, stiffness) / sizeof(double);
 
 double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
@@ -151,7 +151,7 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
   }
   const auto force = [&](int slot) {
     const double* values = contact_storage(slot);
-    return values[kSlotCompression] * values[kSlotCompression + 1];
+    return values[kSlotCompression] * values[kSlotStiffness];
   };
   double load = 0.0;
   bool first = true;

@@ -63,15 +63,18 @@ ContactParameters with_least_friction(ContactParameters parameters) {
 }
 
 ContactParameters parameters_of(const mjModel* m, int geom1, int geom2) {
-  for (int pair = 0; pair < m->npair; ++pair) {
-    const int first = m->pair_geom1[pair], second = m->pair_geom2[pair];
-    if ((first == geom1 && second == geom2) || (first == geom2 && second == geom1))
-      return parameters_of_pair(m, pair);
-  }
-  return parameters_of_geoms(m, geom1, geom2);
+  const int pair = defining_pair(m, geom1, geom2);
+  return pair >= 0 ? parameters_of_pair(m, pair) : parameters_of_geoms(m, geom1, geom2);
 }
 
 }  // namespace
+
+int defining_pair(const mjModel_* m, int geom1, int geom2) {
+  for (int pair = 0; pair < m->npair; ++pair)
+    if (std::minmax(m->pair_geom1[pair], m->pair_geom2[pair]) == std::minmax(geom1, geom2))
+      return pair;
+  return -1;
+}
 
 ContactParameters parameters_of_pair(const mjModel_* m, int pair) {
   return with_least_friction({m->pair_dim[pair], numbers<5>(m->pair_friction + 5 * pair),

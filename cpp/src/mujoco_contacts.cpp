@@ -78,7 +78,7 @@ int last_dof(const mjModel* m, int geom) {
 // Whether a single joint moves two geoms that are apart against each other and keeps their contact
 // as it is, along a line across its normal or about it, like links that face each other across the
 // axis between them: it cannot be loaded.
-bool stays_apart(const mjModel* m, const mjData* d, const ContactInput& input) {
+bool keeps_its_gap(const mjModel* m, const mjData* d, const ContactInput& input) {
   if (input.gap < 0.0 || input.is_of_flex()) return false;
   const int dof1 = last_dof(m, input.geom[0]), dof2 = last_dof(m, input.geom[1]);
   const auto follows = [&](int dof, int parent) {
@@ -149,11 +149,10 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     WidenedReach reach(m, d, acceleration, faces, detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
-    if (CandidatePairs::cover(m, d)) {
+    if (CandidatePairs::cover(m, d))
       collide_candidates(m, d, detection);
-    } else {
+    else
       call_with_callbacks(mj_collision, m, d);
-    }
     const bool contacts_fit = add_surplus(d, detection.faces.surplus);
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
@@ -170,7 +169,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   read_contacts(m, d, contacts);
   contacts.erase(
       std::remove_if(contacts.begin(), contacts.end(),
-                     [&](const ContactInput& contact) { return stays_apart(m, d, contact); }),
+                     [&](const ContactInput& contact) { return keeps_its_gap(m, d, contact); }),
       contacts.end());
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.seams, contacts);
   read_constraints(m, d, constraints);
@@ -238,6 +237,17 @@ void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput
     read_contact(m, d, i, contacts.back());
     if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
   }
+}
+
+bool make_room_for_contacts(mjData_* d, int count) {
+  if (count == 0) return true;
+  const size_t size = sizeof(mjContact) * (d->ncon + count);
+  if (size > d->narena - d->pstack) return false;
+  d->parena = size;
+  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
+  d->ncon += count;
+  d->maxuse_con = std::max(d->maxuse_con, d->ncon);
+  return true;
 }
 
 void set_frame(const double* normal, double* frame) {

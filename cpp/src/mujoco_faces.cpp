@@ -168,13 +168,7 @@ bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus) {
   for (int from = found - 1; from >= 0; --from)
     while (left > 0 && is_of(d->contact[from], surplus[left - 1])) --left;
   if (left > 0) return false;  // MuJoCo had no room for the others of a pair
-  // Contacts are first in the arena, as mj_addContact has them. It forgets about rows each time.
-  const size_t size = sizeof(mjContact) * (found + count);
-  if (size > d->narena - d->pstack) return false;
-  if (count > 0) d->parena = size;
-  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
-  d->ncon += count;
-  d->maxuse_con = std::max(d->maxuse_con, d->ncon);
+  if (!make_room_for_contacts(d, count)) return false;
   left = count;
   for (int from = found - 1, to = d->ncon; left > 0; --from) {
     for (; left > 0 && is_of(d->contact[from], surplus[left - 1]); --left) {

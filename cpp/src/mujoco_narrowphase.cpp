@@ -41,20 +41,6 @@ mjContact contact_of(const mjModel* m, const CandidatePair& pair) {
   return contact;
 }
 
-// Room for one more contact, behind the others and first in the arena, as mj_addContact has them;
-// it forgets about rows each time. Null, with MuJoCo's warning, where there is none.
-mjContact* new_contact(mjData* d) {
-  const size_t size = sizeof(mjContact) * (d->ncon + 1);
-  if (size > d->narena - d->pstack) {
-    mj_warning(d, mjWARN_CONTACTFULL, d->ncon);
-    return nullptr;
-  }
-  d->parena = size;
-  d->maxuse_arena = std::max<mjtSize>(d->maxuse_arena, d->pstack + d->parena);
-  d->maxuse_con = std::max(d->maxuse_con, ++d->ncon);
-  return d->contact + d->ncon - 1;
-}
-
 }  // namespace
 
 void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs) {
@@ -89,8 +75,8 @@ void Narrowphase::write(mjModel_* m, mjData_* d) const {
     if (of.count == 0) continue;
     const mjContact of_pair = contact_of(m, of.pair);
     for (int i = of.first; i < of.first + of.count; ++i) {
-      mjContact* const contact = new_contact(d);
-      if (!contact) return;
+      if (!make_room_for_contacts(d, 1)) return mj_warning(d, mjWARN_CONTACTFULL, d->ncon);
+      mjContact* const contact = d->contact + d->ncon - 1;
       const FoundContact& found = now_.contacts[i];
       *contact = of_pair;
       contact->dist = found.distance;

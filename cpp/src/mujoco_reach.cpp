@@ -10,6 +10,7 @@
 #include <cmath>
 
 #include "dashpot/mocap_motion.hpp"
+#include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
@@ -140,10 +141,8 @@ bool WidenedReach::within_own(const mjContact_& contact) const {
     return contact.geom[side] < 0 ? buffers_.flex_gap[contact.flex[side]]
                                   : buffers_.geom_gap[contact.geom[side]];
   };
-  double gap = own_gap(0) + own_gap(1);
-  for (int pair = 0; pair < m_->npair; ++pair)
-    if (std::minmax(m_->pair_geom1[pair], m_->pair_geom2[pair]) == std::minmax(first, second))
-      gap = buffers_.pair_gap[pair];
+  const int pair = defining_pair(m_, first, second);
+  const double gap = pair >= 0 ? buffers_.pair_gap[pair] : own_gap(0) + own_gap(1);
   return contact.dist < contact.includemargin + gap;
 }
 

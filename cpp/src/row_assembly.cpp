@@ -12,8 +12,9 @@ namespace dashpot {
 namespace {
 
 constexpr double kStandardGravity = 9.80665;  // m/s^2
-// Part of the sag that a contact may close or open by in a step for its load to be known, and by
-// how much that load may grow before the contact is stiffer.
+// Part of the sag that a contact may close or open by in a step for its load to be known: more, and
+// what lands sinks in before its load is felt; less, and a change of stiffness alone seems to move
+// a grasp. And how often that load goes into the one that a contact is stiff enough for.
 constexpr double kStillPart = 0.03;
 constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.

@@ -17,6 +17,8 @@ struct EnergyLedger {
   double dissipated_recovery = 0.0;  // negative when recovery has put energy in
   double dissipated_damping = 0.0;   // by dampers of joints and tendons, and by fluids
   double work = 0.0;                 // of actuators, applied forces and gravity compensation
+
+  // J, with what recovery took or put in.
   double dissipated_by_contacts() const {
     return dissipated_normal + dissipated_friction + dissipated_recovery;
   }

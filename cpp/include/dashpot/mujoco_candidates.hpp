@@ -9,7 +9,6 @@
 #pragma once
 
 #include <array>
-#include <cstddef>
 #include <vector>
 
 #include "dashpot/mujoco_bounds.hpp"
@@ -37,6 +36,11 @@ bool may_meet(const mjModel_* m, int geom1, int geom2);
 double margin_of(const mjModel_* m, const CandidatePair& pair);
 double gap_of(const mjModel_* m, const CandidatePair& pair);
 
+// An interval along each of the world's axes, m.
+struct Room {
+  std::array<double, 3> low, high;
+};
+
 class CandidatePairs {
  public:
   // Whether pairs of geoms are all that collides, and these filters all there are: not where there
@@ -50,10 +54,6 @@ class CandidatePairs {
                                          const std::vector<double>& reach);
 
  private:
-  // An interval along each of the world's axes.
-  struct Room {
-    std::array<double, 3> low, high;
-  };
   struct PlaneAsGathered {
     std::array<double, 12> pose;
     double around = 0.0;  // margin and gap, m
@@ -63,6 +63,7 @@ class CandidatePairs {
   bool is_left(const mjModel_* m, const mjData_* d) const;
   void find_boxes(const mjModel_* m, const mjData_* d);
   void gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach);
+  void check_places(const mjModel_* m, const mjData_* d) const;
   void gather_of_planes(const mjModel_* m, const mjData_* d);
   void gather_of_rooms(const mjModel_* m);
   void add(const mjModel_* m, int geom1, int geom2);
@@ -76,8 +77,7 @@ class CandidatePairs {
   std::vector<Room> present_, rooms_;         // by geom
   std::vector<int> order_;                    // of bounded geoms along an axis
   std::vector<CandidatePair> all_, near_;
-  size_t near_count_ = 0;  // in the last step
-  double reach_ = 0.0;     // m, of all geoms together when pairs were gathered
+  double reach_ = 0.0;  // m, of all geoms together when pairs were gathered
 };
 
 }  // namespace dashpot::host

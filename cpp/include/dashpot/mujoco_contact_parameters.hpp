@@ -10,6 +10,9 @@ struct mjModel_;
 
 namespace dashpot::host {
 
+// Index of the <pair> that defines the contacts of two geoms, in any order; -1 for none.
+int defining_pair(const mjModel_* m, int geom1, int geom2);
+
 // Of contacts of two geoms, and of those that a <pair> defines.
 struct ContactParameters {
   int dim = 1;

@@ -199,6 +199,10 @@ int constraint_memory_count(const mjModel_* m);
 
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
+// Appends `count` contacts that are yet to be filled in, first in the arena, as mj_addContact has
+// them; it forgets about rows each time. Whether they fit into the memory of the model; if not,
+// none are added.
+bool make_room_for_contacts(mjData_* d, int count);
 // The frame (9) that MuJoCo gives a contact of this normal, and of a tangent where a collision
 // finds one.
 void set_frame(const double* normal, double* frame);

@@ -12,19 +12,6 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// What a collision says of one contact, in the world.
-struct FoundContact {
-  double distance;                                  // m
-  std::array<double, 3> position, normal, tangent;  // m; no tangent: zeros
-};
-
-// Contacts of one pair, count of them from the first of Narrowphase::contacts().
-struct FoundPair {
-  CandidatePair pair;
-  double within;  // m, how far apart they were looked for
-  int first, count;
-};
-
 // Finds contacts, and puts them into mjData as mj_collision does, in the order of pairs. Keeps its
 // arrays from step to step.
 class Narrowphase {
@@ -34,13 +21,21 @@ class Narrowphase {
   // Pairs that were asked already, within the same distance, are not collided again.
   void find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs);
 
-  const std::vector<FoundPair>& pairs() const { return now_.pairs; }
-  const std::vector<FoundContact>& contacts() const { return now_.contacts; }
-
   // Stops with MuJoCo's warning where they do not fit into the memory of the model.
   void write(mjModel_* m, mjData_* d) const;
 
  private:
+  // What a collision says of one contact, in the world.
+  struct FoundContact {
+    double distance;                                  // m
+    std::array<double, 3> position, normal, tangent;  // m; no tangent: zeros
+  };
+  // Contacts of one pair, count of them from the first of all.
+  struct FoundPair {
+    CandidatePair pair;
+    double within;  // m, how far apart they were looked for
+    int first, count;
+  };
   struct Found {
     std::vector<FoundPair> pairs;
     std::vector<FoundContact> contacts;
