@@ -223,8 +223,9 @@ def test_a_pair_that_is_edited_names_other_geoms() -> None:
     assert np.any(data.contact.geom == low)
 
 
-def test_a_geom_at_no_place_is_named() -> None:
-    engine = ball('<geom name="ground" type="box" size="1 1 .1" pos="0 0 -.1"/>')
+@BENEATH
+def test_a_geom_at_no_place_is_named(ground: str) -> None:
+    engine = ball(ground)
     data = engine.make_data()
     engine.model.geom("ground").pos[0] = np.nan
     with pytest.raises(RuntimeError, match="geom 'ground' has no finite place"):

@@ -222,6 +222,7 @@ void CandidatePairs::check_places(const mjModel* m, const mjData* d) const {
     check(geom, present_[geom].low);
     check(geom, present_[geom].high);
   }
+  for (int plane : planes_) check(plane, pose_of(d, plane));
 }
 
 void CandidatePairs::gather_of_planes(const mjModel_* m, const mjData_* d) {
