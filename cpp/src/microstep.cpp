@@ -179,7 +179,8 @@ void MicrostepLoop::Impl::pack() {
   for (int index : island->tree) {
     const Tree& t = trees->tree[index];
     island_trees.push_back(t);
-    std::fill_n(displacement.begin() + t.begin, t.count, 0.0);
+    for (auto* array : {&displacement, &moment})
+      std::fill_n(array->begin() + t.begin, t.count, 0.0);
   }
   const auto append_contact = [&](auto jacobian, int index, int dim) {
     using Jacobian = decltype(jacobian);
@@ -232,18 +233,20 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.rate_time = -middle;
   for (int i = 0; i < count; ++i) {
     sweep_rows(Sweep::kPresentForces, m);
+    m.coupled_time = kCoupledShare * h;
     m.work_time = i * h + 0.5 * h - middle;
-    m.displacement_time = h * m.work_time;
     m.rate_time = (i + 1) * h - middle;
-    // The ground's motion in every micro-step; none before the first.
-    displacement[kSurfaceCoordinate] = h;
-    displacement[kTurningCoordinate] = h * (turning + 0.5 * h);
     turning += h;
     sweep_trees(Sweep::kSmoothMotion, m);
     sweep_rows(Sweep::kFlow, m);
     sweep_trees(Sweep::kContactMotion, m);
   }
   sweep_rows(Sweep::kRead, m);
+  sweep_trees(Sweep::kDisplacement, m);
+  const double time = h * count;
+  displacement[kSurfaceCoordinate] = time;
+  displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
+  sweep_rows(Sweep::kFollow, m);
   turning = turning_at_start;
   // A force that is no number shows here alone: rows whose load it is apply none.
   for (const Tree& tree : island_trees)

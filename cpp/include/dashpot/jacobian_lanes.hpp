@@ -148,51 +148,26 @@ template <int Dim>
   for (int lane = 0; lane < kLanes; ++lane) force[j.column[lane]] += generalized[lane];
 }
 
-// The same of several motions, whose sums do not wait for each other, nor those of the lanes.
-template <int Dim, int Count>
-[[gnu::always_inline]] inline void gather_all(const SparseLanes& j,
-                                              const double* const (&motion)[Count],
-                                              Lanes* const (&out)[Count]) {
+// The sums of the lanes do not wait for each other.
+template <int Dim>
+[[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
   constexpr int kParts = padded(Dim) / kLanes;
-  Lanes sum[Count][kParts][kLanes] = {};
+  Lanes sum[kParts][kLanes] = {};
   const auto add_column = [&](int lane, int k) __attribute__((always_inline)) {
     const double* value = j.by_column[lane] + k * kParts * kLanes;
-    const int column = j.column[lane][k];
-    for (int part = 0; part < kParts; ++part) {
-      const Lanes of_column = load_lanes(value + part * kLanes);
-      for (int i = 0; i < Count; ++i) sum[i][part][lane] += of_column * motion[i][column];
-    }
+    const double of_column = motion[j.column[lane][k]];
+    for (int part = 0; part < kParts; ++part)
+      sum[part][lane] += load_lanes(value + part * kLanes) * of_column;
   };
   for (int k = 0; k < j.common_width; ++k)
     for (int lane = 0; lane < kLanes; ++lane) add_column(lane, k);
   for (int lane = 0; lane < kLanes; ++lane)
     for (int k = j.common_width; k < j.width[lane]; ++k) add_column(lane, k);
-  for (int i = 0; i < Count; ++i)
-    for (int part = 0; part < kParts; ++part) {
-      transpose(sum[i][part]);
-      for (int row = 0; row < kLanes && part * kLanes + row < Dim; ++row)
-        out[i][part * kLanes + row] = sum[i][part][row];
-    }
-}
-
-template <int Dim>
-[[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
-  gather_all<Dim, 1>(j, {motion}, {out});
-}
-
-template <int Dim, typename Jacobian>
-[[gnu::always_inline]] inline void gather_two(const Jacobian& j, const double* first,
-                                              const double* second, Lanes* of_first,
-                                              Lanes* of_second) {
-  gather<Dim>(j, first, of_first);
-  gather<Dim>(j, second, of_second);
-}
-
-template <int Dim>
-[[gnu::always_inline]] inline void gather_two(const SparseLanes& j, const double* first,
-                                              const double* second, Lanes* of_first,
-                                              Lanes* of_second) {
-  gather_all<Dim, 2>(j, {first, second}, {of_first, of_second});
+  for (int part = 0; part < kParts; ++part) {
+    transpose(sum[part]);
+    for (int row = 0; row < kLanes && part * kLanes + row < Dim; ++row)
+      out[part * kLanes + row] = sum[part][row];
+  }
 }
 
 // The same of several impulses.

@@ -12,33 +12,47 @@
 
 namespace dashpot {
 
-// Returns friction impulses or forces, behind the normal one, to the limit surface: return_to_limit
-// of friction.hpp. `inside`: the lanes in which nothing slips. `duration` is that of an impulse, 1
-// for forces. Lanes without pressure carry nothing.
+// s of microstep.hpp.
+inline constexpr double kCoupledShare = 1.0 / 3.0;
+
+// What the limit surface of friction goes by: the impulse or force of the normal, less than it
+// where friction falls with load. `duration` is that of an impulse, 1 for a force.
+template <int Dim>
+[[gnu::always_inline]] inline Lanes find_pressure(const ContactLanes<Dim>& c, const Lanes& normal,
+                                                  double duration) {
+  const Lanes zero{}, one = all_lanes(1.0);
+  if (!c.load_dependent) return normal;
+  const Lanes load = max_lanes(normal, zero) * c.inverse_friction_load / duration;
+  return normal * (c.loaded_friction + (one - c.loaded_friction) / (one + load));
+}
+
+// The lanes in which nothing slips: friction, behind the normal one, is inside the limit surface.
+// Lanes without pressure carry nothing.
+template <int Dim>
+[[gnu::always_inline]] inline LaneMask find_sticking(const ContactLanes<Dim>& c, Lanes* impulse,
+                                                     const Lanes& pressure) {
+  const Lanes zero{};
+  Lanes square{};
+  for (int i = 1; i < Dim; ++i) {
+    impulse[i] = impulse[0] > zero ? impulse[i] : zero;
+    const Lanes z = impulse[i] * c.inverse_friction[i - 1];
+    square += z * z;
+  }
+  return square <= pressure * pressure;
+}
+
+// Returns friction impulses or forces to the limit surface in the lanes that are not `sticking`:
+// return_to_limit of friction.hpp.
 template <int Dim>
 [[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
-                                                   LaneMask& inside, double duration) {
+                                                   const Lanes& pressure,
+                                                   const LaneMask& sticking) {
   const Lanes zero{}, one = all_lanes(1.0);
-  const LaneMask pressed = impulse[0] > zero;
-  Lanes pressure = impulse[0];
-  if (c.load_dependent) {
-    const Lanes load = max_lanes(impulse[0], zero) * c.inverse_friction_load / duration;
-    pressure *= c.loaded_friction + (one - c.loaded_friction) / (one + load);
-  }
-  Lanes z[Dim], square{};
-  for (int i = 1; i < Dim; ++i) {
-    impulse[i] = pressed ? impulse[i] : zero;
-    z[i] = impulse[i] * c.inverse_friction[i - 1];
-    square += z[i] * z[i];
-  }
-  inside = square <= pressure * pressure;
-  if (all_of(inside)) return;
-  const Lanes inverse_normal = one / (pressed ? pressure : one);
-  Lanes gamma{}, shrink[Dim];
-  for (int i = 1; i < Dim; ++i) z[i] *= inverse_normal;
+  const Lanes inverse_normal = one / (impulse[0] > zero ? pressure : one);
+  Lanes z[Dim], gamma{}, shrink[Dim];
+  for (int i = 1; i < Dim; ++i) z[i] = impulse[i] * c.inverse_friction[i - 1] * inverse_normal;
   for (int round = 0;; ++round) {
-    Lanes slope{};
-    square = zero;
+    Lanes slope{}, square{};
     for (int i = 1; i < Dim; ++i) {
       shrink[i] = one / (one + gamma * c.slip[i - 1]);
       const Lanes q = z[i] * shrink[i];
@@ -49,16 +63,37 @@ template <int Dim>
     // The next gamma is infinite where a direction that does not respond is beyond the surface.
     const Lanes next = gamma + (length - one) * square / (slope > zero ? slope : one);
     const LaneMask outside =
-        ~inside & (length - one > zero + kOnSurface) & (slope > zero) & (next - next == zero);
+        ~sticking & (length - one > zero + kOnSurface) & (slope > zero) & (next - next == zero);
     if (round == kMaxRounds || !any_of(outside)) {
       for (int i = 1; i < Dim; ++i) {
         const Lanes returned = impulse[i] * shrink[i] * (length > one ? one / length : one);
-        impulse[i] = inside ? impulse[i] : returned;
+        impulse[i] = sticking ? impulse[i] : returned;
       }
       return;
     }
     gamma = outside ? next : gamma;
   }
+}
+
+// Turns slipping friction, whose spring and damper may point in different directions, to the
+// impulse of the micro-step to come: the forces of a slip that goes on do not change, and other
+// rows must not take them for changing ones.
+template <int Dim>
+[[gnu::always_inline]] inline void turn_slipping_force(ContactLanes<Dim>& c,
+                                                       const LaneMask& sticking) {
+  const Lanes zero{};
+  Lanes to_come[Dim], square{}, square_to_come{};
+  for (int i = 1; i < Dim; ++i) {
+    const SpringCoefficients& spring = c.spring[i - 1];
+    to_come[i] = spring.impulse_displacement * c.deformation[i] + spring.impulse_rate * c.rate[i];
+    const Lanes z = c.force[i] * c.inverse_friction[i - 1];
+    const Lanes z_to_come = to_come[i] * c.inverse_friction[i - 1];
+    square += z * z;
+    square_to_come += z_to_come * z_to_come;
+  }
+  const LaneMask turns = ~sticking & (square_to_come > zero);
+  const Lanes scale = root_lanes(square / (turns ? square_to_come : all_lanes(1.0)));
+  for (int i = 1; i < Dim; ++i) c.force[i] = turns ? to_come[i] * scale : c.force[i];
 }
 
 // The force every contact has now; no number where anything it depends on is none.
@@ -69,8 +104,12 @@ template <int Dim>
     c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
   c.force[0] = max_lanes(zero, c.force[0] + c.damping[0] * c.surface);
   c.force[0] = c.deformation[0] >= zero ? zero : c.force[0];
-  LaneMask inside;
-  if (Dim > 1) return_friction(c, c.force, inside, 1.0);
+  if (Dim == 1) return;
+  const Lanes pressure = find_pressure(c, c.force[0], 1.0);
+  const LaneMask sticking = find_sticking(c, c.force, pressure);
+  if (all_of(sticking)) return;
+  turn_slipping_force(c, sticking);
+  return_friction(c, c.force, pressure, sticking);
 }
 
 // The same for a spring behind a slider.
@@ -136,12 +175,17 @@ template <int Dim>
   moment = spring.moment_displacement * x + spring.impulse_load * rate + spring.moment_load * load;
 }
 
-// The sums of impulses and of their moments.
+// The sums of impulses and of their moments, and of the displacement of every row all but the part
+// that goes by the rate it will have then: h u + h^2/2 b + w r - s h (u + h b + w p).
 template <int Dim>
-[[gnu::always_inline]] inline void add_totals(RowLanes<Dim>& c, const Lanes* moment) {
+[[gnu::always_inline]] inline void end_flow(RowLanes<Dim>& c, const Lanes* load,
+                                            const Lanes* moment, double h) {
   for (int i = 0; i < Dim; ++i) {
     c.total_impulse[i] += c.impulse[i];
     c.total_moment[i] += moment[i];
+    const Lanes rate = c.rate[i] + h * load[i] + c.inverse_mass[i] * c.impulse[i];
+    c.displacement[i] = h * (c.rate[i] + 0.5 * h * load[i]) + c.inverse_mass[i] * moment[i] -
+                        kCoupledShare * h * rate;
   }
 }
 
@@ -158,8 +202,9 @@ template <int Dim>
   flow_normal(c, load[0], h, moment[0]);
   if (Dim > 1) {
     for (int i = 1; i < Dim; ++i) flow_spring(c, i, c.spring[i - 1], load[i], moment[i]);
-    LaneMask inside;
-    return_friction(c, c.impulse, inside, h);
+    const Lanes pressure = find_pressure(c, c.impulse[0], h);
+    const LaneMask inside = find_sticking(c, c.impulse, pressure);
+    if (!all_of(inside)) return_friction(c, c.impulse, pressure, inside);
     const LaneMask pressed = c.impulse[0] > zero;
     c.sticking = inside & pressed;
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
@@ -171,20 +216,20 @@ template <int Dim>
       }
     }
   }
-  add_totals(c, moment);
+  end_flow(c, load, moment, h);
 }
 
 [[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h,
                                         Lanes* moment) {
-  const Lanes zero{};
-  flow_spring(c, 0, c.spring, motion[0] - c.inverse_mass[0] * c.force[0], moment[0]);
+  const Lanes zero{}, load = motion[0] - c.inverse_mass[0] * c.force[0];
+  flow_spring(c, 0, c.spring, load, moment[0]);
   const Lanes limit = c.limit * h;
   const Lanes clamped = min_lanes(max_lanes(c.impulse[0], -limit), limit);
   c.sticking = clamped == c.impulse[0];
   c.impulse[0] = clamped;
   moment[0] = c.sticking ? moment[0] : 0.5 * h * clamped;
   c.touched |= c.impulse[0] != zero;
-  add_totals(c, moment);
+  end_flow(c, &load, moment, h);
 }
 
 }  // namespace dashpot

@@ -32,17 +32,14 @@ template <int Dim>
   c.rate[i] = rate;
 }
 
-// What the turn of its geometry adds to a contact's rates and displacements: `rate_time` (s) times
-// its acceleration, and `displacement_time` (s^2) times it. The first half of a step takes from the
-// rates, and the second adds: no motion of bodies, so no work is booked of it. `work_time` (s): its
-// mean time during the last impulses.
+// What the turn of its geometry adds to a contact's rates: `rate_time` (s) times its acceleration.
+// The first half of a step takes from the rates, and the second adds: no motion of bodies, so no
+// work is booked of it. `work_time` (s): its mean time during the last impulses.
 template <int Dim>
 [[gnu::always_inline]] inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
-                                             double displacement_time, double work_time,
-                                             Lanes* rate, Lanes* displacement) {
+                                             double work_time, Lanes* rate) {
   for (int i = 0; i < std::min(Dim, 3); ++i) {
     rate[i] += c.turning[i] * rate_time;
-    displacement[i] += c.turning[i] * displacement_time;
     const Lanes work = c.impulse[i] * c.turning[i] * work_time;
     c.work[i > 0] -= work;
     c.turning_work += work;
@@ -62,12 +59,24 @@ template <int Dim>
   return limit + spring.relaxation * (deformation - limit);
 }
 
+// The displacement of every row in the last micro-step, `coupled_time` (s) times the rate that it
+// ended with being the last part of it.
+template <int Dim>
+[[gnu::always_inline]] inline void end_displacement(RowLanes<Dim>& c, const Lanes* rate,
+                                                    double coupled_time, Lanes* displacement) {
+  for (int i = 0; i < Dim; ++i) {
+    displacement[i] = c.displacement[i] + coupled_time * rate[i];
+    c.total_displacement[i] += displacement[i];
+  }
+}
+
 // Rates, work and deformations after the motion of a micro-step: springs follow the relative
 // motion, unstressed offsets recover, springs behind slipping sliders relax.
 template <int Dim>
-[[gnu::always_inline]] inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate,
-                                               const Lanes* displacement, double h,
-                                               double recovery_speed) {
+[[gnu::always_inline]] inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate, double h,
+                                               double coupled_time, double recovery_speed) {
+  Lanes displacement[Dim];
+  end_displacement(c, rate, coupled_time, displacement);
   const Lanes recovered = h * c.surface;
   c.offset -= recovered;
   c.deformation[0] += displacement[0] - recovered;
@@ -84,12 +93,26 @@ template <int Dim>
 }
 
 // The offsets of equalities are recovered by displacement (position_recovery.hpp).
-[[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate,
-                                               const Lanes* displacement, double /*h*/,
-                                               double /*recovery_speed*/) {
+[[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate, double /*h*/,
+                                               double coupled_time, double /*recovery_speed*/) {
+  Lanes displacement[1];
+  end_displacement(c, rate, coupled_time, displacement);
   const Lanes relaxed = relax(c.relaxation, c.impulse[0], c.deformation[0]);
   c.deformation[0] = c.sticking ? c.deformation[0] + displacement[0] : relaxed;
   account_motion(c, 0, rate[0]);
+}
+
+// Springs that follow the motion get what the displacements of all micro-steps lack of that of the
+// bodies.
+template <int Dim>
+[[gnu::always_inline]] inline void follow_bodies(ContactLanes<Dim>& c, const Lanes* displacement) {
+  c.deformation[0] += displacement[0] - c.total_displacement[0];
+  for (int i = 1; i < Dim; ++i)
+    c.deformation[i] += c.sticking ? displacement[i] - c.total_displacement[i] : Lanes{};
+}
+
+[[gnu::always_inline]] inline void follow_bodies(SpringLanes& c, const Lanes* displacement) {
+  c.deformation[0] += c.sticking ? displacement[0] - c.total_displacement[0] : Lanes{};
 }
 
 }  // namespace dashpot

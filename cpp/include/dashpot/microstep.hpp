@@ -8,7 +8,13 @@
 //     b  = J (a + inv(H) J' F) - w F              load on each row, its own share left out
 //     p, r                                        closed-form flow of each row over h, friction
 //                                                 returned to its limit surface
-//     v += h a + inv(H) J' p,   displacement = h v + h^2/2 a + inv(H) J' r
+//     u' = J v'  with  v' = v + h a + inv(H) J' p
+//     x += h u + h^2/2 b + w r + s h (u' - u - h b - w p),   s = 1/3
+//
+// A row's displacement is that of its own flow, and what the forces of others add to it by
+// changing: where they change linearly, a third of h times the velocity that they add. The motion
+// of the bodies is exact: over all micro-steps they move by the sum of h v + h^2/2 a + inv(H) J' r,
+// and the springs meet that in the end.
 //
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work

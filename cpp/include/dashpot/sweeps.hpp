@@ -38,12 +38,14 @@ struct Blocks {
 };
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
-// impulses and moments of the impulses; `acceleration` is the one with all present forces.
+// impulses and, of all micro-steps together, moments of the impulses; `acceleration` is the one
+// with all present forces, `displacement` that of all micro-steps.
 struct IslandMotion {
   double h = 0.0;
   double recovery_speed = 0.0;
+  double coupled_time = 0.0;  // for end_displacement()
   // Times for turn_rows(), from the middle of the step on.
-  double rate_time = 0.0, displacement_time = 0.0, work_time = 0.0;
+  double rate_time = 0.0, work_time = 0.0;
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
@@ -51,14 +53,16 @@ struct IslandMotion {
 };
 
 // A micro-step is four sweeps, over rows and trees in turn; one sweep over rows comes before the
-// first micro-step and one after the last.
+// first micro-step, and three sweeps after the last.
 enum class Sweep {
   kPrepare,        // rows, before all micro-steps: what depends on parameters and h alone
   kPresentForces,  // rows: motion of the last micro-step, then the forces all rows have now
   kSmoothMotion,   // trees: acceleration with those forces; motion without the rows' impulses
   kFlow,           // rows: closed-form flow of every row under its load
-  kContactMotion,  // trees: the motion that the impulses cause
-  kRead            // rows, after all micro-steps: motion of the last, and the sum of impulses
+  kContactMotion,  // trees: the velocity that the impulses cause
+  kRead,           // rows, after all micro-steps: motion of the last, sums of impulses and moments
+  kDisplacement,   // trees: the displacement that the moments cause
+  kFollow          // rows: springs follow the displacement of the bodies
 };
 
 template <typename Jacobian, typename Law>
@@ -73,20 +77,25 @@ template <typename Jacobian, typename Law>
     flow(law, acceleration, m.h, moment);
     if constexpr (std::is_same_v<Law, SpringLanes>)
       law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - moment[0];
-    scatter_two<kDim>(block.jacobian, law.impulse, moment, m.impulse, m.moment);
+    scatter<kDim>(block.jacobian, law.impulse, m.impulse);
     return;
   }
-  Lanes rate[kDim], displacement[kDim];
-  gather_two<kDim>(block.jacobian, m.velocity, m.displacement, rate, displacement);
+  if (sweep == Sweep::kFollow) {
+    Lanes displacement[kDim];
+    gather<kDim>(block.jacobian, m.displacement, displacement);
+    return follow_bodies(law, displacement);
+  }
+  Lanes rate[kDim];
+  gather<kDim>(block.jacobian, m.velocity, rate);
   if constexpr (!std::is_same_v<Law, SpringLanes>)
-    if (law.turns)
-      turn_rows(law, m.rate_time, m.displacement_time, m.work_time, rate, displacement);
-  read_motion(law, rate, displacement, m.h, m.recovery_speed);
+    if (law.turns) turn_rows(law, m.rate_time, m.work_time, rate);
+  read_motion(law, rate, m.h, m.coupled_time, m.recovery_speed);
   if (sweep == Sweep::kRead) {
     Lanes load[kDim];
     gather<kDim>(block.jacobian, m.smooth_acceleration, load);
     account_load(law, load, m.h);
-    scatter<kDim>(block.jacobian, law.total_impulse, m.coordinate_impulse);
+    scatter_two<kDim>(block.jacobian, law.total_impulse, law.total_moment, m.coordinate_impulse,
+                      m.moment);
     return;
   }
   find_present_force(law);
@@ -120,23 +129,30 @@ template <typename Jacobian, typename Law>
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
 
+[[gnu::always_inline]] inline void set_to_zero(const Tree& t, double* applied) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
+}
+
 [[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const IslandMotion& m) {
   if (sweep == Sweep::kSmoothMotion) {
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
       store_lanes(a, m.acceleration + i);
-      store_lanes(m.h * (v + 0.5 * m.h * a), m.displacement + i);
+      const Lanes displacement = load_lanes(m.displacement + i);
+      store_lanes(displacement + m.h * (v + 0.5 * m.h * a), m.displacement + i);
       store_lanes(v + m.h * a, m.velocity + i);
     }
-    respond(t, m.inverse, m.force, m.acceleration);
+    return respond(t, m.inverse, m.force, m.acceleration);
+  }
+  if (sweep == Sweep::kDisplacement) {
+    respond(t, m.inverse, m.moment, m.displacement);
+    for (int i = t.begin; i < t.begin + t.count; i += kLanes)
+      add_lanes(m.displacement + i, m.total_displacement + i);
     return;
   }
   respond(t, m.inverse, m.impulse, m.velocity);
-  respond(t, m.inverse, m.moment, m.displacement);
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    add_lanes(m.displacement + i, m.total_displacement + i);
-    for (double* applied : {m.force, m.impulse, m.moment}) store_lanes(Lanes{}, applied + i);
-  }
+  set_to_zero(t, m.force);
+  set_to_zero(t, m.impulse);
 }
 
 template <typename Item>
