@@ -115,6 +115,64 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
     assert contacts > 1000
 
 
+def swinging_row(rotation: str) -> mujoco.MjModel:
+    """Shapes whose distance MuJoCo searches for swing past and into each other on springs."""
+    kinds = (
+        'type="ellipsoid" size=".04 .06 .05"',
+        'type="mesh" mesh="wedge"',
+        'type="cylinder" size=".04 .05"',
+        'type="capsule" size=".03 .06"',
+    )
+    bodies = "".join(
+        f'<body pos="{0.15 * i} 0 0" euler="{17 * i} {31 * i} 0"><joint type="slide" axis="1 0 0"'
+        f' stiffness="{20 * (1 + i % 3)}" springref=".03"/>'
+        f'<joint axis="{rotation}" stiffness=".1"/>'
+        f'<geom {kinds[i % 4]} mass="1"/></body>'
+        for i in range(8)
+    )
+    return mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep=".004" gravity="0 0 0"/>{ASSETS}'
+        f"<worldbody>{bodies}</worldbody></mujoco>"
+    )
+
+
+@pytest.mark.parametrize("rotation", ["1 0 0", "0 1 0", "1 2 3"])
+def test_pairs_that_are_known_to_be_apart_are(rotation: str) -> None:
+    model = swinging_row(rotation)
+    engine, own = dashpot.Engine(model), dashpot.Engine(model)
+    kept, anew = engine.make_data(), own.make_data()
+    kept.qvel[:] = anew.qvel[:] = np.random.default_rng(0).normal(scale=0.5, size=model.nv)
+    with_contacts = 0
+    for _ in range(1000):
+        engine.step(kept)
+        with mujoco_looks_itself():
+            own.step(anew)
+        np.testing.assert_array_equal(kept.contact.dist, anew.contact.dist)
+        np.testing.assert_array_equal(kept.qpos, anew.qpos)
+        with_contacts += kept.ncon > 0
+    assert 100 < with_contacts < 990
+
+
+def test_ellipsoids_whose_size_is_edited_meet() -> None:
+    # Bounding boxes and spheres overlap: the distance is asked for.
+    apart = 0.125 / np.sqrt(2)
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(f"""
+<mujoco><option gravity="0 0 0"/><worldbody>
+ <body><freejoint/><geom type="ellipsoid" size=".06 .06 .1" mass="1"/></body>
+ <body pos="{apart} {apart} 0"><freejoint/>
+  <geom type="ellipsoid" size=".06 .06 .1" mass="1"/></body>
+</worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    engine.step(data, nstep=3)
+    assert data.ncon == 0
+    engine.model.geom_size[0, :2] = 0.07
+    engine.step(data)
+    # To the tolerance of MuJoCo's search.
+    assert data.contact.dist == pytest.approx([-0.005], abs=1e-5)
+
+
 def ball(ground: str) -> dashpot.Engine:
     return dashpot.Engine(
         mujoco.MjModel.from_xml_string(f"""

@@ -19,7 +19,7 @@ bool flows_alone(const Rows& rows, const Island& island, const RowData& data) {
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
-         c.turning[0] == 0.0 && data.offset[index] == 0.0;
+         c.turning[0] == 0.0 && data.offset[index] <= 0.0;
 }
 
 using AllBlocks =

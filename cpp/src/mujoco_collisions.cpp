@@ -105,13 +105,12 @@ bool clips_large_faces(const mjModel* m, int geom1, int geom2) {
          (has_large_face(m, geom1, *face_buffers) || has_large_face(m, geom2, *face_buffers));
 }
 
-// The nearest points alone.
-int collide_in_one_point(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
-                         mjtNum margin) {
+// What `collide` finds where MuJoCo looks for the nearest points alone.
+template <typename Collide>
+int in_one_point(const Collide& collide) {
   const int flags = replaced->opt.disableflags;
   replaced->opt.disableflags |= mjDSBL_MULTICCD;
-  const int count =
-      collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2, margin);
+  const int count = collide();
   replaced->opt.disableflags = flags;
   return count;
 }
@@ -124,8 +123,8 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   const mjfCollision collide_pair = collide_now[type1][type2];
   const auto collide = [&](mjtNum within, mjPreContact* found) {
     const bool faces_first = face_buffers && clips_large_faces(m, geom1, geom2);
-    const int count = faces_first ? collide_in_one_point(m, d, found, geom1, geom2, within)
-                                  : collide_pair(m, d, found, geom1, geom2, within);
+    const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
+    const int count = faces_first ? in_one_point(ask) : ask();
     if (!face_buffers || count == 0) return count;
     const int of_faces =
         take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);
@@ -231,6 +230,12 @@ ReplacedCollisions::~ReplacedCollisions() {
   model_->opt.disableflags = flags_;
   replaced = outer_;
   face_buffers = outer_faces_;
+}
+
+double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most) {
+  mjPreContact nearest[mjMAXCONPAIR];
+  const int count = in_one_point([&] { return mjc_Convex(m, d, nearest, geom1, geom2, most); });
+  return count > 0 ? std::min(most, nearest[0].dist) : most;
 }
 
 int collide_all(const mjModel_* m, mjData_* d, int geom1, int geom2, double margin,

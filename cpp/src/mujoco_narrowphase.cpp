@@ -59,7 +59,9 @@ void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<Candidat
       now_.pairs.push_back({pair, within, first, old->count});
       continue;
     }
+    if (apart_.are_apart(m, d, pair, within)) continue;
     const int count = collide_all(m, d, pair.geom[0], pair.geom[1], within, found);
+    if (count == 0) apart_.find_distance(m, d, pair, within);
     now_.pairs.push_back({pair, within, first, count});
     for (const mjPreContact* c = found; c != found + count; ++c)
       now_.contacts.push_back({c->dist,

@@ -5,6 +5,7 @@
 #include <array>
 #include <vector>
 
+#include "dashpot/mujoco_apart.hpp"
 #include "dashpot/mujoco_candidates.hpp"
 
 struct mjModel_;
@@ -41,6 +42,7 @@ class Narrowphase {
     std::vector<FoundContact> contacts;
   };
   Found before_, now_;
+  PairsApart apart_;
 };
 
 }  // namespace dashpot::host

@@ -1,0 +1,94 @@
+#include "dashpot/mujoco_apart.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_collisions.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Part of a distance found that counts: searches end before they are exact.
+constexpr double kSure = 0.9;
+// How far distances are looked for: part of the smaller geom's radius beyond that of contacts.
+constexpr double kLook = 0.2;
+// A distance is worth its search where it lasts for some steps; of pairs nearer than that it is
+// looked for now and then.
+constexpr double kStepsWorth = 2.0;
+constexpr int kWaits = 8;
+// Pairs kept. More come from many bodies that move among each other; then it begins anew.
+constexpr size_t kMostKept = 4096;
+
+std::uint64_t key_of(const CandidatePair& pair) {
+  return (static_cast<std::uint64_t>(pair.geom[0]) << 32) | static_cast<unsigned>(pair.geom[1]);
+}
+
+// Whether MuJoCo searches for the distance of two convex geoms.
+bool is_searched(const mjModel* m, const CandidatePair& pair) {
+  const int type1 = m->geom_type[pair.geom[0]], type2 = m->geom_type[pair.geom[1]];
+  if (type1 == mjGEOM_PLANE || type1 == mjGEOM_HFIELD) return false;
+  return type2 == mjGEOM_MESH || type1 == mjGEOM_ELLIPSOID || type2 == mjGEOM_ELLIPSOID ||
+         type1 == mjGEOM_CYLINDER || (type1 == mjGEOM_CAPSULE && type2 == mjGEOM_CYLINDER);
+}
+
+}  // namespace
+
+PairsApart::Placement PairsApart::place(const mjModel_* m, const mjData_* d,
+                                        const CandidatePair& pair) {
+  const int geom1 = pair.geom[0], geom2 = pair.geom[1];
+  const mjtNum *rotation1 = d->geom_xmat + 9 * geom1, *rotation2 = d->geom_xmat + 9 * geom2;
+  Placement placement;
+  mjtNum between[3];
+  mju_sub3(between, d->geom_xpos + 3 * geom2, d->geom_xpos + 3 * geom1);
+  mju_mulMatTVec3(placement.position.data(), rotation1, between);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      double sum = 0.0;
+      for (int k = 0; k < 3; ++k) sum += rotation1[3 * k + i] * rotation2[3 * k + j];
+      placement.rotation[3 * i + j] = sum;
+    }
+  for (int side = 0; side < 2; ++side) {
+    const int geom = pair.geom[side];
+    double* const extent = placement.extent.data() + 5 * side;
+    std::copy_n(m->geom_size + 3 * geom, 3, extent);
+    extent[3] = m->geom_rbound[geom];
+    extent[4] = m->geom_dataid[geom];
+  }
+  return placement;
+}
+
+bool PairsApart::are_apart(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
+                           double within) {
+  if (!is_searched(m, pair)) return false;
+  const auto found = known_.find(key_of(pair));
+  if (found == known_.end() || found->second.distance <= within) return false;
+  const Known& known = found->second;
+  const Placement now = place(m, d, pair);
+  if (now.extent != known.placement.extent) return false;
+  double shift = 0.0, turn = 0.0;
+  for (int i = 0; i < 3; ++i) shift += std::pow(now.position[i] - known.placement.position[i], 2);
+  for (int i = 0; i < 9; ++i) turn += std::pow(now.rotation[i] - known.placement.rotation[i], 2);
+  const double way = std::sqrt(shift) + m->geom_rbound[pair.geom[1]] * std::sqrt(0.5 * turn);
+  return known.distance - way > within;
+}
+
+void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePair& pair,
+                               double within) {
+  if (!is_searched(m, pair)) return;
+  if (known_.size() >= kMostKept) known_.clear();
+  Known& known = known_[key_of(pair)];
+  if (known.waits > 0) {
+    --known.waits;
+    return;
+  }
+  const double radius = std::min(m->geom_rbound[pair.geom[0]], m->geom_rbound[pair.geom[1]]);
+  known.placement = place(m, d, pair);
+  known.distance =
+      kSure * distance_of_convex(m, d, pair.geom[0], pair.geom[1], within + kLook * radius);
+  if (!(known.distance > (1.0 + kStepsWorth) * within)) known.waits = kWaits;
+}
+
+}  // namespace dashpot::host
