@@ -13,13 +13,29 @@ namespace dashpot {
 
 namespace {
 
-// Whether an island is one frictionless row, whose flow is closed form over any time. Overlap that
-// recovers does so micro-step by micro-step.
-bool flows_alone(const Rows& rows, const Island& island, const RowData& data) {
+// Whether the spring of a frictionless row is never compressed beyond what is bearable: x stays
+// within sqrt((x - x_0)^2 + u^2 / kappa) of its equilibrium x_0 = b / kappa, kappa = k w, under the
+// load b, and damping only brings it nearer.
+bool stays_bearable(const Rows& rows, const RowGroup& c, double recovery_speed,
+                    const RowData& data) {
+  double rate = 0.0, load = 0.0;
+  gather(rows, c, data.velocity.data(), &rate);
+  gather(rows, c, data.smooth_acceleration.data(), &load);
+  const double kappa = rows.stiffness[c.row] * rows.inverse_mass[c.row];
+  const double balance = load / kappa;
+  const double amplitude = std::hypot(data.deformation[c.row] - balance, rate / std::sqrt(kappa));
+  return amplitude - balance <= bearable_compression(rows, c, recovery_speed);
+}
+
+// Whether an island is one frictionless row, whose flow is closed form over any time, with overlap
+// that recovers at one speed or not at all.
+bool flows_alone(const Rows& rows, const Island& island, double recovery_speed,
+                 const RowData& data) {
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
-         c.turning[0] == 0.0 && data.offset[index] <= 0.0;
+         c.turning[0] == 0.0 &&
+         (data.offset[index] <= 0.0 || stays_bearable(rows, c, recovery_speed, data));
 }
 
 using AllBlocks =
@@ -295,7 +311,7 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const Island& isla
   impl_->island = &island;
   impl_->data = &data;
   // Its stiffness is that of the micro-steps planned.
-  const bool at_once = flows_alone(rows, island, data);
+  const bool at_once = flows_alone(rows, island, recovery_speed, data);
   impl_->count = at_once ? 1 : island.microsteps;
   impl_->h = at_once ? island.microsteps * island.duration : island.duration;
   impl_->recovery_speed = recovery_speed;
