@@ -30,7 +30,7 @@ SHAPES = (
     '<geom type="box" size=".05 .04 .03"/>',
     '<geom type="mesh" mesh="wedge"/>',
     '<geom type="box" size=".03 .03 .06"/><geom type="sphere" size=".04" pos=".06 0 0"/>',
-    '<geom type="capsule" size=".02 .05"/><body pos="0 0 .08"><joint axis="1 0 0"/>'
+    '<geom type="capsule" size=".03 .05"/><body pos="0 0 .08"><joint axis="1 0 0"/>'
     '<geom type="box" size=".03 .03 .04" margin=".004"/></body>',
 )
 ASSETS = """
@@ -96,7 +96,9 @@ GROUNDS = {
 def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: int) -> None:
     model = heap(seed, GROUNDS[ground])
     rng = np.random.default_rng(seed)
-    start = rng.normal(scale=(2.0,) * 3 + (8.0,) * 3, size=(model.nv // 6 + 1, 6)).ravel()
+    # No faster: trees in two parts would spin faster than MuJoCo's integration in flight bears, and
+    # of boxes it finds some beyond its reach, whose gap along an axis is less than their distance.
+    start = rng.normal(scale=(2.0,) * 3 + (5.0,) * 3, size=(model.nv // 6 + 1, 6)).ravel()
     engine, own = dashpot.Engine(model), dashpot.Engine(model)
     kept, anew = engine.make_data(), own.make_data()
     kept.qvel[:] = anew.qvel[:] = start[: model.nv]

@@ -94,7 +94,8 @@ double longest_inelastic_microstep(const RowGroup& c, const Material& material,
 
 double stiffest_rigid(double bound) {
   const double coupling = std::max(0.0, bound - 1.0);
-  return std::min(1.0, coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : 1.0);
+  return std::min(kStiffestAlone,
+                  coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : kStiffestAlone);
 }
 
 void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {

@@ -4,7 +4,7 @@
 // h must resolve the coupled stiffness and damping (DESIGN section 2.4):
 //
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
-//     A = J inv(H) J',   theta = 1/2 .
+//     A = J inv(H) J',   theta = kResolution .
 //
 // The bound on lambda_max is that of coupled_sum.hpp.
 
@@ -20,8 +20,8 @@
 
 namespace dashpot {
 
-inline constexpr double kResolution = 0.5;     // theta
-inline constexpr int kMinimumMicrosteps = 16;  // of "auto"
+inline constexpr double kResolution = 0.6;     // theta
+inline constexpr int kMinimumMicrosteps = 13;  // of "auto"
 
 // A range of indices.
 struct Indices {

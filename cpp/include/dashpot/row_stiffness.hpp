@@ -5,7 +5,7 @@
 // these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
 // resolved:
 //
-//     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= 1,
+//     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= kStiffestAlone,
 //     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
 //
 // with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction. A
@@ -24,8 +24,9 @@
 
 namespace dashpot {
 
-inline constexpr double kRigidResolution = 0.8;    // theta of rigid rows
-inline constexpr double kRigidMicrostep = 2.0e-4;  // s, longest micro-step of rigid contacts
+inline constexpr double kRigidResolution = 1.0;    // theta of rigid rows
+inline constexpr double kStiffestAlone = 1.5;      // kappa h^2 of those that nothing is coupled to
+inline constexpr double kRigidMicrostep = 2.5e-4;  // s, longest micro-step of rigid contacts
 inline constexpr double kRigidSag = 1.0e-3;        // of a body's radius, see below
 inline constexpr double kInelasticSag = 1.0e-4;    // the same where stiffness gives way
 inline constexpr double kRounding = 1.0e-12;       // relative, of quotients and roots
