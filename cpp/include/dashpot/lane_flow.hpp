@@ -76,23 +76,28 @@ template <int Dim>
 }
 
 // Turns slipping friction, whose spring and damper may point in different directions, to the
-// impulse of the micro-step to come: the forces of a slip that goes on do not change, and other
-// rows must not take them for changing ones.
+// impulse of the micro-step to come, under the load that it bears now: the forces of a slip that
+// goes on do not change, and other rows must not take them for changing ones.
 template <int Dim>
-[[gnu::always_inline]] inline void turn_slipping_force(ContactLanes<Dim>& c,
+[[gnu::always_inline]] inline void turn_slipping_force(ContactLanes<Dim>& c, const Lanes& pressure,
                                                        const LaneMask& sticking) {
-  const Lanes zero{};
-  Lanes to_come[Dim], square{}, square_to_come{};
+  const Lanes zero{}, one = all_lanes(1.0);
+  Lanes square{}, square_to_come{}, to_come[Dim];
+  for (int i = 1; i < Dim; ++i) {
+    const Lanes z = c.force[i] * c.inverse_friction[i - 1];
+    square += z * z;
+  }
+  const Lanes on_surface = pressure / root_lanes(sticking ? one : square);
   for (int i = 1; i < Dim; ++i) {
     const SpringCoefficients& spring = c.spring[i - 1];
-    to_come[i] = spring.impulse_displacement * c.deformation[i] + spring.impulse_rate * c.rate[i];
-    const Lanes z = c.force[i] * c.inverse_friction[i - 1];
-    const Lanes z_to_come = to_come[i] * c.inverse_friction[i - 1];
-    square += z * z;
-    square_to_come += z_to_come * z_to_come;
+    const Lanes load = -c.inverse_mass[i] * c.force[i] * on_surface;
+    to_come[i] = spring.impulse_displacement * c.deformation[i] + spring.impulse_rate * c.rate[i] +
+                 spring.impulse_load * load;
+    const Lanes z = to_come[i] * c.inverse_friction[i - 1];
+    square_to_come += z * z;
   }
   const LaneMask turns = ~sticking & (square_to_come > zero);
-  const Lanes scale = root_lanes(square / (turns ? square_to_come : all_lanes(1.0)));
+  const Lanes scale = root_lanes(square / (turns ? square_to_come : one));
   for (int i = 1; i < Dim; ++i) c.force[i] = turns ? to_come[i] * scale : c.force[i];
 }
 
@@ -108,7 +113,7 @@ template <int Dim>
   const Lanes pressure = find_pressure(c, c.force[0], 1.0);
   const LaneMask sticking = find_sticking(c, c.force, pressure);
   if (all_of(sticking)) return;
-  turn_slipping_force(c, sticking);
+  turn_slipping_force(c, pressure, sticking);
   return_friction(c, c.force, pressure, sticking);
 }
 
