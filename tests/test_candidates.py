@@ -6,7 +6,7 @@ MuJoCo does, every step must come out bit by bit the same.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -155,24 +155,40 @@ def test_pairs_that_are_known_to_be_apart_are(rotation: str) -> None:
     assert 100 < with_contacts < 990
 
 
-def test_ellipsoids_whose_size_is_edited_meet() -> None:
-    # Bounding boxes and spheres overlap: the distance is asked for.
+def grow(model: mujoco.MjModel) -> None:
+    model.geom_size[0, :2] = 0.09
+
+
+def become_a_box(model: mujoco.MjModel) -> None:
+    model.geom_type[1] = mujoco.mjtGeom.mjGEOM_BOX
+
+
+@pytest.mark.parametrize(
+    ("edit", "distance"),
+    [(grow, 0.125 - 0.09 - 0.06 / np.sqrt(2)), (become_a_box, 0.125 - 0.06 - 0.06 * np.sqrt(2))],
+)
+def test_geoms_whose_size_or_kind_is_edited_meet(
+    edit: Callable[[mujoco.MjModel], None], distance: float
+) -> None:
+    # An ellipsoid, and along the diagonal a prism whose edges are on the axes. Their bounding boxes
+    # and spheres overlap: the distance is asked for, and kept.
     apart = 0.125 / np.sqrt(2)
+    edges = " ".join(f"{x} {y} {z}" for x, y in np.vstack([np.eye(2), -np.eye(2)]) for z in (-1, 1))
     engine = dashpot.Engine(
         mujoco.MjModel.from_xml_string(f"""
-<mujoco><option gravity="0 0 0"/><worldbody>
+<mujoco><option gravity="0 0 0"/>
+<asset><mesh name="prism" vertex="{edges}" scale=".06 .06 .1"/></asset><worldbody>
  <body><freejoint/><geom type="ellipsoid" size=".06 .06 .1" mass="1"/></body>
- <body pos="{apart} {apart} 0"><freejoint/>
-  <geom type="ellipsoid" size=".06 .06 .1" mass="1"/></body>
+ <body pos="{apart} {apart} 0"><freejoint/><geom type="mesh" mesh="prism" mass="1"/></body>
 </worldbody></mujoco>""")
     )
     data = engine.make_data()
     engine.step(data, nstep=3)
     assert data.ncon == 0
-    engine.model.geom_size[0, :2] = 0.07
+    edit(engine.model)
     engine.step(data)
     # To the tolerance of MuJoCo's search.
-    assert data.contact.dist == pytest.approx([-0.005], abs=1e-5)
+    assert data.contact.dist.min() == pytest.approx(distance, abs=1e-5)
 
 
 def ball(ground: str) -> dashpot.Engine:

@@ -36,21 +36,3 @@ def test_a_ball_that_springs_pull_ever_slower_stops_at_the_limit_of_friction(tim
     engine.step(data, nstep=round(20.0 / timestep))
     assert np.abs(data.qpos - stopped).max() < 1e-12
     assert np.abs(data.qvel).max() < 1e-13
-
-
-@pytest.mark.parametrize("timestep", TIMESTEPS)
-def test_a_disc_that_slides_as_it_spins_lies_flat(timestep):
-    # By symmetry nothing tilts it. Friction that turns along with it did, where it was taken for a
-    # change of load, at 3e-5 to 1e-4 rad/s.
-    engine = dashpot.Engine(
-        mujoco.MjModel.from_xml_string(f"""
-<mujoco><option timestep="{timestep}"/><worldbody><geom type="plane" size="1 1 .1"/>
- <body pos="0 0 .02"><freejoint/>
-  <geom type="cylinder" size=".1 .02" mass="1" friction=".3"/></body>
-</worldbody></mujoco>""")
-    )
-    data = engine.make_data()
-    data.qvel[5] = 20.0
-    for _ in range(10):
-        engine.step(data)
-        assert np.abs(data.qvel[3:5]).max() < 2e-5

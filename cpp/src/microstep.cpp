@@ -13,17 +13,19 @@ namespace dashpot {
 
 namespace {
 
-// Whether the spring of a frictionless row is never compressed beyond what is bearable: x stays
-// within sqrt((x - x_0)^2 + u^2 / kappa) of its equilibrium x_0 = b / kappa, kappa = k w, under the
-// load b, and damping only brings it nearer.
-bool stays_bearable(const Rows& rows, const RowGroup& c, double recovery_speed,
+// Whether the spring of a frictionless row that recovers at `speed` is never compressed beyond what
+// is bearable: x stays within sqrt((x - x_0)^2 + u^2 / kappa) of its equilibrium x_0 = b / kappa,
+// kappa = k w, under the load b, and damping only brings it nearer.
+bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double recovery_speed,
                     const RowData& data) {
   double rate = 0.0, load = 0.0;
   gather(rows, c, data.velocity.data(), &rate);
   gather(rows, c, data.smooth_acceleration.data(), &load);
   const double kappa = rows.stiffness[c.row] * rows.inverse_mass[c.row];
   const double balance = load / kappa;
-  const double amplitude = std::hypot(data.deformation[c.row] - balance, rate / std::sqrt(kappa));
+  const double fastest = std::max(std::abs(rate), std::abs(rate - speed));
+  const double amplitude =
+      std::hypot(data.deformation[c.row] - balance, fastest / std::sqrt(kappa));
   return amplitude - balance <= bearable_compression(rows, c, recovery_speed);
 }
 
@@ -33,9 +35,11 @@ bool flows_alone(const Rows& rows, const Island& island, double recovery_speed,
                  const RowData& data) {
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
+  const double time = island.microsteps * island.duration, offset = data.offset[index];
+  const double speed = std::min(offset / time, recovery_speed);
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
          c.turning[0] == 0.0 &&
-         (data.offset[index] <= 0.0 || stays_bearable(rows, c, recovery_speed, data));
+         (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
 }
 
 using AllBlocks =

@@ -18,7 +18,7 @@ constexpr double kLook = 0.2;
 // A distance is worth its search where it lasts for some steps; of pairs nearer than that it is
 // looked for now and then.
 constexpr double kStepsWorth = 2.0;
-constexpr int kWaits = 8;
+constexpr int kWaits = 32;
 // Pairs kept. More come from many bodies that move among each other; then it begins anew.
 constexpr size_t kMostKept = 4096;
 
@@ -26,12 +26,12 @@ std::uint64_t key_of(const CandidatePair& pair) {
   return (static_cast<std::uint64_t>(pair.geom[0]) << 32) | static_cast<unsigned>(pair.geom[1]);
 }
 
-// Whether MuJoCo searches for the distance of two convex geoms.
+// Whether MuJoCo searches for the distance of two geoms, and climbs over the vertices of a mesh.
+// Without one a search takes no longer than all of this: heaps of ellipsoids step 10 % slower.
 bool is_searched(const mjModel* m, const CandidatePair& pair) {
-  const int type1 = m->geom_type[pair.geom[0]], type2 = m->geom_type[pair.geom[1]];
-  if (type1 == mjGEOM_PLANE || type1 == mjGEOM_HFIELD) return false;
-  return type2 == mjGEOM_MESH || type1 == mjGEOM_ELLIPSOID || type2 == mjGEOM_ELLIPSOID ||
-         type1 == mjGEOM_CYLINDER || (type1 == mjGEOM_CAPSULE && type2 == mjGEOM_CYLINDER);
+  const int type1 = m->geom_type[pair.geom[0]];
+  return m->geom_type[pair.geom[1]] == mjGEOM_MESH && type1 != mjGEOM_PLANE &&
+         type1 != mjGEOM_HFIELD;
 }
 
 }  // namespace
@@ -52,10 +52,12 @@ PairsApart::Placement PairsApart::place(const mjModel_* m, const mjData_* d,
     }
   for (int side = 0; side < 2; ++side) {
     const int geom = pair.geom[side];
-    double* const extent = placement.extent.data() + 5 * side;
+    double* const extent = placement.extent.data() + 12 * side;
     std::copy_n(m->geom_size + 3 * geom, 3, extent);
-    extent[3] = m->geom_rbound[geom];
-    extent[4] = m->geom_dataid[geom];
+    std::copy_n(m->geom_aabb + 6 * geom, 6, extent + 3);
+    extent[9] = m->geom_rbound[geom];
+    extent[10] = m->geom_type[geom];
+    extent[11] = m->geom_dataid[geom];
   }
   return placement;
 }
@@ -78,17 +80,21 @@ bool PairsApart::are_apart(const mjModel_* m, const mjData_* d, const CandidateP
 void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePair& pair,
                                double within) {
   if (!is_searched(m, pair)) return;
-  if (known_.size() >= kMostKept) known_.clear();
-  Known& known = known_[key_of(pair)];
+  const double radius = std::min(m->geom_rbound[pair.geom[0]], m->geom_rbound[pair.geom[1]]);
+  const double farthest = within + kLook * radius, worth = (1.0 + kStepsWorth) * within;
+  if (!(kSure * farthest > worth)) return;
+  auto found = known_.find(key_of(pair));
+  if (found == known_.end()) {
+    if (known_.size() >= kMostKept) known_.clear();
+    found = known_.emplace(key_of(pair), Known()).first;
+  }
+  Known& known = found->second;
   if (known.waits > 0) {
     --known.waits;
     return;
   }
-  const double radius = std::min(m->geom_rbound[pair.geom[0]], m->geom_rbound[pair.geom[1]]);
-  known.placement = place(m, d, pair);
-  known.distance =
-      kSure * distance_of_convex(m, d, pair.geom[0], pair.geom[1], within + kLook * radius);
-  if (!(known.distance > (1.0 + kStepsWorth) * within)) known.waits = kWaits;
+  const double distance = kSure * distance_of_convex(m, d, pair.geom[0], pair.geom[1], farthest);
+  known = {place(m, d, pair), distance, distance > worth ? 0 : kWaits};
 }
 
 }  // namespace dashpot::host

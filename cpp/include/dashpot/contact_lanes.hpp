@@ -32,7 +32,7 @@ template <int Dim>
 struct RowLanes {
   Lanes stiffness[Dim], damping[Dim], inverse_mass[Dim];
   Lanes deformation[Dim], rate[Dim], force[Dim], impulse[Dim];
-  Lanes displacement[Dim];  // by the row's own flow, see own_flow()
+  Lanes displacement[Dim];  // by the row's own flow, but for its end, see end_flow()
   Lanes total_impulse[Dim], total_moment[Dim], total_displacement[Dim];
   Lanes bearable;  // deformation under which the offset recovers
   Lanes offset, surface;

@@ -1,13 +1,14 @@
 // Pairs of geoms known to be apart, kept over steps. Part of the mujoco_host room.
 //
-// MuJoCo finds distances of ellipsoids, cylinders and meshes by search, a microsecond for each pair
-// that does not touch, as links of an arm do not from one step to the next. A distance once found
-// is one at present less the way that either geom has gone against the other since, in its frame: a
-// point at most r from the centre of one that is shifted by t and turned by R goes no farther than
+// MuJoCo finds distances of meshes by search, a microsecond for each pair that does not touch, as
+// links of an arm do not from one step to the next. A distance once found is one at present less the
+// way that either geom has gone against the other since, in its frame: a point at most r from the
+// centre of one that is shifted by t and turned by R goes no farther than
 //
 //     |t| + 2 r sin(angle / 2) = |t| + r |R - 1|_F / sqrt(2) .
 //
-// Which contacts there are does not depend on what was kept: what is left out has none.
+// Which contacts there are does not depend on what was kept: what is left out has none. Geoms whose
+// kind, size, mesh or bounds were edited are asked anew; a mesh whose vertices alone are is not.
 
 #pragma once
 
@@ -35,7 +36,7 @@ class PairsApart {
   struct Placement {
     std::array<double, 3> position;
     std::array<double, 9> rotation;
-    std::array<double, 10> extent;  // sizes and radii (m), and which mesh
+    std::array<double, 24> extent;  // sizes, radii and bounds (m), kinds and meshes
   };
   struct Known {
     Placement placement;    // where the distance was found

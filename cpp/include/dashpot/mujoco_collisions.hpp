@@ -47,7 +47,8 @@ class ReplacedCollisions {
   FaceBuffers* outer_faces_;
 };
 
-// Distance (m) of two convex geoms, or `most` where it is that or more.
+// Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are
+// replaced.
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most);
 
 // The contacts of two geoms as the present collisions find them, room for mjMAXCONPAIR of them;
