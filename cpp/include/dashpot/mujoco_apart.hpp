@@ -1,9 +1,9 @@
 // Pairs of geoms known to be apart, kept over steps. Part of the mujoco_host room.
 //
 // MuJoCo finds distances of meshes by search, a microsecond for each pair that does not touch, as
-// links of an arm do not from one step to the next. A distance once found is one at present less the
-// way that either geom has gone against the other since, in its frame: a point at most r from the
-// centre of one that is shifted by t and turned by R goes no farther than
+// links of an arm do not from one step to the next. A distance once found is one at present less
+// the way that either geom has gone against the other since, in its frame: a point at most r from
+// the centre of one that is shifted by t and turned by R goes no farther than
 //
 //     |t| + 2 r sin(angle / 2) = |t| + r |R - 1|_F / sqrt(2) .
 //
