@@ -104,8 +104,9 @@ void check_friction(Contact c, double h, bool load_dependent) {
   }
   Lanes returned[6];
   std::memcpy(returned, impulse, sizeof impulse);
-  LaneMask inside;
-  return_friction(c, returned, inside, h);
+  const Lanes limit = find_pressure(c, returned[0], h);
+  const LaneMask inside = find_sticking(c, returned, limit);
+  return_friction(c, returned, limit, inside);
   for (int lane = 0; lane < kLanes; ++lane) {
     double expected[5], mu[5], response[5], largest = 0.0;
     const double share = c.loaded_friction[lane];
@@ -172,6 +173,7 @@ struct Swept {
     IslandMotion m;
     m.h = h;
     m.recovery_speed = 0.1;
+    m.coupled_time = kCoupledShare * h;
     double** array[] = {&m.velocity, &m.displacement, &m.acceleration,      &m.force,
                         &m.impulse,  &m.moment,       &m.total_displacement};
     for (int i = 0; i < 7; ++i) *array[i] = arrays[i].data();
@@ -201,6 +203,8 @@ Swept run(Swept swept, double h, SweepRows rows, SweepTrees trees) {
     trees(Sweep::kContactMotion, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
   }
   sweep(Sweep::kRead);
+  trees(Sweep::kDisplacement, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
+  sweep(Sweep::kFollow);
   return swept;
 }
 
