@@ -20,8 +20,9 @@
 
 namespace dashpot {
 
-inline constexpr double kResolution = 0.6;     // theta
-inline constexpr int kMinimumMicrosteps = 13;  // of "auto"
+inline constexpr double kResolution = 0.6;  // theta
+// Of "auto": with 10, boxes that are pushed creep while they are rocked.
+inline constexpr int kMinimumMicrosteps = 13;
 
 // A range of indices.
 struct Indices {

@@ -170,7 +170,7 @@ template <int Dim>
   }
 }
 
-// The same of several impulses.
+// Of several impulses.
 template <int Dim, int Count>
 [[gnu::always_inline]] inline void scatter_all(const SparseLanes& j,
                                                const Lanes* const (&impulse)[Count],

@@ -27,7 +27,7 @@ template <int Dim>
 }
 
 // The lanes in which nothing slips: friction, behind the normal one, is inside the limit surface.
-// Lanes without pressure carry nothing.
+// Sets friction to zero in lanes without pressure.
 template <int Dim>
 [[gnu::always_inline]] inline LaneMask find_sticking(const ContactLanes<Dim>& c, Lanes* impulse,
                                                      const Lanes& pressure) {
