@@ -24,8 +24,10 @@
 
 namespace dashpot {
 
-inline constexpr double kRigidResolution = 1.0;    // theta of rigid rows
-inline constexpr double kStiffestAlone = 1.5;      // kappa h^2 of those that nothing is coupled to
+inline constexpr double kRigidResolution = 1.0;  // theta of rigid rows
+// kappa h^2 of rows that nothing is coupled to. Their flow is exact at any value; this leaves them
+// as stiff at the longest rigid micro-step as others are with theta.
+inline constexpr double kStiffestAlone = 1.5;
 inline constexpr double kRigidMicrostep = 2.5e-4;  // s, longest micro-step of rigid contacts
 inline constexpr double kRigidSag = 1.0e-3;        // of a body's radius, see below
 inline constexpr double kInelasticSag = 1.0e-4;    // the same where stiffness gives way
