@@ -79,6 +79,32 @@ def test_ball_on_a_floor_still_meets_a_low_curb():
     assert rises.max() > 5e-4
 
 
+def test_ball_that_a_sunken_box_runs_into_is_no_tile():
+    # The box is 0.7 mm deep in the floor, and the ball stands out of it by 0.35 mm: they overlap
+    # along the floor's normal by no more than half as much again as box and floor.
+    radius, half, sunk, stands_out = 0.04, 0.05, 7e-4, 3.5e-4
+    height = radius - stands_out - sunk  # of the box's edge over the centre of the ball
+    sine = np.sqrt(1 - (height / radius) ** 2)  # of the normal's angle from the vertical
+    xml = f"""<mujoco><option timestep="0.002" gravity="1 0 -10"/><worldbody>
+      <geom type="box" size="0.5 0.5 0.05" pos="0 0 -0.05" condim="1"/>
+      <geom name="ball" type="sphere" size="{radius}" condim="1"
+            pos="{half + 1e-5 + radius * sine} 0 {stands_out - radius}"/>
+      <body pos="0 0 {half - sunk}"><freejoint/>
+        <geom name="box" type="box" size="{half} {half} {half}" mass="1" condim="1"/></body>
+      </worldbody></mujoco>"""
+    engine = Engine(mujoco.MjModel.from_xml_string(xml), recovery_speed=0.0)
+    data = engine.make_data()
+    engine.step(data, nstep=2000)
+    contacts = engine.contacts(data)
+    ball = (contacts.geom == engine.model.geom("ball").id).any(axis=1)
+    force = contacts.force[:, 0]
+    # Without friction the ball alone holds the box, 1 N, and the floor bears the rest of 10 N. The
+    # edge rests on the ball a few micrometres lower: by so much relative to `height`.
+    assert force[ball].sum() == pytest.approx(1.0 / sine, rel=1e-2)
+    assert force.sum() == pytest.approx(10.0 + (1.0 - height / radius) / sine, rel=1e-2)
+    assert np.abs(data.qvel).max() < 1e-6
+
+
 def test_wall_beside_a_tile_still_stops_what_rests_on_it():
     _, _, data = slide("box", timestep=0.005, speed=1.5, height=0.01)
     assert data.qpos[0] < -0.049

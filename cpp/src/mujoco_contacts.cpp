@@ -171,7 +171,8 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       std::remove_if(contacts.begin(), contacts.end(),
                      [&](const ContactInput& contact) { return keeps_its_gap(m, d, contact); }),
       contacts.end());
-  drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.seams, contacts);
+  drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
+                         contacts);
   read_constraints(m, d, constraints);
   d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
   mj_referenceConstraint(m, d);

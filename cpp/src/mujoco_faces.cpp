@@ -125,6 +125,15 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
 
 bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
 
+bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,
+                    double cosine, FaceBuffers& buffers) {
+  Side side(m, d, geom);
+  if (side.type == mjGEOM_CYLINDER)
+    return std::abs(side.pose.rotation.col(2).dot(direction)) >= cosine;
+  return has_faces(side.type) && side.find(m, direction, buffers) &&
+         side.normal.dot(direction) >= cosine;
+}
+
 bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers) {
   if (m->geom_type[geom] != mjGEOM_MESH) return false;
   const std::vector<FlatFace>& faces = faces_of(m, m->geom_dataid[geom], buffers);

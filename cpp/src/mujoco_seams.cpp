@@ -39,9 +39,9 @@ double inner_radius(const mjModel* m, int geom) {
 
 class Seams {
  public:
-  Seams(const mjModel* m, const mjData* d, SeamBuffers& buffers,
+  Seams(const mjModel* m, const mjData* d, FaceBuffers& faces, SeamBuffers& buffers,
         const std::vector<ContactInput>& contacts)
-      : m_(m), d_(d), buffers_(buffers), contacts_(contacts) {
+      : m_(m), d_(d), faces_(faces), buffers_(buffers), contacts_(contacts) {
     buffers.first.assign(m->nbody, -1);
     buffers.next.resize(2 * contacts.size());
     for (size_t i = 0; i < contacts.size(); ++i)
@@ -118,6 +118,7 @@ class Seams {
     const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
                                     Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom);
     if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > allowed) return false;
+    if (!has_face_along(m_, d_, other, up, kSameNormal, faces_)) return false;
     const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
     const double overlap = up.dot(highest - lowest);
     const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
@@ -126,6 +127,7 @@ class Seams {
 
   const mjModel* m_;
   const mjData* d_;
+  FaceBuffers& faces_;
   SeamBuffers& buffers_;
   const std::vector<ContactInput>& contacts_;
 };
@@ -133,14 +135,14 @@ class Seams {
 }  // namespace
 
 void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
-                            const std::vector<double>& start_reach, SeamBuffers& buffers,
-                            std::vector<ContactInput>& contacts) {
+                            const std::vector<double>& start_reach, FaceBuffers& faces,
+                            SeamBuffers& buffers, std::vector<ContactInput>& contacts) {
   const auto moves = [&](const ContactInput& c) {
     return !c.is_of_flex() && start_reach[c.geom[0]] + start_reach[c.geom[1]] >
                                   std::max(c.gap, kMotion * contact_radius(m, c));
   };
   if (std::none_of(contacts.begin(), contacts.end(), moves)) return;
-  Seams seams(m, d, buffers, contacts);
+  Seams seams(m, d, faces, buffers, contacts);
   // Those to be dropped are found before any is: each may be what another body rests on.
   size_t kept = 0;
   std::vector<char>& at_seam = buffers.at_seam;

@@ -34,6 +34,9 @@ struct FaceBuffers {
 
 // Whether geoms of a type have faces to lie on: boxes and meshes.
 bool has_faces(int type);
+// Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
+bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
+                    double cosine, FaceBuffers& buffers);
 // Whether a geom is a mesh with a face of more than kMostCorners corners.
 bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers);
 

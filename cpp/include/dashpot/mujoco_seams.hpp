@@ -4,8 +4,8 @@
 // breadth deeper than the edge of the second begins, and detection ahead finds its front about to
 // run into the second one's side. MuJoCo looks once they overlap, by far the least along the normal
 // of the floor, and lets it pass. So where a geom's body rests on something with the normal m (into
-// it), depth s deep, a contact of the geom with another one is left out, unless its normal is m,
-// while both overlap along m by no more than the body is pressed in:
+// it), depth s deep, a contact of the geom with another one that has a face along m is left out,
+// unless its normal is m, while both overlap along m by no more than the body is pressed in:
 //
 //     o = max of m x over the other - min of m x over the geom,
 //     o + H max(0, rate at which o grows) <= 1.5 s + tolerance .
@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "dashpot/geometry_host.hpp"
+#include "dashpot/mujoco_faces.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
@@ -32,7 +33,7 @@ struct SeamBuffers {
 // Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in
 // the step with the velocities of its start.
 void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
-                            const std::vector<double>& start_reach, SeamBuffers& buffers,
-                            std::vector<ContactInput>& contacts);
+                            const std::vector<double>& start_reach, FaceBuffers& faces,
+                            SeamBuffers& buffers, std::vector<ContactInput>& contacts);
 
 }  // namespace dashpot::host
