@@ -12,6 +12,7 @@
 #include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_reach.hpp"
+#include "dashpot/prefetch.hpp"
 
 namespace dashpot::host {
 
@@ -132,8 +133,11 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
   find_boxes(m, d);
   if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
   near_.clear();
-  for (const CandidatePair& pair : all_)
-    if (are_near(m, d, pair)) near_.push_back(pair);
+  for (size_t i = 0; i < all_.size(); ++i) {
+    if (i + kPrefetched < all_.size())
+      for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
+    if (are_near(m, d, all_[i])) near_.push_back(all_[i]);
+  }
   return near_;
 }
 

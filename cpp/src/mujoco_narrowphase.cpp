@@ -8,6 +8,7 @@
 #include "dashpot/mujoco_collisions.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/prefetch.hpp"
 
 namespace dashpot::host {
 
@@ -49,7 +50,14 @@ void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<Candidat
   now_.contacts.clear();
   mjPreContact found[mjMAXCONPAIR];
   auto old = before_.pairs.begin();
-  for (const CandidatePair& pair : pairs) {
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    if (i + kPrefetched < pairs.size())
+      for (int geom : pairs[i + kPrefetched].geom) {
+        prefetch(d->geom_xpos + 3 * geom, 3 * sizeof(mjtNum));
+        prefetch(d->geom_xmat + 9 * geom, 9 * sizeof(mjtNum));
+        prefetch(m->geom_size + 3 * geom, 3 * sizeof(mjtNum));
+      }
+    const CandidatePair& pair = pairs[i];
     const double within = margin_of(m, pair) + gap_of(m, pair);
     const int first = static_cast<int>(now_.contacts.size());
     while (old != before_.pairs.end() && comes_before(old->pair, pair)) ++old;

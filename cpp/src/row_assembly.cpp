@@ -4,7 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/lanes.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/prefetch.hpp"
 #include "dashpot/row_stiffness.hpp"
 
 namespace dashpot {
@@ -25,6 +27,13 @@ double weight_at_contact(const mjModel_* model, const ContactInput& input, doubl
   const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : kStandardGravity;
   const double mass = host::contact_mass(model, input);
   return gravity * (std::isinf(mass) ? 1.0 / inverse_mass : mass);
+}
+
+void prefetch_inertia(const Trees& trees, const std::array<int, 2>& tree) {
+  for (int index : tree) {
+    if (index < 0 || !trees.tree[index].free_body) continue;
+    prefetch(trees.inverse.data() + trees.tree[index].inverse, 4 * sizeof(Lanes));
+  }
 }
 
 }  // namespace
@@ -48,6 +57,8 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     find_inverse_mass(rows, c, motion.trees());
   }
   for (size_t i = 0; i < contacts.size(); ++i) {
+    if (i + kPrefetched < contacts.size())
+      prefetch_inertia(motion.trees(), contacts[i + kPrefetched].tree);
     const ContactInput& input = contacts[i];
     RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
     host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);

@@ -11,6 +11,7 @@
 #include "dashpot/lane_blocks.hpp"
 #include "dashpot/lane_flow.hpp"
 #include "dashpot/lane_motion.hpp"
+#include "dashpot/prefetch.hpp"
 #include "dashpot/trees.hpp"
 
 namespace dashpot {
@@ -155,10 +156,29 @@ template <typename Jacobian, typename Law>
   set_to_zero(t, m.impulse);
 }
 
+inline constexpr int kBlocksAhead = 2;
+// The bodies of a block that comes soon.
+template <typename Law>
+[[gnu::always_inline]] inline void prefetch_motion(Sweep sweep, const Block<PairLanes, Law>& block,
+                                                   const IslandMotion& m) {
+  if (sweep != Sweep::kFlow && sweep != Sweep::kPresentForces) return;
+  const bool flows = sweep == Sweep::kFlow;
+  for (const auto& side : block.jacobian.body)
+    for (int body : side) {
+      prefetch((flows ? m.acceleration : m.velocity) + body, sizeof(double));
+      prefetch((flows ? m.impulse : m.force) + body, sizeof(double));
+    }
+}
+template <typename Item>
+[[gnu::always_inline]] inline void prefetch_motion(Sweep, const Item&, const IslandMotion&) {}
+
 template <typename Item>
 [[gnu::always_inline]] inline void sweep_all(Sweep sweep, Item* first, Item* last,
                                              const IslandMotion& m) {
-  for (Item* item = first; item != last; ++item) sweep_one(sweep, *item, m);
+  for (Item* item = first; item != last; ++item) {
+    if (item + kBlocksAhead < last) prefetch_motion(sweep, item[kBlocksAhead], m);
+    sweep_one(sweep, *item, m);
+  }
 }
 
 // The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
