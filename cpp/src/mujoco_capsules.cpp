@@ -1,0 +1,67 @@
+#include "dashpot/mujoco_capsules.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace dashpot::host {
+
+namespace {
+
+using Eigen::Vector3d;
+
+// Sine of the angle between axes, across the normal and along it, below which capsules lie side by
+// side.
+constexpr double kSideBySide = 0.3;
+// Tolerance, as part of the smaller radius: what rigid contacts may sag by.
+constexpr double kSag = 1e-3;
+
+struct Capsule {
+  Vector3d centre, axis;
+  double radius, half_length;
+
+  Capsule(const mjModel* m, const mjData* d, int geom)
+      : centre(d->geom_xpos + 3 * geom),
+        axis(d->geom_xmat[9 * geom + 2], d->geom_xmat[9 * geom + 5], d->geom_xmat[9 * geom + 8]),
+        radius(m->geom_size[3 * geom]),
+        half_length(m->geom_size[3 * geom + 1]) {}
+};
+
+}  // namespace
+
+int take_ends_of_capsules(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
+                          mjPreContact_* contact) {
+  const Capsule first(m, d, geom1);
+  Capsule second(m, d, geom2);
+  if (first.axis.dot(second.axis) < 0.0) second.axis = -second.axis;
+  const Vector3d normal(contact->normal), nearest(contact->pos);
+  const double crossing = std::abs(normal.dot(first.axis.cross(second.axis)));
+  const double slope = normal.dot(second.axis - first.axis);
+  if (crossing > kSideBySide || std::abs(slope) > kSideBySide) return 1;
+  // Along the first axis from the nearest point on, as far as both capsules are there.
+  const double here = (nearest - first.centre).dot(first.axis);
+  const double there = (second.centre - first.centre).dot(first.axis);
+  double begin = std::max(-first.half_length, there - second.half_length) - here;
+  double end = std::min(first.half_length, there + second.half_length) - here;
+  if (begin >= end) return 1;
+  const double apart = std::max(0.0, first.radius + second.radius + contact->dist);
+  const double sag = kSag * std::min(first.radius, second.radius);
+  const double touching = std::sqrt(2.0 * apart * sag) / crossing;  // infinite where parallel
+  begin = std::max(begin, -touching);
+  end = std::min(end, touching);
+  const Vector3d along = 0.5 * (first.axis + second.axis);
+  const mjPreContact of_nearest = *contact;
+  int count = 0;
+  for (double x : {begin, end}) {
+    mjPreContact& c = contact[count] = of_nearest;
+    c.dist += slope * x;
+    if (c.dist > margin) continue;
+    Eigen::Map<Vector3d>(c.pos) = nearest + x * along;
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace dashpot::host
