@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco_capsules.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/mujoco_side_by_side.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
 // any two convex geoms.
@@ -127,8 +127,10 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
     const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
     const int count = faces_first ? in_one_point(ask) : ask();
     if (!face_buffers || count == 0) return count;
-    if (type1 == mjGEOM_CAPSULE && type2 == mjGEOM_CAPSULE && count == 1)
-      return take_ends_of_capsules(m, d, geom1, geom2, within, found);
+    if (has_round_side(type1) && has_round_side(type2)) {
+      most = std::max(most, 2);
+      return count > 1 ? count : take_ends_of_sides(m, d, geom1, geom2, within, found);
+    }
     const int of_faces =
         take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);
     if (of_faces > 0) {

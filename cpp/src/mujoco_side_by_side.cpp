@@ -1,4 +1,4 @@
-#include "dashpot/mujoco_capsules.hpp"
+#include "dashpot/mujoco_side_by_side.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -12,17 +12,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Sine of the angle between axes, across the normal and along it, below which capsules lie side by
-// side.
+// Sine of the angle between the axes across the normal, and of that of each axis to the normal's
+// plane, below which they lie side by side.
 constexpr double kSideBySide = 0.3;
 // Tolerance, as part of the smaller radius: what rigid contacts may sag by.
 constexpr double kSag = 1e-3;
 
-struct Capsule {
+// The part of a geom with a straight side.
+struct Bar {
   Vector3d centre, axis;
   double radius, half_length;
 
-  Capsule(const mjModel* m, const mjData* d, int geom)
+  Bar(const mjModel* m, const mjData* d, int geom)
       : centre(d->geom_xpos + 3 * geom),
         axis(d->geom_xmat[9 * geom + 2], d->geom_xmat[9 * geom + 5], d->geom_xmat[9 * geom + 8]),
         radius(m->geom_size[3 * geom]),
@@ -31,16 +32,18 @@ struct Capsule {
 
 }  // namespace
 
-int take_ends_of_capsules(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
-                          mjPreContact_* contact) {
-  const Capsule first(m, d, geom1);
-  Capsule second(m, d, geom2);
+bool has_round_side(int type) { return type == mjGEOM_CAPSULE || type == mjGEOM_CYLINDER; }
+
+int take_ends_of_sides(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
+                       mjPreContact_* contact) {
+  const Bar first(m, d, geom1);
+  Bar second(m, d, geom2);
   if (first.axis.dot(second.axis) < 0.0) second.axis = -second.axis;
   const Vector3d normal(contact->normal), nearest(contact->pos);
   const double crossing = std::abs(normal.dot(first.axis.cross(second.axis)));
-  const double slope = normal.dot(second.axis - first.axis);
-  if (crossing > kSideBySide || std::abs(slope) > kSideBySide) return 1;
-  // Along the first axis from the nearest point on, as far as both capsules are there.
+  const double rise1 = normal.dot(first.axis), rise2 = normal.dot(second.axis);
+  if (std::max({crossing, std::abs(rise1), std::abs(rise2)}) > kSideBySide) return 1;
+  // Along the first axis from the nearest point on, as far as both are there.
   const double here = (nearest - first.centre).dot(first.axis);
   const double there = (second.centre - first.centre).dot(first.axis);
   double begin = std::max(-first.half_length, there - second.half_length) - here;
@@ -56,7 +59,7 @@ int take_ends_of_capsules(const mjModel_* m, const mjData_* d, int geom1, int ge
   int count = 0;
   for (double x : {begin, end}) {
     mjPreContact& c = contact[count] = of_nearest;
-    c.dist += slope * x;
+    c.dist += (rise2 - rise1) * x;
     if (c.dist > margin) continue;
     Eigen::Map<Vector3d>(c.pos) = nearest + x * along;
     ++count;

@@ -1,4 +1,6 @@
-"""Capsules that lie nearly side by side touch along a line and come to rest."""
+"""Capsules and cylinders that lie nearly side by side touch along a line and come to rest."""
+
+import itertools
 
 import mujoco
 import numpy as np
@@ -10,17 +12,17 @@ RADIUS, HALF_LENGTH = 0.02, 0.025
 SAG = 1e-3 * RADIUS  # what rigid contacts may sag by, along which two capsules touch
 
 
-def capsule(*, position, axis, attributes=""):
+def bar(*, position, axis, shape="capsule", attributes=""):
     ends = [np.array(position) + s * HALF_LENGTH * np.array(axis) for s in (-1.0, 1.0)]
     fromto = " ".join(map(str, np.concatenate(ends)))
-    return f'<geom type="capsule" size="{RADIUS}" fromto="{fromto}" {attributes}/>'
+    return f'<geom type="{shape}" size="{RADIUS}" fromto="{fromto}" {attributes}/>'
 
 
 def find_contacts(*, angle, tilt, gap, law="kelvin_voigt"):
     """Contacts of a capsule along x with one above, turned by `angle` about z, then tilted."""
     axis = [np.cos(angle) * np.cos(tilt), np.sin(angle) * np.cos(tilt), np.sin(tilt)]
-    below = capsule(position=(0, 0, 0), axis=(1, 0, 0), attributes='gap="1e-3"')
-    above = capsule(position=(0, 0, 2 * RADIUS + gap), axis=axis, attributes='gap="1e-3"')
+    below = bar(position=(0, 0, 0), axis=(1, 0, 0), attributes='gap="1e-3"')
+    above = bar(position=(0, 0, 2 * RADIUS + gap), axis=axis, attributes='gap="1e-3"')
     xml = f"""<mujoco><option gravity="0 0 0"/><worldbody>{below}
       <body><freejoint/>{above}</body></worldbody></mujoco>"""
     engine = Engine(mujoco.MjModel.from_xml_string(xml), law=law)
@@ -74,13 +76,14 @@ def test_complementarity_free_law_keeps_mujocos_contacts():
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("angle", [0.03, 0.06, 0.12, 0.2])
-def test_light_capsule_rests_across_another_under_a_heavy_slab(angle, timestep):
-    # With one contact, at the nearest points, a tilt of 1e-3 rad takes it from end to end at the
-    # smallest angle: the capsule rocked until it was pressed through the other one.
+@pytest.mark.parametrize("angle", [0.0, 0.03, 0.06, 0.2])
+@pytest.mark.parametrize("shapes", itertools.product(["capsule", "cylinder"], repeat=2))
+def test_light_bar_rests_across_another_under_a_heavy_slab(shapes, angle, timestep):
+    # With one contact, at the nearest points, a tilt of 1e-3 rad takes it from end to end at 0.03:
+    # the bar rocked until it was pressed through the other one.
     mass, load = 0.1, 5.0
-    below = capsule(position=(0, 0, 0), axis=(np.cos(angle), np.sin(angle), 0))
-    above = capsule(position=(0, 0, 0), axis=(1, 0, 0), attributes=f'mass="{mass}"')
+    below = bar(position=(0, 0, 0), axis=(np.cos(angle), np.sin(angle), 0), shape=shapes[0])
+    above = bar(position=(0, 0, 0), axis=(1, 0, 0), shape=shapes[1], attributes=f'mass="{mass}"')
     wall = f'<geom type="box" size="0.1 0.01 0.1" pos="0 {{}} {2 * RADIUS + 0.1}" friction="0"/>'
     xml = f"""<mujoco><option timestep="{timestep}"/><worldbody>{below}
       {wall.format(RADIUS + 0.01)} {wall.format(-RADIUS - 0.01)}
