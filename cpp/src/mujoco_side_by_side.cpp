@@ -15,8 +15,10 @@ using Eigen::Vector3d;
 // Sine of the angle between the axes across the normal, and of that of each axis to the normal's
 // plane, below which they lie side by side.
 constexpr double kSideBySide = 0.3;
-// Tolerance, as part of the smaller radius: what rigid contacts may sag by.
+// Parts of the smaller radius: what rigid contacts may sag by, the tolerance, and the length of the
+// shortest line.
 constexpr double kSag = 1e-3;
+constexpr double kShortest = 0.05;
 
 // The part of a geom with a straight side.
 struct Bar {
@@ -43,15 +45,18 @@ int take_ends_of_sides(const mjModel_* m, const mjData_* d, int geom1, int geom2
   const double crossing = std::abs(normal.dot(first.axis.cross(second.axis)));
   const double rise1 = normal.dot(first.axis), rise2 = normal.dot(second.axis);
   if (std::max({crossing, std::abs(rise1), std::abs(rise2)}) > kSideBySide) return 1;
-  // Along the first axis from the nearest point on, as far as both are there.
-  const double here = (nearest - first.centre).dot(first.axis);
-  const double there = (second.centre - first.centre).dot(first.axis);
-  double begin = std::max(-first.half_length, there - second.half_length) - here;
-  double end = std::min(first.half_length, there + second.half_length) - here;
-  if (begin >= end) return 1;
+  // From the nearest point on, as far as both are there.
+  const Vector3d on_first = nearest - (first.radius + 0.5 * contact->dist) * normal;
+  const Vector3d on_second = nearest + (second.radius + 0.5 * contact->dist) * normal;
+  const double at1 = first.axis.dot(on_first - first.centre);
+  const double at2 = second.axis.dot(on_second - second.centre);
+  double begin = std::max(-first.half_length - at1, -second.half_length - at2);
+  double end = std::min(first.half_length - at1, second.half_length - at2);
+  const double radius = std::min(first.radius, second.radius);
+  if (end - begin < kShortest * radius) return 1;
   const double apart = std::max(0.0, first.radius + second.radius + contact->dist);
-  const double sag = kSag * std::min(first.radius, second.radius);
-  const double touching = std::sqrt(2.0 * apart * sag) / crossing;  // infinite where parallel
+  const double touching =
+      std::sqrt(2.0 * apart * kSag * radius) / crossing;  // infinite where parallel
   begin = std::max(begin, -touching);
   end = std::min(end, touching);
   const Vector3d along = 0.5 * (first.axis + second.axis);
