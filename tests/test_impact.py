@@ -105,7 +105,7 @@ def test_without_anything_fast_results_are_equal_bit_for_bit(name):
     engines = [make_engine(scene, model, impact=impact) for impact in ("none", "cut")]
     first, second = (engine.make_data() for engine in engines)
     if name == "pile at rest":
-        engines[0].step(first, nstep=1500)
+        engines[0].step(first, nstep=3000)  # the last capsule rolls off a box after 3 to 5 s
         mujoco.mj_copyData(second, engines[1].model, first)
     assert engines[1].step(second, nstep=200).cuts == 0
     engines[0].step(first, nstep=200)

@@ -24,12 +24,14 @@ constexpr double kShortest = 0.05;
 struct Bar {
   Vector3d centre, axis;
   double radius, half_length;
+  double cap;  // radius beyond the ends
 
   Bar(const mjModel* m, const mjData* d, int geom)
       : centre(d->geom_xpos + 3 * geom),
         axis(d->geom_xmat[9 * geom + 2], d->geom_xmat[9 * geom + 5], d->geom_xmat[9 * geom + 8]),
         radius(m->geom_size[3 * geom]),
-        half_length(m->geom_size[3 * geom + 1]) {}
+        half_length(m->geom_size[3 * geom + 1]),
+        cap(m->geom_type[geom] == mjGEOM_CAPSULE ? radius : 0.0) {}
 };
 
 }  // namespace
@@ -45,13 +47,13 @@ int take_ends_of_sides(const mjModel_* m, const mjData_* d, int geom1, int geom2
   const double crossing = std::abs(normal.dot(first.axis.cross(second.axis)));
   const double rise1 = normal.dot(first.axis), rise2 = normal.dot(second.axis);
   if (std::max({crossing, std::abs(rise1), std::abs(rise2)}) > kSideBySide) return 1;
-  // From the nearest point on, as far as both are there.
-  const Vector3d on_first = nearest - (first.radius + 0.5 * contact->dist) * normal;
-  const Vector3d on_second = nearest + (second.radius + 0.5 * contact->dist) * normal;
+  // From the nearest point on, as far as the straight sides of both go.
+  const Vector3d on_first = nearest - (first.cap + 0.5 * contact->dist) * normal;
+  const Vector3d on_second = nearest + (second.cap + 0.5 * contact->dist) * normal;
   const double at1 = first.axis.dot(on_first - first.centre);
   const double at2 = second.axis.dot(on_second - second.centre);
-  double begin = std::max(-first.half_length - at1, -second.half_length - at2);
-  double end = std::min(first.half_length - at1, second.half_length - at2);
+  double begin = std::min(0.0, std::max(-first.half_length - at1, -second.half_length - at2));
+  double end = std::max(0.0, std::min(first.half_length - at1, second.half_length - at2));
   const double radius = std::min(first.radius, second.radius);
   if (end - begin < kShortest * radius) return 1;
   const double apart = std::max(0.0, first.radius + second.radius + contact->dist);
