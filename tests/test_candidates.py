@@ -144,15 +144,15 @@ def test_pairs_that_are_known_to_be_apart_are(rotation: str) -> None:
     engine, own = dashpot.Engine(model), dashpot.Engine(model)
     kept, anew = engine.make_data(), own.make_data()
     kept.qvel[:] = anew.qvel[:] = np.random.default_rng(0).normal(scale=0.5, size=model.nv)
-    with_contacts = 0
+    touching = 0
     for _ in range(1000):
         engine.step(kept)
         with mujoco_looks_itself():
             own.step(anew)
         np.testing.assert_array_equal(kept.contact.dist, anew.contact.dist)
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
-        with_contacts += kept.ncon > 0
-    assert 100 < with_contacts < 990
+        touching += len(set(map(tuple, kept.contact.geom)))
+    assert 500 < touching < 3500  # of 7 pairs beside each other in 1000 steps: they come and go
 
 
 def grow(model: mujoco.MjModel) -> None:

@@ -96,6 +96,40 @@ PlacedFace place_face(const FlatFace& face, const Pose& pose, const Vector3d& up
   return placed;
 }
 
+PlacedFace place_cap(double radius, double half_length, const Pose& pose, const Vector3d& direction,
+                     const Vector3d& up) {
+  constexpr double kTurn = 2.0 * EIGEN_PI, kPart = kTurn / kCapCorners;
+  const double sign = pose.rotation.col(2).dot(direction) < 0.0 ? -1.0 : 1.0;
+  const Vector3d x = radius * pose.rotation.col(0), y = sign * radius * pose.rotation.col(1);
+  PlacedFace face;
+  face.normal = sign * pose.rotation.col(2);
+  face.origin = pose.position + half_length * face.normal;
+  const auto add = [&](double angle) {
+    face.corner[face.count++] = face.origin + std::cos(angle) * x + std::sin(angle) * y;
+  };
+  const double lowest = std::atan2(-up.dot(y), -up.dot(x));
+  const double parts = (lowest < 0.0 ? lowest + kTurn : lowest) / kPart;
+  const double to_corner = kPart * std::abs(parts - std::round(parts));
+  const bool is_lower =
+      std::hypot(up.dot(x), up.dot(y)) * (1.0 - std::cos(to_corner)) > kLower * radius;
+  for (int i = 0; i < kCapCorners; ++i) {
+    add(kPart * i);
+    if (is_lower && i == std::min(kCapCorners - 1, static_cast<int>(parts))) add(lowest);
+  }
+  return face;
+}
+
+PlacedFace place_side(double radius, double half_length, bool capsule, const Pose& pose,
+                      const Vector3d& up) {
+  const Vector3d axis = pose.rotation.col(2);
+  PlacedFace side;
+  side.normal = -up;
+  if (!capsule) side.normal = (axis.dot(up) * axis - up).normalized();
+  side.origin = pose.position + radius * side.normal;
+  for (double at : {-half_length, half_length}) side.corner[side.count++] = side.origin + at * axis;
+  return side;
+}
+
 bool separates_farther(const PlacedFace& first, const PlacedFace& second) {
   return separation(first, second) >= separation(second, first);
 }

@@ -32,6 +32,7 @@ constexpr double kAsDeep = 0.8;
 // Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
 // radii above it.
 constexpr double kFlat = 1e-6;
+constexpr double kSearchTolerance = 1e-9;              // m, of the distance that a search ends with
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
 thread_local mjModel* replaced = nullptr;  // the model whose collisions are
@@ -98,22 +99,31 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   return count;
 }
 
-// Whether MuJoCo clips faces of many corners against each other to find more than the nearest
-// points, which takes longer than all else.
-bool clips_large_faces(const mjModel* m, int geom1, int geom2) {
-  return !(m->opt.disableflags & mjDSBL_MULTICCD) && has_faces(m->geom_type[geom1]) &&
-         has_faces(m->geom_type[geom2]) &&
-         (has_large_face(m, geom1, *face_buffers) || has_large_face(m, geom2, *face_buffers));
+// What `collide` finds where MuJoCo looks for the nearest points alone, and ends no sooner than
+// within `tolerance` (m) of their distance.
+template <typename Collide>
+int in_one_point(double tolerance, const Collide& collide) {
+  mjOption& option = replaced->opt;
+  const int flags = option.disableflags;
+  const mjtNum own = option.ccd_tolerance;
+  option.disableflags |= mjDSBL_MULTICCD;
+  option.ccd_tolerance = std::min<mjtNum>(own, tolerance);
+  const int count = collide();
+  option.disableflags = flags;
+  option.ccd_tolerance = own;
+  return count;
 }
 
-// What `collide` finds where MuJoCo looks for the nearest points alone.
-template <typename Collide>
-int in_one_point(const Collide& collide) {
-  const int flags = replaced->opt.disableflags;
-  replaced->opt.disableflags |= mjDSBL_MULTICCD;
-  const int count = collide();
-  replaced->opt.disableflags = flags;
-  return count;
+// Whether MuJoCo searches for the nearest points of two extended geoms.
+bool is_searched(const mjModel* m, int geom1, int geom2) {
+  const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
+  if (type1 == mjGEOM_PLANE || (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX)) return false;
+  return type1 != mjGEOM_CAPSULE || (type2 != mjGEOM_CAPSULE && type2 != mjGEOM_BOX);
+}
+
+// Of a capsule the segment inside is apart from what it touches: that search is close enough.
+double search_tolerance(const mjModel* m, int geom1) {
+  return m->geom_type[geom1] == mjGEOM_CAPSULE ? mjMAXVAL : kSearchTolerance;
 }
 
 // All contacts of extended geoms, and of planes with meshes: at most mjMAXCONPAIR.
@@ -123,21 +133,20 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   int most = mj_maxContact(m, geom1, geom2, 1);
   const mjfCollision collide_pair = collide_now[type1][type2];
   const auto collide = [&](mjtNum within, mjPreContact* found) {
-    const bool faces_first = face_buffers && clips_large_faces(m, geom1, geom2);
     const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
-    const int count = faces_first ? in_one_point(ask) : ask();
-    if (!face_buffers || count == 0) return count;
-    if (has_round_side(type1) && has_round_side(type2)) {
-      most = std::max(most, 2);
-      return count > 1 ? count : take_ends_of_sides(m, d, geom1, geom2, within, found);
-    }
+    if (!face_buffers) return ask();
+    const int count =
+        is_searched(m, geom1, geom2) ? in_one_point(search_tolerance(m, geom1), ask) : ask();
+    if (count == 0) return count;
     const int of_faces =
         take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);
     if (of_faces > 0) {
       most = mjMAXCONPAIR;
       return of_faces;
     }
-    return faces_first ? collide_pair(m, d, found, geom1, geom2, within) : count;
+    if (!has_round_side(type1)) return count;
+    most = std::max(most, 2);
+    return take_ends_of_sides(m, d, geom1, geom2, within, *face_buffers, found, count);
   };
   int count = collide(margin, contact);
   if (type1 == mjGEOM_PLANE) return count;
@@ -166,6 +175,16 @@ int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1
     mju_copy3(more.normal.data(), found[i].normal);
   }
   return room;
+}
+
+// Ellipsoids meet in one point.
+int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                      mjtNum margin) {
+  const auto collide = [&] {
+    return collide_now[m->geom_type[geom1]][m->geom_type[geom2]](m, d, contact, geom1, geom2,
+                                                                 margin);
+  };
+  return m == replaced && face_buffers ? in_one_point(kSearchTolerance, collide) : collide();
 }
 
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
@@ -211,6 +230,11 @@ void install() {
         collide_now[type1][type2] = pair;
         pair = collide_moving;
       }
+    for (int type2 : {mjGEOM_ELLIPSOID, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH}) {
+      mjfCollision& pair = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][type2];
+      collide_now[mjGEOM_ELLIPSOID][type2] = pair;
+      pair = collide_ellipsoid;
+    }
     mjfCollision& on_plane = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
     collide_now[mjGEOM_PLANE][mjGEOM_MESH] = on_plane;
     on_plane = collide_moving;
@@ -225,7 +249,11 @@ void install() {
 }  // namespace
 
 ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces)
-    : model_(m), flags_(m->opt.disableflags), outer_(replaced), outer_faces_(face_buffers) {
+    : model_(m),
+      flags_(m->opt.disableflags),
+      tolerance_(m->opt.ccd_tolerance),
+      outer_(replaced),
+      outer_faces_(face_buffers) {
   install();
   replaced = m;
   face_buffers = faces;
@@ -233,13 +261,15 @@ ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces)
 
 ReplacedCollisions::~ReplacedCollisions() {
   model_->opt.disableflags = flags_;
+  model_->opt.ccd_tolerance = tolerance_;
   replaced = outer_;
   face_buffers = outer_faces_;
 }
 
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most) {
   mjPreContact nearest[mjMAXCONPAIR];
-  const int count = in_one_point([&] { return mjc_Convex(m, d, nearest, geom1, geom2, most); });
+  const int count =
+      in_one_point(mjMAXVAL, [&] { return mjc_Convex(m, d, nearest, geom1, geom2, most); });
   return count > 0 ? std::min(most, nearest[0].dist) : most;
 }
 

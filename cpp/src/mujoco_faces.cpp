@@ -7,6 +7,7 @@
 
 #include "dashpot/face_manifold.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_side_by_side.hpp"
 
 namespace dashpot::host {
 
@@ -20,6 +21,8 @@ using Eigen::Vector3d;
 constexpr double kFlatEdge = 0.02;
 // Part of the smaller geom's radius that points of faces may be less deep than the contact found.
 constexpr double kAsDeep = 1e-4;
+// Cosine of the angle to an edge from which it runs along a direction no more.
+constexpr double kAlong = 0.9;
 
 // Radius about a geom; planes have none.
 double size(const mjModel* m, int geom) {
@@ -53,7 +56,7 @@ const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& b
   return *faces;
 }
 
-// The face of a geom, a box or a mesh, that looks along a direction.
+// The face of a geom, a box, a mesh or a cylinder, that looks along a direction.
 struct Side {
   int geom = -1, type = -1;
   Pose pose;
@@ -72,6 +75,10 @@ struct Side {
       normal = std::copysign(1.0, local[axis]) * pose.rotation.col(axis);
       return true;
     }
+    if (type == mjGEOM_CYLINDER) {
+      normal = std::copysign(1.0, local.z()) * pose.rotation.col(2);
+      return true;
+    }
     face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
     if (face) normal = pose.rotation * face->normal;
     return face;
@@ -83,8 +90,10 @@ struct Side {
 
   // `up`: out of what it lies on.
   PlacedFace place(const mjModel* m, const Vector3d& up) const {
+    const mjtNum* const size = m->geom_size + 3 * geom;
     if (face) return place_face(*face, pose, up);
-    return place_box_face(Eigen::Map<const Vector3d>(m->geom_size + 3 * geom), pose, normal);
+    if (type == mjGEOM_CYLINDER) return place_cap(size[0], size[1], pose, normal, up);
+    return place_box_face(Eigen::Map<const Vector3d>(size), pose, normal);
   }
 };
 
@@ -121,38 +130,94 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
   return faces;
 }
 
+// Whether a geom lies with a round side across a direction.
+bool lies_on_side(const mjModel* m, const mjData* d, int geom, const Vector3d& direction) {
+  return has_round_side(m->geom_type[geom]) &&
+         std::abs(pose_of(d, geom).rotation.col(2).dot(direction)) < std::sin(kMostTilt);
+}
+
+// None where what it lies on is no face.
+FaceManifold meet_side(const mjModel* m, const mjData* d, int geom, int round,
+                       const Vector3d& direction, double margin, FaceBuffers& buffers) {
+  Side side(m, d, geom);
+  if (!has_faces(side.type) || !side.find(m, direction, buffers) || !side.is_flat(direction) ||
+      side.normal.dot(direction) < std::cos(kFlatEdge))
+    return {};
+  const mjtNum* const size = m->geom_size + 3 * round;
+  const PlacedFace line = place_side(size[0], size[1], m->geom_type[round] == mjGEOM_CAPSULE,
+                                     pose_of(d, round), side.normal);
+  return meet_face(side.place(m, -side.normal), line, margin);
+}
+
+// Where they lie flat on each other; `direction` is that from the first to the second.
+FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
+                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
+  if (m->geom_type[geom1] == mjGEOM_PLANE)
+    return meet_plane(m, d, geom1, geom2, direction, margin, buffers);
+  const bool side1 = lies_on_side(m, d, geom1, direction);
+  const bool side2 = lies_on_side(m, d, geom2, direction);
+  if (side1 && side2) return {};
+  if (side2) return meet_side(m, d, geom1, geom2, direction, margin, buffers);
+  if (side1) {
+    FaceManifold faces = meet_side(m, d, geom2, geom1, -direction, margin, buffers);
+    faces.normal = -faces.normal;
+    return faces;
+  }
+  for (int geom : {geom1, geom2}) {
+    Side end(m, d, geom);
+    if (!has_faces(end.type)) return {};
+    // The side of a cylinder is no face.
+    if (end.type == mjGEOM_CYLINDER &&
+        std::abs(end.pose.rotation.col(2).dot(direction)) < std::cos(kMostTilt))
+      return {};
+  }
+  return meet_faces(m, d, geom1, geom2, direction, margin, buffers);
+}
+
 }  // namespace
 
-bool has_faces(int type) { return type == mjGEOM_BOX || type == mjGEOM_MESH; }
+bool has_faces(int type) {
+  return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;
+}
 
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,
                     double cosine, FaceBuffers& buffers) {
   Side side(m, d, geom);
-  if (side.type == mjGEOM_CYLINDER)
-    return std::abs(side.pose.rotation.col(2).dot(direction)) >= cosine;
   return has_faces(side.type) && side.find(m, direction, buffers) &&
          side.normal.dot(direction) >= cosine;
 }
 
-bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers) {
-  if (m->geom_type[geom] != mjGEOM_MESH) return false;
-  const std::vector<FlatFace>& faces = faces_of(m, m->geom_dataid[geom], buffers);
-  return std::any_of(faces.begin(), faces.end(), [](const FlatFace& face) {
-    return face.corner.size() > static_cast<size_t>(kMostCorners);
-  });
+std::optional<std::array<Vector3d, 2>> edge_through(const mjModel_* m, const mjData_* d, int geom,
+                                                    const Vector3d& point, const Vector3d& outward,
+                                                    const Vector3d& along, double tolerance,
+                                                    FaceBuffers& buffers) {
+  Side side(m, d, geom);
+  if (!side.find(m, outward, buffers)) return std::nullopt;
+  const PlacedFace face = side.place(m, -outward);
+  std::optional<std::array<Vector3d, 2>> edge;
+  double nearest = tolerance;
+  for (int i = 0; i < face.count; ++i) {
+    const Vector3d& begin = face.corner[i];
+    const Vector3d& end = face.corner[(i + 1) % face.count];
+    const double length = (end - begin).norm();
+    if (length == 0.0 || std::abs(along.dot(end - begin)) < kAlong * length) continue;
+    const double distance = (point - begin).cross(end - begin).norm() / length;
+    if (distance > nearest) continue;
+    nearest = distance;
+    edge = {begin, end};
+  }
+  return edge;
 }
 
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count) {
   const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
-  if (count == 0 || !has_faces(type2) || (type1 != mjGEOM_PLANE && !has_faces(type1))) return 0;
-  // Of boxes MuJoCo gives all points but where it finds edges that cross.
-  if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || count != 1)) return 0;
-  if (may_adhere(m, geom1, geom2)) return 0;
+  // Of boxes MuJoCo gives all points but where it finds edges that cross, of capsules on them both.
+  if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || type1 == mjGEOM_CAPSULE)) return 0;
+  if (type2 == mjGEOM_BOX && type1 == mjGEOM_BOX && count != 1) return 0;
+  if (count == 0 || may_adhere(m, geom1, geom2)) return 0;
   const Vector3d direction = Eigen::Map<const Vector3d>(contact->normal);
-  const FaceManifold faces = type1 == mjGEOM_PLANE
-                                 ? meet_plane(m, d, geom1, geom2, direction, margin, buffers)
-                                 : meet_faces(m, d, geom1, geom2, direction, margin, buffers);
+  const FaceManifold faces = meet_geoms(m, d, geom1, geom2, direction, margin, buffers);
   // A single one stays MuJoCo's, along its own normal.
   if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
   double least = margin;

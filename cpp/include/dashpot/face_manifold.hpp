@@ -11,7 +11,8 @@
 // The points of the faces, all of them, are the better answer, for the crossing is one of them.
 // Seen along the normal n of one face they are the corners of the intersection of both, which sides
 // of the faces that cross are, too; and with z the height of one edge over the other there, their
-// distance is z (n e) along the axis e across both.
+// distance is z (n e) along the axis e across both. Of the flat end of a cylinder points of the rim
+// are the corners, of a round side that lies on a face both ends of its lowest line.
 
 #pragma once
 
@@ -22,6 +23,10 @@
 #include "dashpot/shape.hpp"
 
 namespace dashpot {
+
+// Fixed points of the rim of a cylinder's end. What leans out over the side between two of them
+// stands on the lowest point of the rim, which comes to these as soon as it is lower.
+inline constexpr int kCapCorners = 6;
 
 // A face in the world.
 struct PlacedFace {
@@ -39,6 +44,16 @@ PlacedFace place_box_face(const Eigen::Vector3d& half, const Pose& pose,
 // A face of a hull with its kept corners, and the lowest along `up` (world, unit) of the others
 // where it is lower than those.
 PlacedFace place_face(const FlatFace& face, const Pose& pose, const Eigen::Vector3d& up);
+
+// The flat end of a cylinder that looks along `direction` (world): kCapCorners points of its rim,
+// fixed to it, and the lowest one along `up` (world, unit) where it is lower than those.
+PlacedFace place_cap(double radius, double half_length, const Pose& pose,
+                     const Eigen::Vector3d& direction, const Eigen::Vector3d& up);
+
+// The line of a round side that is lowest along `up` (world, unit), its ends as corners. Beyond
+// them a capsule has half a ball, in which the lowest points are those beneath the ends.
+PlacedFace place_side(double radius, double half_length, bool capsule, const Pose& pose,
+                      const Eigen::Vector3d& up);
 
 struct FacePoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // midway between both surfaces, m, world

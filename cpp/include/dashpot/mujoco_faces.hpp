@@ -2,7 +2,7 @@
 // mujoco_host room.
 //
 // MuJoCo keeps room for a pair's contacts by the types of its geoms: eight of two boxes, four of a
-// mesh. What faces of meshes share beyond that waits until collision is done, and then goes in
+// mesh. What faces share beyond that waits until collision is done, and then goes in
 // beside the pair's other contacts.
 
 #pragma once
@@ -32,17 +32,24 @@ struct FaceBuffers {
   std::vector<SurplusContact> surplus;
 };
 
-// Whether geoms of a type have faces to lie on: boxes and meshes.
+// Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
                     double cosine, FaceBuffers& buffers);
-// Whether a geom is a mesh with a face of more than kMostCorners corners.
-bool has_large_face(const mjModel_* m, int geom, FaceBuffers& buffers);
+// Both ends (m) of the edge through `point`, within `tolerance` (m) of it, that runs nearly along
+// `along`, of the face of a box or a mesh that looks along `outward` most. Directions are unit
+// vectors; all in the world. None where there is no such edge.
+std::optional<std::array<Eigen::Vector3d, 2>> edge_through(const mjModel_* m, const mjData_* d,
+                                                           int geom, const Eigen::Vector3d& point,
+                                                           const Eigen::Vector3d& outward,
+                                                           const Eigen::Vector3d& along,
+                                                           double tolerance, FaceBuffers& buffers);
 
 // Puts the points of the faces in place of the `count` contacts (at most mjMAXCONPAIR) that MuJoCo
 // finds of two geoms, where these lie flat on each other; returns how many they are, 0 where they
-// do not. Pairs of boxes, meshes and planes; of two boxes only where MuJoCo finds a single point.
+// do not. Pairs of boxes, meshes, flat ends of cylinders and planes, of two boxes only where MuJoCo
+// finds a single point; and round sides on faces, but for capsules on boxes, which MuJoCo knows.
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count);
 
