@@ -224,3 +224,24 @@ def test_ellipsoid_rolls_on_a_box_as_on_a_plane(timestep):
         energies[floor] = end.kinetic + end.potential
         assert abs(end.dissipated_recovery - start.dissipated_recovery) < 1e-3
         assert energies[floor] == pytest.approx(start.kinetic + start.potential, rel=1e-3)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("lean_angle", [0.1, 0.8])
+def test_coin_rolls_on_a_box_as_on_a_plane(lean_angle, timestep):
+    # Where its rim would touch next counted as another contact: it lost 16 % in 2 s at 2 ms.
+    energies = []
+    for floor in ('type="plane" size="9 9 1"', 'type="box" size="9 9 0.1" pos="0 0 -0.1"'):
+        height = 0.04 * np.cos(lean_angle) + 0.02 * np.sin(lean_angle)
+        xml = f"""<mujoco><option timestep="{timestep}"/>
+          <worldbody><geom {floor} friction="0.9"/><body pos="0 0 {height}"><freejoint/>
+            <geom type="cylinder" size="0.04 0.02" mass="1" friction="0.9"/></body>
+          </worldbody></mujoco>"""
+        engine = Engine(mujoco.MjModel.from_xml_string(xml))
+        data = engine.make_data()
+        data.qpos[3:5] = [np.cos(np.pi / 4 - lean_angle / 2), np.sin(np.pi / 4 - lean_angle / 2)]
+        data.qvel[:] = [0.6, 0, 0, 0, 2, -15]
+        engine.step(data, nstep=round(2.0 / timestep))
+        energy = engine.energy(data)
+        energies.append(energy.kinetic + energy.potential)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-3)

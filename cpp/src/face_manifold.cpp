@@ -98,23 +98,22 @@ PlacedFace place_face(const FlatFace& face, const Pose& pose, const Vector3d& up
 
 PlacedFace place_cap(double radius, double half_length, const Pose& pose, const Vector3d& direction,
                      const Vector3d& up) {
-  constexpr double kTurn = 2.0 * EIGEN_PI, kPart = kTurn / kCapCorners;
+  constexpr double kPart = 2.0 * EIGEN_PI / kCapCorners;
   const double sign = pose.rotation.col(2).dot(direction) < 0.0 ? -1.0 : 1.0;
   const Vector3d x = radius * pose.rotation.col(0), y = sign * radius * pose.rotation.col(1);
   PlacedFace face;
   face.normal = sign * pose.rotation.col(2);
   face.origin = pose.position + half_length * face.normal;
-  const auto add = [&](double angle) {
-    face.corner[face.count++] = face.origin + std::cos(angle) * x + std::sin(angle) * y;
+  const auto on_rim = [&](double angle) -> Vector3d {
+    return face.origin + std::cos(angle) * x + std::sin(angle) * y;
   };
-  const double lowest = std::atan2(-up.dot(y), -up.dot(x));
-  const double parts = (lowest < 0.0 ? lowest + kTurn : lowest) / kPart;
-  const double to_corner = kPart * std::abs(parts - std::round(parts));
-  const bool is_lower =
-      std::hypot(up.dot(x), up.dot(y)) * (1.0 - std::cos(to_corner)) > kLower * radius;
-  for (int i = 0; i < kCapCorners; ++i) {
-    add(kPart * i);
-    if (is_lower && i == std::min(kCapCorners - 1, static_cast<int>(parts))) add(lowest);
+  for (int i = 0; i < kCapCorners; ++i) face.corner[face.count++] = on_rim(kPart * i);
+  // As far from the lowest point as a fixed one can be, is that one lower?
+  const double lift = std::hypot(up.dot(x), up.dot(y)) * (1.0 - std::cos(0.5 * kPart));
+  if (lift > kLower * radius) {
+    const double lowest = std::atan2(-up.dot(y), -up.dot(x));
+    const int nearest = static_cast<int>(std::lround(lowest / kPart)) + kCapCorners;
+    face.corner[nearest % kCapCorners] = on_rim(lowest);
   }
   return face;
 }

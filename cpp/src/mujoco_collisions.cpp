@@ -29,6 +29,9 @@ constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM
 constexpr double kAlike = 0.85;
 // Part of such a point's depth that a contact known nearby goes in by where it stands for it.
 constexpr double kAsDeep = 0.8;
+// Part of the radius up to which a contact moves along a rim or around a side in a step, as that of
+// what rolls.
+constexpr double kAlongRound = 0.5;
 // Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
 // radii above it.
 constexpr double kFlat = 1e-6;
@@ -50,6 +53,17 @@ mjtNum half_width(const mjModel* m, int geom) {
   return std::min({half[0], half[1], half[2]});
 }
 
+// Least radius of round sides and rims of two geoms, 0 where neither has any.
+mjtNum round_radius(const mjModel* m, int geom1, int geom2) {
+  mjtNum least = 0.0;
+  for (int geom : {geom1, geom2}) {
+    if (!has_round_side(m->geom_type[geom])) continue;
+    const mjtNum radius = m->geom_size[3 * geom];
+    least = least > 0.0 ? std::min(least, radius) : radius;
+  }
+  return least;
+}
+
 // Gap that a contact will have at the end of the step.
 mjtNum gap_at_end(const mjPreContact& contact, const MovedGeom& moved1, const MovedGeom& moved2) {
   mjtNum end1[3], end2[3], way[3];
@@ -69,6 +83,7 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
                const Collide& collide, mjPreContact* contact, int count) {
   if (count == 0 || count >= most) return count;
   const int known = count;
+  const mjtNum along_round = kAlongRound * round_radius(m, geom1, geom2);
   mjPreContact end[mjMAXCONPAIR];
   const MovedGeom moved1(m, d, geom1, m->opt.timestep), moved2(m, d, geom2, m->opt.timestep);
   // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
@@ -88,8 +103,9 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
     mju_scl3(c.pos, c.pos, 0.5);
     // Two contacts at one place would be twice as stiff and damped. Near: as far as geoms may move.
     const auto stands_for_it = [&](const mjPreContact& of_start) {
-      return mju_dist3(of_start.pos, c.pos) < margin &&
-             gap_at_end(of_start, moved1, moved2) < kAsDeep * end[i].dist;
+      const mjtNum way = mju_dist3(of_start.pos, c.pos);
+      return way < along_round ||
+             (way < margin && gap_at_end(of_start, moved1, moved2) < kAsDeep * end[i].dist);
     };
     if (std::any_of(contact, contact + known, stands_for_it)) continue;
     mju_copy3(c.normal, end[i].normal);

@@ -24,8 +24,8 @@
 
 namespace dashpot {
 
-// Fixed points of the rim of a cylinder's end. What leans out over the side between two of them
-// stands on the lowest point of the rim, which comes to these as soon as it is lower.
+// Fixed points of the rim of a cylinder's end. Tilted, its lowest point takes the place of the
+// nearest of them.
 inline constexpr int kCapCorners = 6;
 
 // A face in the world.
@@ -46,7 +46,7 @@ PlacedFace place_box_face(const Eigen::Vector3d& half, const Pose& pose,
 PlacedFace place_face(const FlatFace& face, const Pose& pose, const Eigen::Vector3d& up);
 
 // The flat end of a cylinder that looks along `direction` (world): kCapCorners points of its rim,
-// fixed to it, and the lowest one along `up` (world, unit) where it is lower than those.
+// fixed to it but for the lowest one along `up` (world, unit) where it is tilted.
 PlacedFace place_cap(double radius, double half_length, const Pose& pose,
                      const Eigen::Vector3d& direction, const Eigen::Vector3d& up);
 
