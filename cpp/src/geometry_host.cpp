@@ -35,6 +35,8 @@ Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
   return vertices;
 }
 
+}  // namespace
+
 HeightField height_field(const mjModel* model, int id) {
   const double* size = model->hfield_size + 4 * id;
   HeightField field;
@@ -47,8 +49,6 @@ HeightField height_field(const mjModel* model, int id) {
   field.heights = model->hfield_data + model->hfield_adr[id];
   return field;
 }
-
-}  // namespace
 
 Shape geom_shape(const mjModel* model, int geom) {
   const std::string label = geom_label(model, geom);

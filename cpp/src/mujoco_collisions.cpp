@@ -8,6 +8,7 @@
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
+#include "dashpot/mujoco_terrain.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the collision of
 // any two convex geoms.
@@ -203,6 +204,14 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
   return m == replaced && face_buffers ? in_one_point(kSearchTolerance, collide) : collide();
 }
 
+int collide_on_terrain(const mjModel* m, mjData* d, mjPreContact* contact, int terrain, int geom,
+                       mjtNum margin) {
+  const mjfCollision collide = collide_now[mjGEOM_HFIELD][m->geom_type[geom]];
+  if (m != replaced || !face_buffers) return collide(m, d, contact, terrain, geom, margin);
+  const int count = collide(m, d, contact, terrain, geom, margin);
+  return take_points_on_terrain(m, d, terrain, geom, margin, *face_buffers, contact, count);
+}
+
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
                           int cylinder, mjtNum margin) {
   if (m != replaced) return collide_cylinder(m, d, contact, plane, cylinder, margin);
@@ -250,6 +259,12 @@ void install() {
       mjfCollision& pair = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][type2];
       collide_now[mjGEOM_ELLIPSOID][type2] = pair;
       pair = collide_ellipsoid;
+    }
+    for (int type = 0; type < mjNGEOMTYPES; ++type) {
+      mjfCollision& on_terrain = mjCOLLISIONFUNC[mjGEOM_HFIELD][type];
+      if (!on_terrain || !has_points_on_terrain(type)) continue;
+      collide_now[mjGEOM_HFIELD][type] = on_terrain;
+      on_terrain = collide_on_terrain;
     }
     mjfCollision& on_plane = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
     collide_now[mjGEOM_PLANE][mjGEOM_MESH] = on_plane;

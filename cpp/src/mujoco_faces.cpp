@@ -187,6 +187,16 @@ bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3
          side.normal.dot(direction) >= cosine;
 }
 
+std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pose& pose,
+                                          const Vector3d& direction, double tilt,
+                                          FaceBuffers& buffers) {
+  const Vector3d local = pose.rotation.transpose() * direction;
+  const FlatFace* const face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
+  if (!face || face->normal.dot(local) < std::max(face->cosine, std::cos(tilt)))
+    return std::nullopt;
+  return place_face(*face, pose, -direction);
+}
+
 std::optional<std::array<Vector3d, 2>> edge_through(const mjModel_* m, const mjData_* d, int geom,
                                                     const Vector3d& point, const Vector3d& outward,
                                                     const Vector3d& along, double tolerance,

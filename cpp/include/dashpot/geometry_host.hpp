@@ -13,6 +13,9 @@ struct mjData_;
 
 namespace dashpot {
 
+// A height field of the model, `id` in [0, nhfield), its heights borrowed.
+HeightField height_field(const mjModel_* model, int id);
+
 // The shape of a geom; a mesh gives its convex hull, a height field borrows its heights from the
 // model. `geom` in [0, ngeom).
 // Throws std::invalid_argument naming the geom where it is a signed distance field, or has a bad

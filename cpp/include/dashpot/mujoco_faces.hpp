@@ -11,6 +11,7 @@
 #include <optional>
 #include <vector>
 
+#include "dashpot/face_manifold.hpp"
 #include "dashpot/flat_faces.hpp"
 
 struct mjModel_;
@@ -37,6 +38,12 @@ bool has_faces(int type);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
                     double cosine, FaceBuffers& buffers);
+// The face of a mesh that lies flat along a direction, within `tilt` (rad), placed as `pose` says:
+// the corners that stand for all. None where there is none.
+std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pose& pose,
+                                          const Eigen::Vector3d& direction, double tilt,
+                                          FaceBuffers& buffers);
+
 // Both ends (m) of the edge through `point`, within `tolerance` (m) of it, that runs nearly along
 // `along`, of the face of a box or a mesh that looks along `outward` most. Directions are unit
 // vectors; all in the world. None where there is no such edge.

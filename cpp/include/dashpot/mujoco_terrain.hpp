@@ -1,0 +1,34 @@
+// Contacts with height fields. Part of the mujoco_host room.
+//
+// MuJoCo collides a geom with every prism beneath it, each of which gives the point where it is
+// deepest: of a box that lies on flat ground any point on each, another one in every step, and
+// along the sides that prisms have in common any normal. What lay there rattled for good, a box of
+// 1 kg on 0.4 W from recovery.
+//
+// A geom touches a surface of triangles in corners of its own on faces, and in corners and edges of
+// the surface that stand out. The first are known: corners of boxes and meshes, points of the rims
+// of cylinders, the balls at the ends of capsules, the lowest point of an ellipsoid, each over the
+// triangle beneath it, and over those beside that rise from it. Of what MuJoCo finds remains what
+// lies on corners and edges that stand out, or is not explained.
+
+#pragma once
+
+#include <vector>
+
+struct mjModel_;
+struct mjData_;
+struct mjPreContact_;
+
+namespace dashpot::host {
+
+struct FaceBuffers;
+
+// Whether geoms of a type touch height fields in such points: all but spheres, which MuJoCo knows.
+bool has_points_on_terrain(int type);
+
+// Puts these contacts in place of the `count` (at most mjMAXCONPAIR) that MuJoCo finds of a height
+// field and another geom within `margin` (m); returns how many they are.
+int take_points_on_terrain(const mjModel_* m, const mjData_* d, int terrain, int geom,
+                           double margin, FaceBuffers& buffers, mjPreContact_* contact, int count);
+
+}  // namespace dashpot::host

@@ -1,0 +1,56 @@
+// The surface of a height field: its triangles, and where it bends.
+
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+
+#include "dashpot/shape.hpp"
+
+namespace dashpot {
+
+// Sine of the angle by which a surface bends at an edge up to which it is flat there: what rounding
+// of heights to single precision leaves, some 1e-7 of the height over a cell, and more.
+inline constexpr double kFlatBend = 1e-5;
+
+// In the frame of the field. Edge i leads from corner i to the next one.
+struct TerrainTriangle {
+  int row = 0, column = 0, half = 0;  // of its cell; half 1 lies above the diagonal, along y
+  std::array<Eigen::Vector3d, 3> corner;
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // unit, upward
+
+  bool is_same(const TerrainTriangle& other) const {
+    return row == other.row && column == other.column && half == other.half;
+  }
+  double height_of(const Eigen::Vector3d& point) const { return normal.dot(point - corner[0]); }
+  // Distance (m) of a point from the line along an edge.
+  double distance_to(int edge, const Eigen::Vector3d& point) const;
+};
+
+class Terrain {
+ public:
+  explicit Terrain(const HeightField& field);
+
+  // The one triangle above or below a point, looking down z; none beyond the rim.
+  std::optional<TerrainTriangle> beneath(const Eigen::Vector3d& point) const;
+  // The triangle across an edge; none at the rim.
+  std::optional<TerrainTriangle> across(const TerrainTriangle& triangle, int edge) const;
+  // Sine of the angle by which the surface rises across an edge, negative where the edge stands
+  // out. At the rim -1.
+  double bend(const TerrainTriangle& triangle, int edge) const;
+  // Whether the surface is flat at all edges within `near` (m) of a point on a triangle.
+  bool is_flat_about(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
+                     double near) const;
+  // The highest point (m) of all cells within `radius` (m) of a point, looking down z.
+  double highest_about(const Eigen::Vector3d& point, double radius) const;
+
+ private:
+  TerrainTriangle at(int row, int column, int half) const;
+  Eigen::Vector3d corner(int row, int column) const;
+
+  const HeightField& field_;
+  double width_ = 0.0, depth_ = 0.0;  // m, of a cell along x and y
+};
+
+}  // namespace dashpot

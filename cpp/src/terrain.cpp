@@ -1,0 +1,100 @@
+#include "dashpot/terrain.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dashpot {
+
+using Eigen::Vector3d;
+
+double TerrainTriangle::distance_to(int edge, const Vector3d& point) const {
+  const Vector3d along = (corner[(edge + 1) % 3] - corner[edge]).normalized();
+  return (point - corner[edge]).cross(along).norm();
+}
+
+Terrain::Terrain(const HeightField& field)
+    : field_(field),
+      width_(2.0 * field.half_x / (field.columns - 1)),
+      depth_(2.0 * field.half_y / (field.rows - 1)) {}
+
+Vector3d Terrain::corner(int row, int column) const {
+  return {column * width_ - field_.half_x, row * depth_ - field_.half_y,
+          field_.elevation * field_.heights[row * field_.columns + column]};
+}
+
+TerrainTriangle Terrain::at(int row, int column, int half) const {
+  TerrainTriangle triangle{row, column, half, {}, {}};
+  triangle.corner = {corner(row, column), corner(row + 1, column + 1),
+                     half ? corner(row + 1, column) : corner(row, column + 1)};
+  triangle.normal = (triangle.corner[1] - triangle.corner[0])
+                        .cross(triangle.corner[2] - triangle.corner[0])
+                        .normalized();
+  if (triangle.normal.z() < 0.0) triangle.normal = -triangle.normal;
+  return triangle;
+}
+
+std::optional<TerrainTriangle> Terrain::beneath(const Vector3d& point) const {
+  const double x = (point.x() + field_.half_x) / width_, y = (point.y() + field_.half_y) / depth_;
+  const double column = std::floor(x), row = std::floor(y);
+  if (!(column >= 0.0 && row >= 0.0 && column < field_.columns - 1 && row < field_.rows - 1))
+    return std::nullopt;
+  return at(static_cast<int>(row), static_cast<int>(column), y - row > x - column ? 1 : 0);
+}
+
+std::optional<TerrainTriangle> Terrain::across(const TerrainTriangle& triangle, int edge) const {
+  int row = triangle.row, column = triangle.column;
+  // Edge 0 is the diagonal, edge 1 ends at the high corner, edge 2 at the low one.
+  const int step = edge == 1 ? 1 : edge == 2 ? -1 : 0;
+  // Those of the half below the diagonal: the far side along x, the near one along y.
+  int& beyond = (triangle.half == 0) == (edge == 1) ? column : row;
+  beyond += step;
+  if (row < 0 || column < 0 || row > field_.rows - 2 || column > field_.columns - 2)
+    return std::nullopt;
+  return at(row, column, 1 - triangle.half);
+}
+
+double Terrain::bend(const TerrainTriangle& triangle, int edge) const {
+  const std::optional<TerrainTriangle> other = across(triangle, edge);
+  if (!other) return -1.0;
+  const Vector3d along = (triangle.corner[(edge + 1) % 3] - triangle.corner[edge]).normalized();
+  const double sine = triangle.normal.cross(other->normal).dot(along);
+  // Seen from above corners of the one half go clockwise, of the other counterclockwise.
+  return triangle.half == 0 ? sine : -sine;
+}
+
+bool Terrain::is_flat_about(const TerrainTriangle& triangle, const Vector3d& point,
+                            double near) const {
+  constexpr int kAroundVertex = 6;
+  std::array<TerrainTriangle, kAroundVertex> seen;
+  int count = 0;
+  seen[count++] = triangle;
+  for (int next = 0; next < count; ++next) {
+    for (int edge = 0; edge < 3; ++edge) {
+      if (seen[next].distance_to(edge, point) > near) continue;
+      if (std::abs(bend(seen[next], edge)) > kFlatBend) return false;
+      const TerrainTriangle other = *across(seen[next], edge);
+      const auto is_other = [&](const TerrainTriangle& t) { return t.is_same(other); };
+      if (count < kAroundVertex && std::none_of(seen.begin(), seen.begin() + count, is_other))
+        seen[count++] = other;
+    }
+  }
+  return true;
+}
+
+double Terrain::highest_about(const Vector3d& point, double radius) const {
+  const auto vertex = [](double at, double size, int count) {
+    return static_cast<int>(std::clamp(at / size, 0.0, count - 1.0));
+  };
+  const double x = point.x() + field_.half_x, y = point.y() + field_.half_y;
+  const int last_row = vertex(y + radius + depth_, depth_, field_.rows);
+  const int last_column = vertex(x + radius + width_, width_, field_.columns);
+  double highest = -std::numeric_limits<double>::infinity();
+  for (int row = vertex(y - radius, depth_, field_.rows); row <= last_row; ++row)
+    for (int column = vertex(x - radius, width_, field_.columns); column <= last_column; ++column)
+      highest = std::max(highest, corner(row, column).z());
+  return highest;
+}
+
+}  // namespace dashpot

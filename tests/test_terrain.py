@@ -1,0 +1,167 @@
+"""Contacts with height fields: those of planes where they are flat, and rest."""
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from dashpot import Engine
+from dashpot.query import distance
+
+GRAVITY = 9.81
+CELLS = 40
+HALF = 2.0  # m, of the field's sides
+SHAPES = {
+    "box": ('type="box" size="0.05 0.04 0.03"', 0.03),
+    "capsule": ('type="capsule" size="0.03 0.05" quat="1 0 1 0"', 0.03),
+    "cylinder": ('type="cylinder" size="0.04 0.03"', 0.03),
+    "lying cylinder": ('type="cylinder" size="0.03 0.05" quat="1 0 1 0"', 0.03),
+    "ellipsoid": ('type="ellipsoid" size="0.05 0.04 0.03"', 0.03),
+    "prism": ('type="mesh" mesh="prism"', 0.02),
+}
+
+
+def prism():
+    angle = 2 * np.pi * np.arange(5) / 5
+    ring = 0.04 * np.column_stack([np.cos(angle), np.sin(angle)])
+    return " ".join(f"{x:.6f} {y:.6f} {z}" for x, y in ring for z in (-0.02, 0.02))
+
+
+def scene(shape, position, *, floor="field", quat=(1, 0, 0, 0), timestep=0.002, gravity=True):
+    ground = {
+        "field": '<geom name="ground" type="hfield" hfield="field" friction="0.9"/>',
+        "plane": '<geom name="ground" type="plane" size="9 9 1" friction="0.9"/>',
+    }[floor]
+    geom, _ = SHAPES[shape]
+    return mujoco.MjModel.from_xml_string(f"""
+<mujoco><option timestep="{timestep}" gravity="0 0 {-GRAVITY if gravity else 0}"/>
+<asset><hfield name="field" nrow="{CELLS + 1}" ncol="{CELLS + 1}" size="{HALF} {HALF} 1 0.1"/>
+  <mesh name="prism" vertex="{prism()}"/></asset>
+<worldbody>{ground}
+  <body pos="{" ".join(map(str, position))}" quat="{" ".join(map(str, quat))}"><freejoint/>
+    <geom {geom} mass="1" friction="0.9"/></body></worldbody></mujoco>""")
+
+
+def place_heights(model, height):
+    """Set the heights (m) of the field to height(x, y)."""
+    at = np.linspace(-HALF, HALF, CELLS + 1)
+    x, y = np.meshgrid(at, at)
+    model.hfield_data[:] = height(x, y).ravel()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_contacts_on_a_flat_field_are_those_on_a_plane(shape):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6)]).as_quat(scalar_first=True)
+        position = (*rng.uniform(-1, 1, size=2), SHAPES[shape][1] - 1e-5)
+        found = []
+        for floor in ("field", "plane"):
+            engine = Engine(scene(shape, position, floor=floor, quat=turn, gravity=False))
+            data = engine.make_data()
+            engine.step(data)
+            assert data.contact.frame[:, :3] == pytest.approx(
+                np.tile([0.0, 0.0, 1.0], (data.ncon, 1)), abs=1e-9
+            )
+            assert data.contact.dist == pytest.approx(-1e-5, abs=2e-9)
+            found.append(data.contact.pos[:, :2])
+        on_field, on_plane = found
+        if shape == "cylinder":  # other points of the rim, six of them
+            assert np.linalg.norm(on_field - position[:2], axis=1) == pytest.approx(0.04)
+            assert len(on_field) == 6
+            continue
+        assert len(on_field) == len(on_plane)
+        apart = np.linalg.norm(on_field[:, None] - on_plane[None], axis=2)
+        assert apart.min(axis=1).max() < 1e-6
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("shape", ["box", "cylinder", "prism"])
+def test_what_lies_on_a_flat_field_rests(shape, timestep, slope):
+    # With a point for every prism a box of 1 kg rattled on 0.4 W from recovery, at 0.1 m/s.
+    normal = np.array([-slope, 0.0, 1.0]) / np.hypot(1.0, slope)
+    height = SHAPES[shape][1] + 2e-3
+    turn = Rotation.from_rotvec([0.0, -np.arctan(slope), 0.0]) * Rotation.from_rotvec([0, 0, 0.4])
+    quat = turn.as_quat(scalar_first=True)
+    model = scene(
+        shape,
+        np.array([0.03, 0.02, 0.03 * slope + 1.0]) + height * normal,
+        quat=quat,
+        timestep=timestep,
+    )
+    engine = Engine(model)
+    place_heights(engine.model, lambda x, y: 1.0 + slope * x)
+    data = engine.make_data()
+    engine.step(data, nstep=round(1.0 / timestep))
+    start, recovered = data.qpos.copy(), engine.energy(data).dissipated_recovery
+    engine.step(data, nstep=round(1.0 / timestep))
+    assert np.abs(data.qvel).max() < 1e-9
+    # Heights are in single precision: of 1 m to 6e-8.
+    assert data.qpos == pytest.approx(start, abs=1e-9)
+    assert abs(engine.energy(data).dissipated_recovery - recovered) < 1e-9
+    force = engine.contacts(data).force
+    assert force[:, 0].sum() == pytest.approx(GRAVITY * normal[2], rel=1e-4)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("shape", ["ellipsoid", "lying cylinder", "capsule"])
+def test_what_rolls_on_a_flat_field_rolls_as_on_a_plane(shape, timestep):
+    # A capsule had recovery put in, and dashpots take, three times its energy in 3 s.
+    energies = []
+    for floor in ("field", "plane"):
+        engine = Engine(
+            scene(shape, (-0.5, 0.03, SHAPES[shape][1]), floor=floor, timestep=timestep)
+        )
+        data = engine.make_data()
+        # Capsules and cylinders lie along x and roll along y.
+        data.qvel[:] = [0, 0.3, 0, -10, 0, 0] if shape != "ellipsoid" else [0.3, 0, 0, 0, 8, 0]
+        engine.step(data, nstep=round(2.0 / timestep))
+        energy = engine.energy(data)
+        energies.append(energy.kinetic + energy.potential)
+        assert abs(energy.dissipated_recovery) < 1e-3
+    assert energies[0] == pytest.approx(energies[1], rel=1e-3)
+
+
+def test_capsule_rests_in_a_groove_on_both_its_sides():
+    slope = 0.5
+    radius = 0.03
+    position = (0.0, 0.013, radius * np.hypot(1.0, slope))
+    turn = Rotation.from_rotvec([0, 0, np.pi / 2]).as_quat(scalar_first=True)
+    engine = Engine(scene("capsule", position, quat=turn))
+    place_heights(engine.model, lambda x, y: slope * np.abs(x))
+    data = engine.make_data()
+    engine.step(data, nstep=1000)
+    assert np.abs(data.qvel).max() < 1e-9
+    contacts = engine.contacts(data)
+    assert len(contacts.geom) == 4  # two ends on two sides, which hold its weight
+    vertical = (contacts.frame[:, 0, 2] * contacts.force[:, 0]).sum()
+    tangential = (contacts.frame[:, 1:, 2] * contacts.force[:, 1:3]).sum()
+    assert vertical + tangential == pytest.approx(GRAVITY, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "ellipsoid", "prism"])
+def test_nothing_sinks_into_rough_ground(shape):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        heights = 0.05 * rng.uniform(size=(CELLS + 1, CELLS + 1))
+        quat = Rotation.random(random_state=rng).as_quat(scalar_first=True)
+        engine = Engine(scene(shape, (0.02, 0.03, 0.15), quat=quat))
+        place_heights(engine.model, lambda x, y, heights=heights: heights)
+        data = engine.make_data()
+        deepest = 0.0
+        for _ in range(50):
+            engine.step(data, nstep=20)
+            mujoco.mj_kinematics(engine.model, data)
+            deepest = min(deepest, distance(engine, data, "ground", 1).distance)
+        # A part of the radius by which what faces and rims stand for may lie deeper, and the sag.
+        assert deepest > -5e-4
+
+
+def test_complementarity_free_law_keeps_mujocos_contacts():
+    model = scene("box", (0.03, 0.02, 0.03 - 1e-5), gravity=False)
+    engine = Engine(model, law="comfree")
+    data, own = engine.make_data(), mujoco.MjData(engine.model)
+    mujoco.mj_forward(engine.model, own)
+    engine.step(data)
+    assert np.array_equal(data.contact.pos, own.contact.pos)
