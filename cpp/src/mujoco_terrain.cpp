@@ -198,6 +198,10 @@ class TerrainContacts {
   // Where a face or a side lies flat on a triangle, it touches edges of it that stand out along
   // lines, with both ends.
   void add_edges(const TerrainTriangle& triangle) {
+    bool stands_out = false;
+    for (int edge = 0; edge < 3; ++edge)
+      stands_out = stands_out || terrain_.bend(triangle, edge) < -kFlatBend;
+    if (!stands_out) return;
     const std::optional<PlacedFace> turned = turned_to(triangle);
     if (!turned) return;
     PlacedFace top;
