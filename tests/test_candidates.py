@@ -114,7 +114,7 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
             )
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
         contacts += kept.ncon
-    assert contacts > 1000
+    assert contacts > 500  # four a step, by far more than none
 
 
 def swinging_row(rotation: str) -> mujoco.MjModel:

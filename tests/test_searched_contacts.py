@@ -245,3 +245,16 @@ def test_coin_rolls_on_a_box_as_on_a_plane(lean_angle, timestep):
         energy = engine.energy(data)
         energies.append(energy.kinetic + energy.potential)
     assert energies[1] == pytest.approx(energies[0], rel=1e-3)
+
+
+def test_what_adheres_keeps_the_points_that_mujoco_finds():
+    corners = " ".join(f"{x} {y} {z}" for x, y, z in itertools.product((-0.05, 0.05), repeat=3))
+    xml = f"""<mujoco><asset><mesh name="block" vertex="{corners}"/></asset><worldbody>
+      <geom type="box" size="1 1 0.1" pos="0 0 -0.1"/>
+      <body pos="0 0 0.05"><freejoint/><geom type="mesh" mesh="block" adhesion="1"/></body>
+      </worldbody></mujoco>"""
+    engine = Engine(mujoco.MjModel.from_xml_string(xml))
+    data = engine.make_data()
+    engine.step(data, nstep=600)
+    assert data.ncon == 4
+    assert np.abs(data.qvel).max() < 1e-9

@@ -158,6 +158,55 @@ def test_nothing_sinks_into_rough_ground(shape):
         assert deepest > -5e-4
 
 
+def test_box_beneath_a_field_is_held_by_its_base():
+    # The field is 0.1 m thick below its heights: a corner a hair in its base is not 0.1 m deep.
+    engine = Engine(scene("box", (0.0, 0.0, -0.1 - 0.03 - 0.005)))
+    engine.model.opt.gravity[2] = GRAVITY
+    data = engine.make_data()
+    engine.step(data, nstep=500)
+    assert data.qpos[2] == pytest.approx(-0.1 - 0.03, abs=1e-4)
+
+
+def test_box_beside_a_field_is_held_by_its_rim():
+    # Not lifted to its top, 0.3 m above. Points on the sides of prisms are MuJoCo's: it drifts.
+    engine = Engine(scene("box", (HALF + 0.05 + 0.005, 0.0, 0.2)))
+    place_heights(engine.model, lambda x, y: 0.5 + 0.0 * x)
+    engine.model.opt.gravity[:] = (-GRAVITY, 0.0, 0.0)
+    data = engine.make_data()
+    engine.step(data, nstep=500)
+    assert data.qpos[0] == pytest.approx(HALF + 0.05, abs=1e-3)
+    assert data.qpos[1:3] == pytest.approx([0.0, 0.2], abs=0.1)
+
+
+def test_capsule_along_a_ridge_is_held_by_it():
+    # Parallel to both slopes, it lies on neither of them.
+    model = scene("capsule", (0.0, -0.1, 0.33), quat=(0.7071, 0, 0, 0.7071))
+    model.geom_size[1, 1] = 0.15
+    model.geom_rbound[1] = 0.18
+    model.geom_aabb[1, 5] = 0.18
+    engine = Engine(model)
+    place_heights(engine.model, lambda x, y: 0.3 - np.where(y < 0, np.minimum(abs(x), 0.2), 0.0))
+    data = engine.make_data()
+    engine.step(data, nstep=150)
+    assert data.qpos[2] == pytest.approx(0.33, abs=1e-5)
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+def test_box_that_slides_meets_a_rising_slope_in_time(timestep):
+    # Without a contact ahead its corner went in by 2.8 mm, and recovery gave 0.13 J.
+    engine = Engine(scene("box", (0.3, 0.0, 0.03), timestep=timestep))
+    place_heights(engine.model, lambda x, y: np.maximum(x - 0.5, 0.0))
+    data = engine.make_data()
+    data.qvel[0] = 3.0
+    deepest = 0.0
+    for _ in range(round(0.1 / timestep)):
+        engine.step(data)
+        mujoco.mj_kinematics(engine.model, data)
+        deepest = min(deepest, distance(engine, data, "ground", 1).distance)
+    # On two planes it goes in by 0.74 mm, where the next corner comes down.
+    assert deepest > -1e-3
+
+
 def test_complementarity_free_law_keeps_mujocos_contacts():
     model = scene("box", (0.03, 0.02, 0.03 - 1e-5), gravity=False)
     engine = Engine(model, law="comfree")

@@ -54,12 +54,14 @@ mjtNum half_width(const mjModel* m, int geom) {
   return std::min({half[0], half[1], half[2]});
 }
 
-// Least radius of round sides and rims of two geoms, 0 where neither has any.
+// Least radius of round sides and rims of two geoms, as far as the other one reaches; 0 where
+// neither has any.
 mjtNum round_radius(const mjModel* m, int geom1, int geom2) {
   mjtNum least = 0.0;
   for (int geom : {geom1, geom2}) {
     if (!has_round_side(m->geom_type[geom])) continue;
-    const mjtNum radius = m->geom_size[3 * geom];
+    const mjtNum reach = m->geom_rbound[geom == geom1 ? geom2 : geom1];
+    const mjtNum radius = std::min(m->geom_size[3 * geom], reach);
     least = least > 0.0 ? std::min(least, radius) : radius;
   }
   return least;
@@ -116,8 +118,8 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   return count;
 }
 
-// What `collide` finds where MuJoCo looks for the nearest points alone, and ends no sooner than
-// within `tolerance` (m) of their distance.
+// What `collide` finds where MuJoCo looks for the nearest points alone, within `tolerance` (m) of
+// their distance if its iterations last.
 template <typename Collide>
 int in_one_point(double tolerance, const Collide& collide) {
   mjOption& option = replaced->opt;
@@ -151,7 +153,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   const mjfCollision collide_pair = collide_now[type1][type2];
   const auto collide = [&](mjtNum within, mjPreContact* found) {
     const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
-    if (!face_buffers) return ask();
+    if (!face_buffers || may_adhere(m, geom1, geom2)) return ask();
     const int count =
         is_searched(m, geom1, geom2) ? in_one_point(search_tolerance(m, geom1), ask) : ask();
     if (count == 0) return count;
@@ -184,7 +186,7 @@ int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1
   const int count = find_contacts(m, d, geom1, geom2, margin, found);
   const int room = std::min(count, mj_maxContact(m, geom1, geom2, 1));
   std::copy_n(found, room, contact);
-  for (int i = room; i < count; ++i) {  // points of faces, so there are buffers
+  for (int i = room; i < count; ++i) {  // points of faces or sides, so there are buffers
     SurplusContact& more = face_buffers->surplus.emplace_back();
     more.geom = {geom1, geom2};
     more.distance = found[i].dist;
@@ -207,8 +209,8 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
 int collide_on_terrain(const mjModel* m, mjData* d, mjPreContact* contact, int terrain, int geom,
                        mjtNum margin) {
   const mjfCollision collide = collide_now[mjGEOM_HFIELD][m->geom_type[geom]];
-  if (m != replaced || !face_buffers) return collide(m, d, contact, terrain, geom, margin);
   const int count = collide(m, d, contact, terrain, geom, margin);
+  if (m != replaced || !face_buffers || may_adhere(m, terrain, geom)) return count;
   return take_points_on_terrain(m, d, terrain, geom, margin, *face_buffers, contact, count);
 }
 

@@ -97,12 +97,6 @@ struct Side {
   }
 };
 
-// Pulls of adhesion act in the points that MuJoCo finds.
-bool may_adhere(const mjModel* m, int geom1, int geom2) {
-  return m->flg_adhesion &&
-         (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
-}
-
 FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
   Side side(m, d, geom);
@@ -180,6 +174,11 @@ bool has_faces(int type) {
   return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;
 }
 
+bool may_adhere(const mjModel_* m, int geom1, int geom2) {
+  return m->flg_adhesion &&
+         (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
+}
+
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,
                     double cosine, FaceBuffers& buffers) {
   Side side(m, d, geom);
@@ -225,7 +224,7 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   // Of boxes MuJoCo gives all points but where it finds edges that cross, of capsules on them both.
   if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || type1 == mjGEOM_CAPSULE)) return 0;
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_BOX && count != 1) return 0;
-  if (count == 0 || may_adhere(m, geom1, geom2)) return 0;
+  if (count == 0) return 0;
   const Vector3d direction = Eigen::Map<const Vector3d>(contact->normal);
   const FaceManifold faces = meet_geoms(m, d, geom1, geom2, direction, margin, buffers);
   // A single one stays MuJoCo's, along its own normal.

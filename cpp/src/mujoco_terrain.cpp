@@ -17,7 +17,6 @@ namespace dashpot::host {
 
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 // Angle (rad) up to which a face or a side lies flat on a triangle.
@@ -57,13 +56,21 @@ class TerrainContacts {
     const auto beneath = terrain_.beneath(pose_.position);
     const Vector3d up = beneath ? beneath->normal : Vector3d::UnitZ();
     const mjtNum* const size = m_->geom_size + 3 * geom_;
-    switch (m_->geom_type[geom_]) {
+    const int type = m_->geom_type[geom_];
+    on_side_ =
+        type == mjGEOM_CAPSULE ||
+        (type == mjGEOM_CYLINDER && std::abs(pose_.rotation.col(2).dot(up)) < std::cos(kMostTilt));
+    switch (type) {
       case mjGEOM_BOX:
         for (int i = 0; i < 8; ++i)
           add_point(at(i & 1 ? size[0] : -size[0], i & 2 ? size[1] : -size[1],
                        i & 4 ? size[2] : -size[2]));
         break;
       case mjGEOM_CYLINDER:
+        if (on_side_) {
+          add_corners(place_side(size[0], size[1], false, pose_, up));
+          break;
+        }
         for (double side : {-1.0, 1.0})
           add_corners(place_cap(size[0], size[1], pose_, side * pose_.rotation.col(2), up));
         break;
@@ -98,7 +105,7 @@ class TerrainContacts {
 
   // Contacts of edges that stand out, about one that MuJoCo finds.
   void find_edges(const mjPreContact& contact) {
-    const Vector3d point = to_local(Vector3d(contact.pos));
+    const Vector3d point = on_ground(contact);
     const auto triangle = terrain_.beneath(point);
     if (!triangle) return;
     add_edges(*triangle);
@@ -110,13 +117,17 @@ class TerrainContacts {
 
   // Whether one of MuJoCo's is a contact beside those.
   bool is_another(const mjPreContact& contact) const {
-    const Vector3d point = to_local(Vector3d(contact.pos));
-    if (is_known(point, frame_.rotation.transpose() * Vector3d(contact.normal), contact.dist))
+    const Vector3d normal = frame_.rotation.transpose() * Vector3d(contact.normal);
+    const double place = (on_side_ ? kSamePlace : kSameCorner) * radius();
+    const double cosine = on_side_ ? kSameNormal : kSameCornerNormal;
+    if (is_known(to_local(Vector3d(contact.pos)), normal, contact.dist, place, cosine))
       return false;
+    const Vector3d point = on_ground(contact);
     const auto triangle = terrain_.beneath(point);
     if (!triangle || count_ == 0) return true;
-    if (turned_to(*triangle)) return false;
     const double near = kOnEdge * radius();
+    if (std::abs(triangle->height_of(point)) > near) return true;  // on the rim, or the base
+    if (shared_with(*triangle).count > 0) return false;
     return !is_on_edge(*triangle, point) || !terrain_.is_flat_about(*triangle, point, near);
   }
 
@@ -153,16 +164,38 @@ class TerrainContacts {
     return pose_.position + pose_.rotation * Vector3d(x, y, z);
   }
 
-  void add(const TerrainTriangle& triangle, const Vector3d& point) {
-    const double distance = triangle.height_of(point);
-    if (distance > margin_ || count_ == mjMAXCONPAIR) return;
-    if (has_sides() && !has_flat_edge(triangle) && !turned_to(triangle)) return;
-    found_[count_++] = {point - 0.5 * distance * triangle.normal, triangle.normal, distance};
+  // The point on the ground of a contact that MuJoCo finds.
+  Vector3d on_ground(const mjPreContact& contact) const {
+    return to_local(Vector3d(contact.pos) - 0.5 * contact.dist * Vector3d(contact.normal));
   }
 
-  // A point of the geom's surface for every normal of the terrain, near a triangle.
+  // Out of the ground through its top, unless the way through its rim or its base is shorter.
+  void add(const TerrainTriangle& triangle, const Vector3d& point) {
+    const double distance = triangle.height_of(point);
+    const double other_way =
+        std::min({field_.half_x - std::abs(point.x()), field_.half_y - std::abs(point.y()),
+                  point.z() + field_.base});
+    if (distance > margin_ || -distance > other_way) return;
+    if (on_side_ && !has_flat_edge(triangle) && !turned_to(triangle)) return;
+    keep({point - 0.5 * distance * triangle.normal, triangle.normal, distance});
+  }
+
+  // The nearest, where there is no room for all.
+  void keep(const Found& contact) {
+    if (count_ < mjMAXCONPAIR) {
+      found_[count_++] = contact;
+      return;
+    }
+    Found& farthest =
+        *std::max_element(found_.begin(), found_.end(),
+                          [](const Found& a, const Found& b) { return a.distance < b.distance; });
+    if (contact.distance < farthest.distance) farthest = contact;
+  }
+
+  // A point of the geom's surface for every normal of the terrain, near a triangle: where it lies
+  // over a triangle beside that rises, and where a corner comes to one from here (`ahead`).
   template <typename PointAlong>
-  void add_on(const TerrainTriangle& triangle, const PointAlong& point_along) {
+  void add_on(const TerrainTriangle& triangle, const PointAlong& point_along, bool ahead) {
     add(triangle, point_along(triangle.normal));
     for (int edge = 0; edge < 3; ++edge) {
       if (terrain_.bend(triangle, edge) <= kFlatBend) continue;
@@ -170,13 +203,15 @@ class TerrainContacts {
       const Vector3d point = point_along(beside->normal);
       const Vector3d foot = point - beside->height_of(point) * beside->normal;
       const auto beneath = terrain_.beneath(foot);
-      if (beneath && beneath->is_same(*beside)) add(*beside, point);
+      if (beneath && (beneath->is_same(*beside) || (ahead && beneath->is_same(triangle))))
+        add(*beside, point);
     }
   }
 
   void add_point(const Vector3d& point) {
     if (const auto triangle = terrain_.beneath(point))
-      add_on(*triangle, [&](const Vector3d&) { return point; });
+      add_on(
+          *triangle, [&](const Vector3d&) { return point; }, true);
   }
 
   void add_corners(const PlacedFace& face) {
@@ -190,20 +225,15 @@ class TerrainContacts {
     auto triangle = terrain_.beneath(point_along(up));
     for (int round = 0; triangle && round < kRounds; ++round) {
       const auto beneath = terrain_.beneath(point_along(triangle->normal));
-      if (beneath && beneath->is_same(*triangle)) return add_on(*triangle, point_along);
+      if (beneath && beneath->is_same(*triangle)) return add_on(*triangle, point_along, false);
       triangle = beneath;
     }
   }
 
-  // Where a face or a side lies flat on a triangle, it touches edges of it that stand out along
-  // lines, with both ends.
-  void add_edges(const TerrainTriangle& triangle) {
-    bool stands_out = false;
-    for (int edge = 0; edge < 3; ++edge)
-      stands_out = stands_out || terrain_.bend(triangle, edge) < -kFlatBend;
-    if (!stands_out) return;
+  // What a face or a side that lies flat on a triangle shares with it.
+  FaceManifold shared_with(const TerrainTriangle& triangle) const {
     const std::optional<PlacedFace> turned = turned_to(triangle);
-    if (!turned) return;
+    if (!turned) return {};
     PlacedFace top;
     top.normal = triangle.normal;
     top.origin = triangle.corner[0];
@@ -212,18 +242,29 @@ class TerrainContacts {
     top.corner[1] = triangle.corner[clockwise ? 2 : 1];
     top.corner[2] = triangle.corner[clockwise ? 1 : 2];
     top.count = 3;
-    const FaceManifold shared = meet_face(top, *turned, margin_);
-    for (int i = 0; i < shared.count && count_ < mjMAXCONPAIR; ++i) {
+    return meet_face(top, *turned, margin_);
+  }
+
+  // There it touches edges of it that stand out along lines, with both ends.
+  void add_edges(const TerrainTriangle& triangle) {
+    bool stands_out = false;
+    for (int edge = 0; edge < 3; ++edge)
+      stands_out = stands_out || terrain_.bend(triangle, edge) < -kFlatBend;
+    if (!stands_out) return;
+    const FaceManifold shared = shared_with(triangle);
+    for (int i = 0; i < shared.count; ++i) {
       const Vector3d& point = shared.point[i].position;
       const Vector3d foot = point - triangle.height_of(point) * triangle.normal;
       const double distance = shared.point[i].distance;
-      if (is_on_edge(triangle, foot) && !is_known(point, triangle.normal, distance) &&
+      const double place = (on_side_ ? kSamePlace : kSameCorner) * radius();
+      if (is_on_edge(triangle, foot) &&
+          !is_known(point, triangle.normal, distance, place, kSameCornerNormal) &&
           !terrain_.is_flat_about(triangle, foot, kOnEdge * radius()))
-        found_[count_++] = {point, triangle.normal, distance};
+        keep({point, triangle.normal, distance});
     }
   }
 
-  // Vertices of the hull that are no higher than all of the ground about.
+  // Vertices of the hull that are no higher than the highest ground about, and the margin.
   void add_vertices() {
     const int mesh = m_->geom_dataid[geom_];
     const float* const vertices = m_->mesh_vert + 3 * m_->mesh_vertadr[mesh];
@@ -240,12 +281,6 @@ class TerrainContacts {
     }
   }
 
-  // On surfaces that bend everywhere what MuJoCo finds of round sides is right; the rest of them is
-  // corners, and an ellipsoid's lowest point, which are right on every triangle.
-  bool has_sides() const {
-    return m_->geom_type[geom_] == mjGEOM_CAPSULE || m_->geom_type[geom_] == mjGEOM_CYLINDER;
-  }
-
   // Whether a triangle is part of a larger flat one.
   bool has_flat_edge(const TerrainTriangle& triangle) const {
     for (int edge = 0; edge < 3; ++edge)
@@ -253,10 +288,10 @@ class TerrainContacts {
     return false;
   }
 
-  // Whether a contact that is as deep stands for one in its place.
-  bool is_known(const Vector3d& point, const Vector3d& normal, double distance) const {
-    const double place = (has_sides() ? kSamePlace : kSameCorner) * radius();
-    const double cosine = has_sides() ? kSameNormal : kSameCornerNormal;
+  // Whether a contact that is as deep stands for one within `place` (m), of normals within
+  // `cosine`.
+  bool is_known(const Vector3d& point, const Vector3d& normal, double distance, double place,
+                double cosine) const {
     return std::any_of(found_.begin(), found_.begin() + count_, [&](const Found& f) {
       return f.distance < distance + kAsDeep * radius() && (f.position - point).norm() < place &&
              f.normal.dot(normal) > cosine;
@@ -303,6 +338,9 @@ class TerrainContacts {
   Pose frame_, pose_;  // of the field in the world, of the geom in the field
   std::array<Found, mjMAXCONPAIR> found_;
   int count_ = 0;
+  // It touches with a round side: on surfaces that bend everywhere what MuJoCo finds of that is
+  // right. The rest is corners, and an ellipsoid's lowest point, which are right on every triangle.
+  bool on_side_ = false;
 };
 
 }  // namespace

@@ -76,8 +76,9 @@ bool Terrain::is_flat_about(const TerrainTriangle& triangle, const Vector3d& poi
       if (std::abs(bend(seen[next], edge)) > kFlatBend) return false;
       const TerrainTriangle other = *across(seen[next], edge);
       const auto is_other = [&](const TerrainTriangle& t) { return t.is_same(other); };
-      if (count < kAroundVertex && std::none_of(seen.begin(), seen.begin() + count, is_other))
-        seen[count++] = other;
+      if (std::any_of(seen.begin(), seen.begin() + count, is_other)) continue;
+      if (count == kAroundVertex) return false;
+      seen[count++] = other;
     }
   }
   return true;

@@ -18,10 +18,11 @@
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model
 // says otherwise, which is what rigid contacts overlap by. It leaves the normal of curved shapes
 // open by some 0.003 rad, that of a cylinder along an edge by 0.5. Here it goes on to a thousandth
-// of that. Then MuJoCo clips faces against each other for more points, which need not be those that
-// touch: of capsules on hulls of 60 corners every third normal is off, by up to 0.8 rad. Here the
-// nearest points stay unless geoms lie flat (mujoco_faces.hpp) or side by side
-// (mujoco_side_by_side.hpp).
+// of that, but with capsules, whose segment inside is apart from what they touch. Then MuJoCo clips
+// faces against each other for more points, which need not be those that touch: of capsules on
+// hulls of 60 corners every third normal is off, by up to 0.8 rad. Here the nearest points stay
+// unless geoms lie flat (mujoco_faces.hpp) or side by side (mujoco_side_by_side.hpp). Points on
+// height fields are those of mujoco_terrain.hpp.
 //
 // Cylinder on plane: MuJoCo takes the lowest direction of the rim from the difference of nearly
 // equal vectors. Of a cylinder that stands flat, tilted by a, distances are off by about 1e-16 / a

@@ -35,6 +35,8 @@ struct FaceBuffers {
 
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
+// Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
+bool may_adhere(const mjModel_* m, int geom1, int geom2);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
                     double cosine, FaceBuffers& buffers);

@@ -13,8 +13,6 @@
 
 #pragma once
 
-#include <vector>
-
 struct mjModel_;
 struct mjData_;
 struct mjPreContact_;

@@ -39,7 +39,8 @@ class Terrain {
   // Sine of the angle by which the surface rises across an edge, negative where the edge stands
   // out. At the rim -1.
   double bend(const TerrainTriangle& triangle, int edge) const;
-  // Whether the surface is flat at all edges within `near` (m) of a point on a triangle.
+  // Whether the surface is flat at all edges whose lines pass within `near` (m) of a point on a
+  // triangle. False where these are of more triangles than meet at a vertex.
   bool is_flat_about(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
                      double near) const;
   // The highest point (m) of all cells within `radius` (m) of a point, looking down z.
