@@ -258,3 +258,28 @@ def test_what_adheres_keeps_the_points_that_mujoco_finds():
     engine.step(data, nstep=600)
     assert data.ncon == 4
     assert np.abs(data.qvel).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("law", "treatment"), [("kelvin_voigt", "mapped"), ("comfree", "honoured")]
+)
+def test_report_says_whether_searches_are_mujocos(law, treatment):
+    report = repr(Engine(two_shapes("cylinder", "box"), law=law).report())
+    assert f"{treatment:<10}option ccd_tolerance, flag multiccd" in report
+
+
+def test_contacts_do_not_depend_on_what_the_report_calls_mapped():
+    found = []
+    for option in ('ccd_tolerance="1e-6"', 'ccd_tolerance="1e-4"'):
+        for flag in ("enable", "disable"):
+            model = two_shapes("cylinder", "box", option)
+            if flag == "disable":
+                model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
+            engine = Engine(model)
+            data = engine.make_data()
+            push_together(engine, data, np.random.default_rng(1))
+            engine.step(data)
+            found.append((data.contact.frame.copy(), data.contact.dist.copy()))
+    for frame, gap in found[1:]:
+        assert np.array_equal(frame, found[0][0])
+        assert np.array_equal(gap, found[0][1])

@@ -90,6 +90,13 @@ void report_options(const mjModel* m, Report& report) {
     report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
   report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
              Treatment::kMapped, "contact is solved in closed form; nothing iterates");
+  if (report.comfree())
+    report.add("option ccd_tolerance, flag multiccd", Treatment::kHonoured,
+               "contacts are those that MuJoCo finds");
+  else
+    report.add("option ccd_tolerance, flag multiccd", Treatment::kMapped,
+               "nearest points are searched to 1e-9 m, with capsules to ccd_tolerance; what lies "
+               "flat, on a side or along an edge has points of its own");
   report.add("option cone", Treatment::kMapped,
              report.comfree() ? "friction cones are pyramids" : "friction cones are elliptic");
 }
