@@ -114,7 +114,7 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
             )
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
         contacts += kept.ncon
-    assert contacts > 500  # four a step, by far more than none
+    assert contacts > 900  # seven a step and more; fields have few where they are smooth
 
 
 def swinging_row(rotation: str) -> mujoco.MjModel:

@@ -48,6 +48,12 @@ void column_of(const mjtNum* rotation, int column, mjtNum* out) {
   for (int i = 0; i < 3; ++i) out[i] = rotation[3 * i + column];
 }
 
+// Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
+bool may_adhere(const mjModel* m, int geom1, int geom2) {
+  return m->flg_adhesion &&
+         (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
+}
+
 // Least half-width of a geom's box of bounds.
 mjtNum half_width(const mjModel* m, int geom) {
   const mjtNum* half = m->geom_aabb + 6 * geom + 3;

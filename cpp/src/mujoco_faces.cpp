@@ -29,12 +29,6 @@ double size(const mjModel* m, int geom) {
   return m->geom_type[geom] == mjGEOM_PLANE ? mjMAXVAL : m->geom_rbound[geom];
 }
 
-Pose pose_of(const mjData* d, int geom) {
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {Eigen::Map<const Vector3d>(d->geom_xpos + 3 * geom),
-          Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)};
-}
-
 // None where the model holds no polygons of its hull.
 std::vector<FlatFace> faces_of_mesh(const mjModel* m, int mesh) {
   Eigen::Matrix3Xd vertices(3, m->mesh_vertnum[mesh]);
@@ -64,7 +58,7 @@ struct Side {
   Vector3d normal = Vector3d::Zero();
 
   Side(const mjModel* m, const mjData* d, int id)
-      : geom(id), type(m->geom_type[id]), pose(pose_of(d, id)) {}
+      : geom(id), type(m->geom_type[id]), pose(pose_of_geom(d, id)) {}
 
   // Whether there is any.
   bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
@@ -101,7 +95,8 @@ FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
   Side side(m, d, geom);
   if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
-  return dashpot::meet_plane(pose_of(d, plane).position, normal, side.place(m, normal), margin);
+  return dashpot::meet_plane(pose_of_geom(d, plane).position, normal, side.place(m, normal),
+                             margin);
 }
 
 // None where neither face is flat.
@@ -127,7 +122,7 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
 // Whether a geom lies with a round side across a direction.
 bool lies_on_side(const mjModel* m, const mjData* d, int geom, const Vector3d& direction) {
   return has_round_side(m->geom_type[geom]) &&
-         std::abs(pose_of(d, geom).rotation.col(2).dot(direction)) < std::sin(kMostTilt);
+         std::abs(pose_of_geom(d, geom).rotation.col(2).dot(direction)) < std::sin(kMostTilt);
 }
 
 // None where what it lies on is no face.
@@ -139,7 +134,7 @@ FaceManifold meet_side(const mjModel* m, const mjData* d, int geom, int round,
     return {};
   const mjtNum* const size = m->geom_size + 3 * round;
   const PlacedFace line = place_side(size[0], size[1], m->geom_type[round] == mjGEOM_CAPSULE,
-                                     pose_of(d, round), side.normal);
+                                     pose_of_geom(d, round), side.normal);
   return meet_face(side.place(m, -side.normal), line, margin);
 }
 
@@ -170,13 +165,14 @@ FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
 
 }  // namespace
 
-bool has_faces(int type) {
-  return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;
+Pose pose_of_geom(const mjData_* d, int geom) {
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  return {Eigen::Map<const Vector3d>(d->geom_xpos + 3 * geom),
+          Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)};
 }
 
-bool may_adhere(const mjModel_* m, int geom1, int geom2) {
-  return m->flg_adhesion &&
-         (m->npair > 0 || m->geom_adhesion[geom1] != 0.0 || m->geom_adhesion[geom2] != 0.0);
+bool has_faces(int type) {
+  return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;
 }
 
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,

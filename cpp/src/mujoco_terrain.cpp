@@ -45,8 +45,8 @@ class TerrainContacts {
         buffers_(buffers),
         field_(height_field(m, m->geom_dataid[terrain])),
         terrain_(field_),
-        frame_(pose_of(d, terrain)) {
-    const Pose world = pose_of(d, geom);
+        frame_(pose_of_geom(d, terrain)) {
+    const Pose world = pose_of_geom(d, geom);
     pose_.position = to_local(world.position);
     pose_.rotation = frame_.rotation.transpose() * world.rotation;
   }
@@ -151,12 +151,6 @@ class TerrainContacts {
     double distance;
   };
 
-  static Pose pose_of(const mjData* d, int geom) {
-    using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    return {Eigen::Map<const Vector3d>(d->geom_xpos + 3 * geom),
-            Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)};
-  }
-
   Vector3d to_local(const Vector3d& point) const {
     return frame_.rotation.transpose() * (point - frame_.position);
   }
@@ -175,7 +169,8 @@ class TerrainContacts {
     const double other_way =
         std::min({field_.half_x - std::abs(point.x()), field_.half_y - std::abs(point.y()),
                   point.z() + field_.base});
-    if (distance > margin_ || -distance > other_way) return;
+    if (!(distance <= margin_) || -distance > other_way)
+      return;  // nor where heights are not finite
     if (on_side_ && !has_flat_edge(triangle) && !turned_to(triangle)) return;
     keep({point - 0.5 * distance * triangle.normal, triangle.normal, distance});
   }

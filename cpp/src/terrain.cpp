@@ -3,10 +3,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "dashpot/prisms.hpp"
 
 namespace dashpot {
 
+using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
 double TerrainTriangle::distance_to(int edge, const Vector3d& point) const {
@@ -85,17 +87,9 @@ bool Terrain::is_flat_about(const TerrainTriangle& triangle, const Vector3d& poi
 }
 
 double Terrain::highest_about(const Vector3d& point, double radius) const {
-  const auto vertex = [](double at, double size, int count) {
-    return static_cast<int>(std::clamp(at / size, 0.0, count - 1.0));
-  };
-  const double x = point.x() + field_.half_x, y = point.y() + field_.half_y;
-  const int last_row = vertex(y + radius + depth_, depth_, field_.rows);
-  const int last_column = vertex(x + radius + width_, width_, field_.columns);
-  double highest = -std::numeric_limits<double>::infinity();
-  for (int row = vertex(y - radius, depth_, field_.rows); row <= last_row; ++row)
-    for (int column = vertex(x - radius, width_, field_.columns); column <= last_column; ++column)
-      highest = std::max(highest, corner(row, column).z());
-  return highest;
+  const Prisms prisms(field_);
+  const Vector3d reach = Vector3d::Constant(radius);
+  return prisms.box(prisms.cells(AlignedBox3d(point - reach, point + reach))).max().z();
 }
 
 }  // namespace dashpot

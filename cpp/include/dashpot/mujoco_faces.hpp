@@ -2,8 +2,8 @@
 // mujoco_host room.
 //
 // MuJoCo keeps room for a pair's contacts by the types of its geoms: eight of two boxes, four of a
-// mesh. What faces share beyond that waits until collision is done, and then goes in
-// beside the pair's other contacts.
+// mesh. What faces share beyond that waits until collision is done, and then goes in beside the
+// pair's other contacts.
 
 #pragma once
 
@@ -33,10 +33,10 @@ struct FaceBuffers {
   std::vector<SurplusContact> surplus;
 };
 
+// Where a geom is.
+Pose pose_of_geom(const mjData_* d, int geom);
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
-// Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
-bool may_adhere(const mjModel_* m, int geom1, int geom2);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
                     double cosine, FaceBuffers& buffers);
