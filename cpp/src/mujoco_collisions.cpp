@@ -94,7 +94,8 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   const int known = count;
   const mjtNum along_round = kAlongRound * round_radius(m, geom1, geom2);
   mjPreContact end[mjMAXCONPAIR];
-  const MovedGeom moved1(m, d, geom1, m->opt.timestep), moved2(m, d, geom2, m->opt.timestep);
+  const MovedGeom moved1(m, d, geom1, m->opt.timestep, Spin::kOfShape);
+  const MovedGeom moved2(m, d, geom2, m->opt.timestep, Spin::kOfShape);
   // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
   const int end_count = collide(0.0, end);
   for (int i = 0; i < end_count && count < most; ++i) {

@@ -11,14 +11,18 @@ namespace dashpot::host {
 void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
                  mjtNum* linear);
 
+// Of what turns about the axis of a capsule or a cylinder: its points, or its shape, which does
+// not.
+enum class Spin { kOfPoints, kOfShape };
+
 // While it lives, the geom is where it will be after `time` (s) at the velocity that it has now.
 class MovedGeom {
  public:
-  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time);
+  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time, Spin spin = Spin::kOfPoints);
   ~MovedGeom();
   MovedGeom(const MovedGeom&) = delete;
   MovedGeom& operator=(const MovedGeom&) = delete;
-  // Where a point that moves with the geom is now, given where it will be.
+  // Where a point that moves with the geom, or with its shape, is now, given where it will be.
   void move_back(mjtNum* point) const;
   // Where it will be, given where it is now.
   void move_on(mjtNum* point) const;
