@@ -214,3 +214,10 @@ def test_complementarity_free_law_keeps_mujocos_contacts():
     mujoco.mj_forward(engine.model, own)
     engine.step(data)
     assert np.array_equal(data.contact.pos, own.contact.pos)
+
+
+def test_heights_that_are_not_finite_are_refused_by_name():
+    model = scene("box", (0, 0, 1))
+    model.hfield_data[2 * (CELLS + 1) + 3] = np.nan
+    with pytest.raises(ValueError, match="hfield 'field' holds nan in row 2, column 3"):
+        Engine(model)

@@ -212,6 +212,19 @@ void check_friction(const mjModel* m) {
   check_friction(m, "flex", mjOBJ_FLEX, m->flex_friction, m->nflex, 3);
 }
 
+void check_heights(const mjModel* m) {
+  for (int field = 0; field < m->nhfield; ++field) {
+    const int columns = m->hfield_ncol[field], count = m->hfield_nrow[field] * columns;
+    const float* const heights = m->hfield_data + m->hfield_adr[field];
+    for (int i = 0; i < count; ++i)
+      if (!std::isfinite(heights[i]))
+        throw std::invalid_argument("model.hfield_data of hfield " + named(m, mjOBJ_HFIELD, field) +
+                                    " holds " + std::to_string(heights[i]) + " in row " +
+                                    std::to_string(i / columns) + ", column " +
+                                    std::to_string(i % columns) + "; heights must be finite");
+  }
+}
+
 }  // namespace
 
 void check_options(const mjModel_* m, Law law) {
@@ -237,6 +250,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
 
 void check_supported(const mjModel_* m, Law law) {
   check_friction(m);
+  check_heights(m);
   std::string refused;
   for (const Feature& feature : features(m, law))
     if (feature.treatment == Treatment::kRefused)

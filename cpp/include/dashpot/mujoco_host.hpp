@@ -36,8 +36,8 @@ struct Feature {
 };
 std::vector<Feature> features(const mjModel_* m, Law law);
 
-// Throws std::invalid_argument naming every refused feature, or a geom, pair or flex whose friction
-// is negative or not finite.
+// Throws std::invalid_argument naming every refused feature, a geom, pair or flex whose friction is
+// negative or not finite, or a height of a field that is not finite.
 void check_supported(const mjModel_* m, Law law);
 // The same for the options and friction alone, which may be edited between steps. Also requires the
 // elliptic cone, whose row layout force reports rely on, and a positive time step.
