@@ -110,7 +110,7 @@ DifferencePoint difference_support(const Shape& shape1, const Pose& pose1, const
 
 std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose1,
                                            const Shape& shape2, const Pose& pose2,
-                                           const Vector3d& start) {
+                                           const Vector3d& start, double enough) {
   const double tolerance = kRounding * pair_size(shape1, pose1, shape2, pose2);
   Simplex simplex;
   simplex.vertex[0] = difference_support(shape1, pose1, shape2, pose2, start.normalized());
@@ -128,7 +128,7 @@ std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose
       lower = bound;
       normal = direction;
     }
-    if (upper - lower <= tolerance) break;
+    if (upper - lower <= tolerance || lower > enough) break;
     Simplex grown = simplex;
     grown.vertex[grown.size++] = vertex;
     const Vector3d closer = nearest_point(grown);

@@ -141,9 +141,7 @@ class FlightSearch {
   }
 
   bool can_be_followed(int geom) const {
-    if (!has_shape(model_, geom)) return false;
-    const ShapeType type = shapes_.of(model_, geom).type;
-    return type != ShapeType::kPlane && type != ShapeType::kHeightField;
+    return has_shape(model_, geom) && has_core(shapes_.of(model_, geom));
   }
 
   double half_width(const ContactInput& contact) const {

@@ -76,8 +76,7 @@ Shape geom_shape(const mjModel* model, int geom) {
       break;
     case mjGEOM_MESH:
       shape.type = ShapeType::kHull;
-      shape.vertices =
-          std::make_shared<const Eigen::Matrix3Xd>(hull_vertices(model, model->geom_dataid[geom]));
+      shape.hull = std::make_shared<const Hull>(hull_vertices(model, model->geom_dataid[geom]));
       break;
     case mjGEOM_HFIELD:
       shape.type = ShapeType::kHeightField;

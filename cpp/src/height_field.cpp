@@ -119,7 +119,7 @@ Shape height_field_hull(const HeightField& field) {
   });
   Shape hull;
   hull.type = ShapeType::kHull;
-  hull.vertices = std::make_shared<const Eigen::Matrix3Xd>(
+  hull.hull = std::make_shared<const Hull>(
       Eigen::Map<const Eigen::Matrix3Xd>(corners.front().data(), 3, corners.size()));
   return hull;
 }

@@ -41,7 +41,8 @@ void KnockOn::find_known(const std::vector<ContactInput>& contacts,
   known_.clear();
   for (size_t i = 0; i < contacts.size(); ++i)
     if (!contacts[i].is_of_flex())
-      known_.push_back({sorted(contacts[i].geom[0], contacts[i].geom[1]), end_gap[i]});
+      known_.push_back(
+          {sorted(contacts[i].geom[0], contacts[i].geom[1]), end_gap[i], &contacts[i]});
   std::sort(known_.begin(), known_.end(), [](const Known& a, const Known& b) {
     return std::tie(a.geom, a.end_gap) < std::tie(b.geom, b.end_gap);
   });
@@ -68,6 +69,8 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
   const auto known = std::lower_bound(known_.begin(), known_.end(), pair,
                                       [](const Known& k, const GeomPair& p) { return k.geom < p; });
   if (known == known_.end() || known->geom != pair) {
+    const double clearance = margin + way - unknown;
+    if (are_farther_apart(*shape[0], pose[0], *shape[1], pose[1], clearance)) return false;
     const Distance now = distance(*shape[0], pose[0], *shape[1], pose[1]);
     double rate = 0.0;
     for (int side = 0; side < 2; ++side) {
@@ -81,8 +84,14 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
                                      [](const GeomPair& p, const Known& k) { return p < k.geom; });
   if (last - known >= host::most_contacts(model, geom1, geom2)) return false;
   for (int side = 0; side < 2; ++side) pose[side] = advance(pose[side], motion[side], length);
-  const double end = distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin;
-  return end < std::min(0.0, known->end_gap) - std::max(kSlack * way, unknown);
+  const double deepest = std::min(0.0, known->end_gap) - std::max(kSlack * way, unknown);
+  if (has_core(*shape[0]) && has_core(*shape[1])) {
+    const Eigen::Vector3d normal = Eigen::Map<const Eigen::Vector3d>(known->contact->frame.data());
+    const double sign = known->contact->geom[0] == geom1 ? 1.0 : -1.0;
+    if (gap_along(*shape[0], pose[0], *shape[1], pose[1], sign * normal) - margin >= deepest)
+      return false;
+  }
+  return distance(*shape[0], pose[0], *shape[1], pose[1]).distance - margin < deepest;
 }
 
 bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,

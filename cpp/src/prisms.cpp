@@ -107,21 +107,22 @@ int Prisms::beneath(const Vector3d& point) const {
   return 2 * (cell.first_row * columns() + cell.first_column);
 }
 
-PlacedPrism::PlacedPrism(const Pose& field)
-    : field_(field), corners_(std::make_shared<Eigen::Matrix3Xd>(3, 6)) {
+PlacedPrism::PlacedPrism(const Pose& field) : field_(field), hull_(std::make_shared<Hull>()) {
   shape_.type = ShapeType::kHull;
-  shape_.vertices = corners_;
+  shape_.hull = hull_;
   pose_.rotation = field.rotation;
 }
 
 void PlacedPrism::set(const Prism& prism) {
   // About its own middle: far from the field's, coordinates would lose digits.
   const Vector3d middle = prism.box().center();
+  Eigen::Matrix<double, 3, 6> corners;
   for (int i = 0; i < 3; ++i) {
-    corners_->col(i) = prism.top[i] - middle;
-    corners_->col(i + 3) = corners_->col(i);
-    (*corners_)(2, i + 3) = -prism.base - middle.z();
+    corners.col(i) = prism.top[i] - middle;
+    corners.col(i + 3) = corners.col(i);
+    corners(2, i + 3) = -prism.base - middle.z();
   }
+  hull_->set(corners);
   pose_.position = field_.position + field_.rotation * middle;
 }
 

@@ -46,14 +46,19 @@ Distance search_penetration(const Shape& shape1, const Pose& pose1, const Shape&
   return best;
 }
 
+// The direction in which a search begins.
+Vector3d from_centre_to_centre(const Pose& pose1, const Pose& pose2) {
+  const Vector3d between = pose2.position - pose1.position;
+  const double offset = between.norm();
+  return offset > 0.0 ? Vector3d(between / offset) : Vector3d::UnitZ();
+}
+
 Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
                        const Pose& pose2) {
   if (const auto closed = closed_form_distance(shape1, pose1, shape2, pose2)) return *closed;
 
   const double size = core_extent(shape1) + core_extent(shape2);
-  const Vector3d between = pose2.position - pose1.position;
-  const double offset = between.norm();
-  const Vector3d ahead = offset > 0.0 ? Vector3d(between / offset) : Vector3d::UnitZ();
+  const Vector3d ahead = from_centre_to_centre(pose1, pose2);
   if (const auto apart = separated_distance(shape1, pose1, shape2, pose2, ahead)) {
     if (apart->distance > kClear * size) return *apart;
     return refine_distance(shape1, pose1, shape2, pose2, apart->normal);
@@ -94,6 +99,23 @@ Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, c
   result.point1 += radius1 * result.normal;
   result.point2 -= radius2 * result.normal;
   return result;
+}
+
+double gap_along(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2,
+                 const Vector3d& normal) {
+  return difference_support(shape1, pose1, shape2, pose2, normal).difference.dot(normal) -
+         sweep_radius(shape1) - sweep_radius(shape2);
+}
+
+bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                       const Pose& pose2, double clearance) {
+  if (is_height_field(shape1) || is_height_field(shape2)) return false;
+  const double of_cores = clearance + sweep_radius(shape1) + sweep_radius(shape2);
+  if (const auto closed = closed_form_distance(shape1, pose1, shape2, pose2))
+    return closed->distance > of_cores;
+  const auto apart = separated_distance(shape1, pose1, shape2, pose2,
+                                        from_centre_to_centre(pose1, pose2), of_cores);
+  return apart && apart->distance > of_cores;
 }
 
 }  // namespace dashpot

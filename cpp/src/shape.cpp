@@ -33,11 +33,8 @@ Vector3d local_support(const Shape& shape, const Vector3d& d) {
     case ShapeType::kBox:
       return {d.x() < 0.0 ? -size[0] : size[0], d.y() < 0.0 ? -size[1] : size[1],
               d.z() < 0.0 ? -size[2] : size[2]};
-    case ShapeType::kHull: {
-      Eigen::Index best = 0;
-      (d.transpose() * *shape.vertices).maxCoeff(&best);
-      return shape.vertices->col(best);
-    }
+    case ShapeType::kHull:
+      return shape.hull->furthest_along(d);
     case ShapeType::kPlane:
     case ShapeType::kHeightField:
       break;
@@ -67,6 +64,10 @@ Pose advance(const Pose& pose, const Motion& motion, double time) {
           turn * pose.rotation};
 }
 
+bool has_core(const Shape& shape) {
+  return shape.type != ShapeType::kPlane && shape.type != ShapeType::kHeightField;
+}
+
 double sweep_radius(const Shape& shape) {
   return shape.type == ShapeType::kSphere || shape.type == ShapeType::kCapsule ? shape.size[0]
                                                                                : 0.0;
@@ -91,7 +92,7 @@ double core_extent(const Shape& shape) {
     case ShapeType::kBox:
       return size.norm();
     case ShapeType::kHull:
-      return shape.vertices->colwise().norm().maxCoeff();
+      return shape.hull->extent();
     case ShapeType::kPlane:
     case ShapeType::kHeightField:
       break;
@@ -119,8 +120,8 @@ double core_axis_radius(const Shape& shape, const Pose& pose, const Vector3d& ce
           centre, axis);
     case ShapeType::kHull:
       return furthest_from_line(
-          static_cast<int>(shape.vertices->cols()),
-          [&](int i) -> Vector3d { return pose.position + pose.rotation * shape.vertices->col(i); },
+          shape.hull->count(),
+          [&](int i) -> Vector3d { return pose.position + pose.rotation * shape.hull->corner(i); },
           centre, axis);
     default:
       return (pose.position - centre).cross(axis).norm() + core_extent(shape);
@@ -133,8 +134,8 @@ void check_shape(const Shape& shape, const char* label) {
   };
   if (shape.type == ShapeType::kPlane) return;
   if (shape.type == ShapeType::kHull) {
-    if (!shape.vertices || shape.vertices->cols() == 0) fail("the mesh has no vertices");
-    if (!shape.vertices->allFinite()) fail("a mesh vertex is not finite");
+    if (!shape.hull || shape.hull->count() == 0) fail("the mesh has no vertices");
+    if (!shape.hull->is_finite()) fail("a mesh vertex is not finite");
     return;
   }
   if (shape.type == ShapeType::kHeightField) {

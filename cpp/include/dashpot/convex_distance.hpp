@@ -14,6 +14,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <optional>
 
 #include "dashpot/shape.hpp"
@@ -42,10 +43,12 @@ DifferencePoint difference_support(const Shape& shape1, const Pose& pose1, const
                                    const Pose& pose2, const Eigen::Vector3d& normal);
 
 // Closest points of two cores that are apart (Gilbert, Johnson and Keerthi 1988), searched from
-// `start` (any length but zero). Empty where the cores overlap.
+// `start` (any length but zero). Empty where the cores overlap. Where a direction proves that these
+// are more than `enough` (m) apart the search ends with points that need not be the closest.
 std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose1,
                                            const Shape& shape2, const Pose& pose2,
-                                           const Eigen::Vector3d& start);
+                                           const Eigen::Vector3d& start,
+                                           double enough = std::numeric_limits<double>::infinity());
 
 // Nearest local maximum of s(n) from the unit direction `start`; the signed distance of the cores
 // wherever s(start) is near it, and always where the cores are apart.

@@ -37,10 +37,11 @@ class KnockOn {
                      host::ReachBuffers& reach);
 
  private:
-  // The deepest that the contacts of a pair know of, m.
+  // A contact of a pair, and its gap (m) at the end of the step.
   struct Known {
     GeomPair geom;
     double end_gap = 0.0;
+    const ContactInput* contact = nullptr;
   };
   void find_ways(const mjModel_* model, const mjData_* data,
                  const std::vector<double>& mean_velocity, double length,
@@ -53,7 +54,7 @@ class KnockOn {
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
   std::vector<int> far_;                     // geoms that went beyond their reach
   host::Partners partners_;                  // of these
-  std::vector<Known> known_;                 // sorted by geoms
+  std::vector<Known> known_;                 // sorted by geoms, the deepest of each first
 };
 
 }  // namespace dashpot

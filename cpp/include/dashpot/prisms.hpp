@@ -77,7 +77,7 @@ class PlacedPrism {
 
  private:
   Pose field_;
-  std::shared_ptr<Eigen::Matrix3Xd> corners_;
+  std::shared_ptr<Hull> hull_;
   Shape shape_;
   Pose pose_;
 };

@@ -17,6 +17,16 @@ namespace dashpot {
 // Throws std::invalid_argument for two planes or two height fields, or a height that is not finite.
 Distance distance(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2);
 
+// The gap (m) of two shapes that have cores along any `normal` (unit, world, from shape 1 to shape
+// 2): they are no nearer.
+double gap_along(const Shape& shape1, const Pose& pose1, const Shape& shape2, const Pose& pose2,
+                 const Eigen::Vector3d& normal);
+
+// Whether two shapes are more than `clearance` (m, >= 0) apart. May be false for height fields that
+// are.
+bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shape2,
+                       const Pose& pose2, double clearance);
+
 // Gap that counts as contact, relative to the size of the bounded shapes of a pair.
 constexpr double kTouchingGap = 1e-9;
 

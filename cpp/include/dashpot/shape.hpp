@@ -11,6 +11,8 @@
 #include <memory>
 #include <string>
 
+#include "dashpot/hull.hpp"
+
 namespace dashpot {
 
 enum class ShapeType {
@@ -44,13 +46,13 @@ struct HeightField {
 //   cylinder   size[0] radius, size[1] half-height along z
 //   ellipsoid  size    semi-axes
 //   box        size    half-lengths
-//   hull       convex hull of the columns of `vertices`
+//   hull       `hull`
 //   field      the solid of `field`; has no core, radius or support point
 struct Shape {
   ShapeType type = ShapeType::kSphere;
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
-  std::shared_ptr<const Eigen::Matrix3Xd> vertices;  // hull only, at least one column
-  HeightField field;                                 // height field only
+  std::shared_ptr<const Hull> hull;  // hull only, at least one corner
+  HeightField field;                 // height field only
 };
 
 struct Pose {
@@ -69,11 +71,15 @@ struct Motion {
 // `pose` carried along `motion` for `time` seconds.
 Pose advance(const Pose& pose, const Motion& motion, double time);
 
+// Whether a shape has a core: planes, which are unbounded, and height fields, which are not convex,
+// have none.
+bool has_core(const Shape& shape);
+
 // Radius (m) of the ball that sweeps the core of `shape`.
 double sweep_radius(const Shape& shape);
 
 // The point (world) of the core of `shape` that is furthest along `direction` (world, any length
-// but zero). Not for planes, which are unbounded, nor for height fields.
+// but zero). Of shapes that have a core.
 Eigen::Vector3d core_support(const Shape& shape, const Pose& pose,
                              const Eigen::Vector3d& direction);
 
@@ -85,7 +91,7 @@ double core_axis_radius(const Shape& shape, const Pose& pose, const Eigen::Vecto
                         const Eigen::Vector3d& axis);
 
 // Throws std::invalid_argument naming `label` on sizes that are not positive and finite, or a hull
-// without finite vertices. Heights of a height field are checked where they are read.
+// without finite corners. Heights of a height field are checked where they are read.
 void check_shape(const Shape& shape, const char* label);
 
 }  // namespace dashpot
