@@ -270,3 +270,51 @@ def test_joints_rest_on_their_limits_though_a_contact_lies_on_an_axis():
     np.testing.assert_allclose(data.qpos, np.radians([30, -20]), atol=1e-5)
     # At rest nothing but the limits carries the torques.
     np.testing.assert_allclose(data.qfrc_constraint, -torque, rtol=1e-9)
+
+
+def test_a_soft_limit_of_a_ball_joint_holds_its_load_all_around():
+    """A pendulum that precesses at its limit: J changes sign with the axis of the angle."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><compiler angle="radian"/>
+      <option timestep="0.002" gravity="0 0 9.81"/><worldbody><body pos="0 0 1">
+        <joint type="ball" limited="true" range="0 0.6" solreflimit="0.05 1"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".02" mass="1" contype="0"
+          conaffinity="0"/></body></worldbody></mujoco>""")
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    mujoco.mju_axisAngle2Quat(data.qpos, np.array([np.cos(1.2), np.sin(1.2), 0.0]), 0.6)
+    engine.step(data, nstep=1000)
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, data.qpos)
+    up = np.array([0.0, 0.0, 1.0])
+    data.qvel[:] = 2.0 * (rotation.reshape(3, 3).T @ up - up)
+    torque, sides = [], set()
+    for _ in range(500):
+        engine.step(data)
+        torque.append(np.linalg.norm(data.qfrc_constraint))
+        sides.add(np.sign(data.qpos[0] * data.qpos[1]))
+    assert sides == {-1.0, 1.0}
+    # It dropped to a tenth in one step, and recovery took half a joule.
+    assert np.abs(np.diff(torque)).max() < 0.02 * np.mean(torque)
+    assert abs(engine.energy(data).dissipated_recovery) < 1e-6
+
+
+def test_a_taut_string_holds_its_load_through_the_bottom():
+    """A mass on two slides, on a soft string: J of its length changes sign at the bottom."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option timestep="0.002"/><worldbody>
+      <site name="post" pos="0 0 1"/><body pos="0 0 0.5">
+        <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+        <geom size="0.02" mass="1"/><site name="bob"/></body></worldbody>
+      <tendon><spatial limited="true" range="0 0.5" solreflimit="0.05 1"><site site="post"/>
+        <site site="bob"/></spatial></tendon></mujoco>""")
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    engine.step(data, nstep=2000)
+    data.qvel[0] = 0.5
+    tension, sides = [], set()
+    for _ in range(2000):
+        engine.step(data)
+        tension.append(np.linalg.norm(data.qfrc_constraint))
+        sides.add(np.sign(data.qpos[0]))
+    assert sides >= {-1.0, 1.0}
+    assert np.abs(np.diff(tension)).max() < 0.02 * np.mean(tension)
+    assert abs(engine.energy(data).dissipated_recovery) < 1e-6

@@ -143,6 +143,34 @@ def test_rollouts_on_any_number_of_threads_give_the_same_bits():
         assert data.qpos.tobytes() == trajectory[-1, 1 : 1 + engine.model.nq].tobytes()
 
 
+CHAIN_ON_A_CONNECT = """<mujoco><option timestep="0.002"/>
+  <default><geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass="1" contype="0"
+    conaffinity="0"/><joint axis="0 1 0"/></default>
+  <worldbody><body pos="0 0 1" euler="0 17 0"><joint/><geom/>
+    <body pos=".3 0 0" euler="0 -52 0"><joint/><geom/>
+      <body name="last" pos=".3 0 0" euler="0 23 0"><joint/><geom/></body></body></body></worldbody>
+  <equality><connect body1="last" anchor=".3 0 0"/></equality></mujoco>"""
+
+
+def test_a_tree_that_rows_let_go_moves_on_whatever_the_engine_stepped_before():
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(CHAIN_ON_A_CONNECT))
+    data = engine.make_data()
+    data.qvel[:] = [1.0, -3.0, 4.0]
+    engine.step(data, nstep=26)
+    data.eq_active[0] = 0
+    state = get_state(engine.model, data)
+    elsewhere = engine.make_data()
+    elsewhere.qpos[:] = [0.5, 1.2, -2.0]
+    velocities = []
+    for _ in range(2):
+        data = engine.make_data()
+        set_state(engine.model, data, state)
+        engine.step(data)
+        velocities.append(data.qvel.tobytes())
+        engine.step(elsewhere, nstep=5)
+    assert velocities[0] == velocities[1]
+
+
 WELDED = """<mujoco><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="5 5 .1"/><geom name="post" size=".2"/>
   <body name="hand" mocap="true" pos="0 0 .25"><geom name="palm" size=".1"/></body>

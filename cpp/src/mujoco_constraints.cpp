@@ -4,6 +4,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
 
 #include "dashpot/mocap_motion.hpp"
@@ -74,7 +75,19 @@ int flex_equality_memory(const mjModel* m, int equality) {
   return count;
 }
 
-// `index` counts the rows of the same equality from 0; `upper` tells the two sides of a limit.
+// Whether a row of a limit is that of its upper side: the one whose gap it has, and, where both
+// have the same, the second of its rows. A ball joint has one side.
+bool is_upper_side(const mjModel* m, const mjData* d, int row, int index) {
+  const int id = d->efc_id[row];
+  const bool of_joint = d->efc_type[row] == mjCNSTR_LIMIT_JOINT;
+  if (of_joint && m->jnt_type[id] == mjJNT_BALL) return false;
+  const mjtNum value = of_joint ? d->qpos[m->jnt_qposadr[id]] : d->ten_length[id];
+  const mjtNum* const range = (of_joint ? m->jnt_range : m->tendon_range) + 2 * id;
+  const mjtNum lower = value - range[0], upper = range[1] - value, gap = d->efc_pos[row];
+  return index > 0 || std::abs(gap - upper) < std::abs(gap - lower);
+}
+
+// `index` counts the rows of the same object from 0; `upper` tells the two sides of a limit.
 Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
   const int frictions = kEqualityRows * static_cast<int>(m->neq);
   const int tendon_frictions = frictions + static_cast<int>(m->nv);
@@ -154,20 +167,17 @@ int constraint_memory_count(const mjModel_* m) {
 void read_constraints(const mjModel_* m, const mjData_* d,
                       std::vector<ConstraintInput>& constraints) {
   constraints.clear();
-  int equality_row = 0;
+  int index = 0;  // of the rows of one object
   for (int row = 0; row < d->ne + d->nf + d->nl; ++row) {
     const int type = d->efc_type[row], id = d->efc_id[row];
-    const bool same_equality = row > 0 && type == mjCNSTR_EQUALITY &&
-                               d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
-    equality_row = same_equality ? equality_row + 1 : 0;
+    const bool goes_on = row > 0 && d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
+    index = goes_on ? index + 1 : 0;
     ConstraintInput input;
     input.tree = trees_of_row(m, d, row);
     if (input.tree[0] < 0) continue;
-    double first = 0.0;
-    for_each_nonzero(m, d, row, [&](int, double value) {
-      if (first == 0.0) first = value;
-    });
-    const Source source = source_of(m, type, id, equality_row, first < 0.0);
+    const bool is_limit = type == mjCNSTR_LIMIT_JOINT || type == mjCNSTR_LIMIT_TENDON;
+    const bool upper = is_limit && is_upper_side(m, d, row, index);
+    const Source source = source_of(m, type, id, index, upper);
     input.kind = source.kind;
     input.source = row;
     input.memory = source.memory;

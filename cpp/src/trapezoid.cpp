@@ -90,7 +90,7 @@ void Trapezoid::find_freed_trees(const mjModel_* model, const HeldMotion& before
 void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
                                  const Memory& memory,
                                  const std::vector<ConstraintInput>& constraints,
-                                 const TreeMotion& motion, Rows& rows, RowData& data,
+                                 TreeMotion& motion, Rows& rows, RowData& data,
                                  EnergyLedger& ledger) {
   added_.clear();
   const HeldMotion before = memory.held_motion();
@@ -134,7 +134,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
 }
 
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
-                                 const TreeMotion& motion) {
+                                 TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const double* end_velocity = memory.end_velocity();
   const double* leads = memory.leading_length();
@@ -165,6 +165,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
                         0.5 * leads[index] * velocity[dof] * turning;
     }
     double* half = second_half_.data() + t.begin;
+    motion.invert_inertia({index, -1});  // no row has asked for that of a tree that has come free
     add_response(trees, index, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);

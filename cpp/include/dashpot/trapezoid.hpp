@@ -63,7 +63,7 @@ class Trapezoid {
   // in this step.
   void finish_last_step(const mjModel_* model, const mjData_* d, double length,
                         const Memory& memory, const std::vector<ConstraintInput>& constraints,
-                        const TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
+                        TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
 
   // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
   // and Leapfrog::keep. By tree: `held`, rows that have a position moved it; `fell_back`, see
@@ -101,7 +101,7 @@ class Trapezoid {
   // Those that rows held in the last step and none does any more.
   void find_freed_trees(const mjModel_* model, const HeldMotion& before);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
-                        const TreeMotion& motion);
+                        TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   void stop_fast_turns(double length, Rows& rows);
 

@@ -53,7 +53,7 @@ class TreeMotion {
   void freeze_ahead(int tree, double time);
   // Whether it is a free body in the coordinates of one, and moves accurately.
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
-  // Fills in inv(H) of up to two trees (-1: none): those that no row touches never need it.
+  // Fills in inv(H) of up to two trees (-1: none), which is that of another step until then.
   void invert_inertia(const std::array<int, 2>& tree);
 
   // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
