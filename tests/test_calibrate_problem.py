@@ -1,6 +1,7 @@
 """Calibration: trajectories, parameters, problems and what they refuse."""
 
 import math
+import pickle
 
 import mujoco
 import numpy as np
@@ -33,6 +34,11 @@ from dashpot.calibrate.transforms import Transform
 def test_bad_trajectory_is_named(changes, message):
     with pytest.raises(ValueError, match=rf"trajectory 'throw 7'.*{message}"):
         make_trajectory(**changes)
+
+
+def test_bodies_are_named():
+    with pytest.raises(TypeError, match="trajectory 'throw 7': bodies must be names"):
+        make_trajectory(bodies=(1,))
 
 
 def test_nan_in_a_pose_is_located():
@@ -173,6 +179,15 @@ def make_problem(**changes):
             },
             "'k' and 'l' both set the stiffness of the pair 'a', 'b'",
         ),
+        (
+            {
+                "parameters": [
+                    Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9), name="m"),
+                    Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9), name="n"),
+                ]
+            },
+            "'m' and 'n' both set the body_mass of 'body'",
+        ),
         ({"trajectories": [make_trajectory(initial_qvel=None)]}, "'throw 7' has no initial_qvel"),
         (
             {"trajectories": [make_trajectory(initial_qvel=np.zeros(5))]},
@@ -234,6 +249,24 @@ def test_building_a_candidate_leaves_the_engine_alone():
     assert engine.material("ball") == dashpot.Material(1e4, damping=20.0, friction=0.3)
     with pytest.raises(ValueError, match="exactly stiffness, damping, sliding_friction"):
         problem.build({"stiffness": 5e4})
+
+
+def test_a_pair_keeps_the_friction_that_it_has():
+    xml = """<mujoco><worldbody><geom name="a" type="plane" size="1 1 1"/>
+      <body name="body"><freejoint/><geom name="b" size=".1"/></body></worldbody>
+      <contact><pair geom1="a" geom2="b" friction=".2 .2 .01 .001 .001"/></contact></mujoco>"""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    parameter = Parameter.pair("a", "b", "torsional_friction", start=0.02, bounds=(0.01, 0.1))
+    built = Problem(engine, [parameter], [make_trajectory()], 1e-3, 1e-2).build(
+        {"torsional_friction": 0.05}
+    )
+    assert built.contact_material("a", "b").friction == (0.2, 0.2, 0.05, 0.001, 0.001)
+
+
+def test_problems_pickle():
+    parameter = Parameter.model("body_mass", "body", start=2.0, bounds=(1.0, 9.0))
+    problem = pickle.loads(pickle.dumps(make_problem(parameters=[parameter])))
+    assert problem.build({"body_mass": 3.0}).model.body_mass[1] == 3.0
 
 
 def test_one_form_of_damping_replaces_another():

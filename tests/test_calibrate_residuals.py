@@ -87,6 +87,28 @@ def test_residuals_do_not_depend_on_threads():
         assert np.array_equal(first, other)
 
 
+def test_a_run_of_mujoco_that_diverges_is_named():
+    """Where MuJoCo would start over: a spring that no step of 10 ms resolves."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.01"/><worldbody><body name="body" pos="0 0 1">
+          <joint type="slide" stiffness="1e6"/><geom size=".1" mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    parameter = Parameter.model("body_mass", "body", start=1.0, bounds=(0.5, 2.0))
+    trajectory = Trajectory(
+        name="spring",
+        time=0.1 * np.arange(20),
+        position=np.tile([0.0, 0.0, 1.0], (20, 1)),
+        quaternion=np.tile(IDENTITY, (20, 1)),
+        bodies="body",
+        initial_qpos=np.array([0.01]),
+        initial_qvel=np.zeros(1),
+    )
+    problem = Problem(model, [parameter], [trajectory], 1e-3, 1e-2)
+    with pytest.raises(ValueError, match=r"'spring'.*no longer finite"):
+        Objective(problem).residuals(np.array([0.0]))
+
+
 def test_a_trajectory_that_fails_is_named():
     trajectories = [
         make_trajectory(name="good"),

@@ -1,5 +1,6 @@
 """Callbacks of MuJoCo's Python package, and what they raise."""
 
+import copy
 import signal
 import threading
 import time
@@ -109,6 +110,38 @@ def test_interrupts_pass_through_steps(install):
     install("passive", interrupt)
     with pytest.raises(KeyboardInterrupt):
         engine.step(data)
+
+
+def test_a_callback_cannot_step_the_engine_that_called_it(install):
+    engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
+    data, ahead = engine.make_data(), engine.make_data()
+    another = copy.deepcopy(engine)
+    state = np.zeros(mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    for look_ahead in (
+        lambda: engine.step(ahead),
+        lambda: dashpot.rollout(engine, state),
+        lambda: copy.deepcopy(engine),
+    ):
+        inside = []
+
+        def control(_, d, look_ahead=look_ahead, inside=inside):
+            if not inside:
+                inside.append(True)
+                look_ahead()
+
+        install("control", control)
+        with pytest.raises(RuntimeError, match="the engine is being stepped"):
+            engine.step(data)
+    inside = []
+
+    def plan(_, d):
+        if not inside:
+            inside.append(True)
+            another.step(another.make_data())
+
+    install("control", plan)
+    engine.step(data)
+    assert inside
 
 
 def test_rollouts_say_that_they_take_no_python_callbacks(install):

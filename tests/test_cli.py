@@ -179,6 +179,16 @@ def test_files_that_cannot_be_written_are_refused_at_once(capsys, tmp_path, comm
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("command", [["demo"], ["compare", "nowhere.xml"]])
+def test_folders_that_cannot_be_made_are_refused_at_once(capsys, tmp_path, command):
+    file = tmp_path / "file"
+    file.write_text("here")
+    for out in (file, file / "below"):
+        with pytest.raises(SystemExit, match="2"):
+            cli.main([*command, "--out", str(out)])
+        assert "is a file, not a folder" in capsys.readouterr().err
+
+
 def test_view_without_a_display_says_so(capsys, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -290,6 +300,10 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
         columns = np.column_stack([poses["time"], poses["position"], poses["quaternion"]])
         header = "time,x,y,z,qw,qx,qy,qz"
         np.savetxt(tmp_path / "drop.csv", columns, delimiter=",", header=header, comments="")
+        with (tmp_path / "drop.csv").open("r+b") as file:  # as spreadsheets write it
+            content = file.read()
+            file.seek(0)
+            file.write(b"\xef\xbb\xbf" + content + b"\r\n,,,,,,,\n")
         problem = {
             **PROBLEM,
             "initial_state": "velocity",
@@ -353,6 +367,7 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
         ({"trajectories": [{"file": "drop.npz", "bodies": ["bal"]}]}, "no body 'bal'"),
         ({"materials": {"bal": {"stiffness": 1.0}}}, "did you mean 'ball'"),
         ({"materials": {"ball": {"stiffness": -1.0}}}, "stiffness"),
+        ({"materials": {"ball": 3}}, r"materials\.ball is 3, not of type dict"),
         ({"fit": {"start": 3}}, "fit: unknown key 'start'; did you mean 'starts'"),
         ({"position_sigma": -1.0}, "position_sigma"),
     ],

@@ -140,8 +140,21 @@ def test_friction_of_a_material_reaches_mujoco():
     assert comparison["elliptic"].position[0] == pytest.approx(distance, rel=0.1)
 
 
-def test_friction_that_mujoco_cannot_say_is_refused():
+def test_friction_of_the_only_pair_of_a_geom_reaches_mujoco():
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL.format(height=1)))
+    engine.set_pair_material("ball", "floor", dashpot.Material(friction=(0.2, 0.01, 0.001)))
+    model = mujoco_model(compare.SETTINGS["elliptic"], engine.model, engine)
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.0999
+    mujoco.mj_forward(model, data)
+    assert data.contact.friction[0] == pytest.approx([0.2, 0.2, 0.01, 0.001, 0.001])
+    compare.run(engine, duration=0.01)
+
+
+def test_friction_that_mujoco_cannot_say_is_refused():
+    third = '<body pos="1 0 1"><freejoint/><geom size=".1"/></body></worldbody>'
+    xml = BALL.format(height=1).replace("</worldbody>", third)
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
     engine.set_pair_material("ball", "floor", dashpot.Material(friction=0.2))
     with pytest.raises(ValueError, match=r"pair 'floor', 'ball'"):
         compare.run(engine, duration=0.01)
@@ -310,6 +323,8 @@ def test_bad_arguments_are_named(arguments, message):
 def test_an_unknown_kind_of_scene_is_refused():
     with pytest.raises(TypeError, match=r"^materials is list; it must map names of geoms"):
         compare.run("ball", materials=[dashpot.Material()])
+    with pytest.raises(TypeError, match="a setting is 3"):
+        compare.run("ball", duration=0.01, settings=[3])
     with pytest.raises(TypeError, match="int"):
         compare.run(3)
     for argument in ("duration", "timestep", "settled_after"):

@@ -153,6 +153,26 @@ def test_user_data_that_hold_no_contact_memory(engine, count):
             dashpot.rollout(engine, state)
 
 
+def test_the_model_of_an_engine_stays_its_own(engine):
+    with pytest.raises(AttributeError, match="model"):
+        engine.model = mujoco.MjModel.from_xml_string("<mujoco/>")
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+@pytest.mark.parametrize("geom", [2e9, 0.5, -1.0, np.nan])
+def test_user_data_that_remember_contacts_of_no_geom(geom, impact):
+    model = mujoco.MjModel.from_xml_string("""<mujoco><worldbody>
+      <geom type="plane" size="1 1 1"/>
+      <body pos="0 0 .1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>""")
+    engine = dashpot.Engine(model, impact=impact)
+    data = engine.make_data()
+    engine.step(data, nstep=50)
+    second_geom, _sticking = np.flatnonzero(data.userdata == 1.0)[-2:]
+    data.userdata[second_geom] = geom
+    with pytest.raises(ValueError, match=r"geom 2 of its contact 0 is"):
+        engine.step(data)
+
+
 @pytest.mark.parametrize("data", [None, 3, "data", np.zeros(7)])
 def test_data_of_the_wrong_type(engine, data):
     with pytest.raises(TypeError):

@@ -1,5 +1,7 @@
 """Gymnasium's environments step with dashpot and stay what they are otherwise."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -78,6 +80,13 @@ def test_engine_is_the_one_that_is_asked_for():
     assert len(env.dashpot_engine.materials) == 1
     assert type(env).__name__ == "HopperEnvWithDashpot"
     assert isinstance(env, HopperEnv)
+
+
+def test_environments_pickle():
+    env = with_dashpot(HopperEnv)()
+    other = pickle.loads(pickle.dumps(env))
+    assert type(other).__name__ == "HopperEnvWithDashpot"
+    assert np.array_equal(play(other, steps=40), play(env, steps=40))
 
 
 class BallRobot:

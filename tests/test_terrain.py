@@ -16,6 +16,7 @@ SHAPES = {
     "capsule": ('type="capsule" size="0.03 0.05" quat="1 0 1 0"', 0.03),
     "cylinder": ('type="cylinder" size="0.04 0.03"', 0.03),
     "lying cylinder": ('type="cylinder" size="0.03 0.05" quat="1 0 1 0"', 0.03),
+    "sphere": ('type="sphere" size="0.03"', 0.03),
     "ellipsoid": ('type="ellipsoid" size="0.05 0.04 0.03"', 0.03),
     "prism": ('type="mesh" mesh="prism"', 0.02),
 }
@@ -105,7 +106,7 @@ def test_what_lies_on_a_flat_field_rests(shape, timestep, slope):
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
-@pytest.mark.parametrize("shape", ["ellipsoid", "lying cylinder", "capsule"])
+@pytest.mark.parametrize("shape", ["ellipsoid", "sphere", "lying cylinder", "capsule"])
 def test_what_rolls_on_a_flat_field_rolls_as_on_a_plane(shape, timestep):
     # A capsule had recovery put in, and dashpots take, three times its energy in 3 s.
     energies = []
@@ -115,7 +116,8 @@ def test_what_rolls_on_a_flat_field_rolls_as_on_a_plane(shape, timestep):
         )
         data = engine.make_data()
         # Capsules and cylinders lie along x and roll along y.
-        data.qvel[:] = [0, 0.3, 0, -10, 0, 0] if shape != "ellipsoid" else [0.3, 0, 0, 0, 8, 0]
+        is_round = shape in ("ellipsoid", "sphere")
+        data.qvel[:] = [0.3, 0, 0, 0, 8, 0] if is_round else [0, 0.3, 0, -10, 0, 0]
         engine.step(data, nstep=round(2.0 / timestep))
         energy = engine.energy(data)
         energies.append(energy.kinetic + energy.potential)
@@ -140,7 +142,7 @@ def test_capsule_rests_in_a_groove_on_both_its_sides():
     assert vertical + tangential == pytest.approx(GRAVITY, rel=1e-6)
 
 
-@pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "ellipsoid", "prism"])
+@pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "ellipsoid", "prism", "sphere"])
 def test_nothing_sinks_into_rough_ground(shape):
     for seed in range(3):
         rng = np.random.default_rng(seed)

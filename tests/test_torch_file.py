@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickle
 import struct
+import zipfile
 from collections import OrderedDict
 from pathlib import Path
 
@@ -105,3 +106,24 @@ def test_reader_refuses_truncated_files(tmp_path, write):
         (tmp_path / "cut.pt").write_bytes(content[:length])
         with pytest.raises(ValueError, match=r"cut\.pt"):
             read_tensor(tmp_path / "cut.pt")
+
+
+@pytest.mark.parametrize("content", [b"\x80\x02K\x01K\x02a.", b"\x80\x02}(K\x01e.", b"\x80\x02*."])
+def test_reader_refuses_pickles_that_make_no_sense(tmp_path, content):
+    path = tmp_path / "tensor.pt"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("tensor/data.pkl", content)
+    with pytest.raises(ValueError, match="not a PyTorch file"):
+        read_tensor(path)
+
+
+def test_reader_refuses_damaged_compression(tmp_path):
+    path = tmp_path / "tensor.pt"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("tensor/data.pkl", b"\x80\x02" * 200)
+    content = bytearray(path.read_bytes())
+    begin = content.find(b"data.pkl") + len(b"data.pkl")
+    content[begin : begin + 2] = b"\xff\xff"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match="not a PyTorch file"):
+        read_tensor(path)

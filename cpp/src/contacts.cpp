@@ -38,6 +38,8 @@ MemoryLayout memory_layout(const mjModel_* m) {
   MemoryLayout layout;
   layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m) +
                     kMoreOfMesh * host::colliding_mesh_count(m);
+  layout.geoms = host::geom_count(m);
+  layout.flexes = host::flex_count(m);
   layout.constraints = host::constraint_memory_count(m);
   const Trees trees = host::make_trees(m);
   const bool has_links = std::any_of(trees.tree.begin(), trees.tree.end(),

@@ -4,29 +4,21 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <memory>
-#include <stdexcept>
 
 #include "dashpot/geometry_host.hpp"
+#include "dashpot/mujoco_owned.hpp"
 #include "dashpot/parallel.hpp"
 
 namespace dashpot {
 
 namespace {
 
-struct DataDeleter {
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
 // Calls task(data, item) for every item, each worker with data of its own.
 template <typename Task>
 void for_each_state(const mjModel* model, int count, int nthread, const Task& task) {
   const int threads = thread_count(nthread, count);
-  std::vector<std::unique_ptr<mjData, DataDeleter>> data(threads);
-  for (auto& own : data) {
-    own.reset(mj_makeData(model));
-    if (!own) throw std::runtime_error("MuJoCo could not make data for the model");
-  }
+  std::vector<host::OwnedData> data;
+  for (int worker = 0; worker < threads; ++worker) data.push_back(host::make_data(model));
   parallel_for(count, threads, [&](int worker, int item) { task(data[worker].get(), item); });
 }
 

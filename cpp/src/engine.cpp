@@ -38,7 +38,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
   host::check_supported(m, p.options.law);
   if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
     throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
-  if (p.options.impact == Impact::kCut && host::has_flexes(m))
+  if (p.options.impact == Impact::kCut && host::flex_count(m) > 0)
     throw std::invalid_argument("impact \"cut\" does not see flexes; use \"none\"");
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)

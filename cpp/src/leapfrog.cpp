@@ -57,13 +57,18 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   const auto is_apart = [&](const RowGroup& c) {
     return c.is_unilateral() && data.deformation[c.row] > 0.0;
   };
-  // Where the way back is barred, by a second limit as a rule, they stay.
-  for (const RowGroup& c : rows.group) {
-    if (!is_apart(c) || gap_in_time(c) > 0.0) continue;
-    for (int tree : c.tree) {
-      if (tree < 0) continue;
-      stay(motion.trees().tree[tree], data.shift);
-      fell_back_[tree] = 0.0;
+  // Where the way back is barred, by a second limit as a rule, they stay; which may bar it for
+  // others.
+  for (bool barred = true; barred;) {
+    barred = false;
+    for (const RowGroup& c : rows.group) {
+      if (!is_apart(c) || gap_in_time(c) > 0.0) continue;
+      for (int tree : c.tree) {
+        if (tree < 0 || fell_back_[tree] == 0.0) continue;
+        barred = true;
+        stay(motion.trees().tree[tree], data.shift);
+        fell_back_[tree] = 0.0;
+      }
     }
   }
   // Those that they have left compressed were more so.

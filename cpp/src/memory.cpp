@@ -29,6 +29,16 @@ void tangent_to_local(double a, double b, const ContactInput& input, double* loc
   }
 }
 
+bool is_integer(double value, int least, int most) {
+  return value >= least && value <= most && value == std::floor(value);
+}
+
+[[noreturn]] void refuse(const std::string& what, double value, int least, int most) {
+  throw std::invalid_argument("data.userdata holds no contact memory: " + what + " is " +
+                              std::to_string(value) + "; it must be an integer in [" +
+                              std::to_string(least) + ", " + std::to_string(most) + "]");
+}
+
 // By how much a spring is deformed beyond its position, deformation - offset, of the same sign.
 double slack(double deformation, double offset) {
   const bool beyond = deformation * offset > 0.0 && std::abs(offset) <= std::abs(deformation);
@@ -97,12 +107,14 @@ double* Memory::equality(int constraint) const { return constraint_slot(constrai
 bool Memory::starts() const { return storage_[kStepped] == 0.0; }
 
 void Memory::check() const {
-  if (storage_[0] >= 0.0 && storage_[0] <= layout_.contacts &&
-      storage_[0] == std::floor(storage_[0]))
-    return;
-  throw std::invalid_argument("data.userdata holds no contact memory: its number of contacts is " +
-                              std::to_string(storage_[0]) + "; it must be an integer in [0, " +
-                              std::to_string(layout_.contacts) + "]");
+  if (!is_integer(storage_[0], 0, layout_.contacts))
+    refuse("its number of contacts", storage_[0], 0, layout_.contacts);
+  for (int i = 0; i < contact_count(); ++i)
+    for (int side = 0; side < 2; ++side)
+      if (const double geom = contact_storage(i)[side];
+          !is_integer(geom, -layout_.flexes, layout_.geoms - 1))
+        refuse("geom " + std::to_string(side + 1) + " of its contact " + std::to_string(i), geom,
+               -layout_.flexes, layout_.geoms - 1);
 }
 
 int Memory::contact_count() const { return static_cast<int>(storage_[0]); }

@@ -44,13 +44,15 @@ void leave_at_errors(const mjLogMessage* message) {
 }  // namespace
 
 ErrorGuard::ErrorGuard(mjData_* d)
-    : data_(d),
-      stack_(d->pstack),
-      frame_(d->pbase),
-      outer_(_mjPRIVATE_setTlsLogHandler(leave_at_errors)) {}
+    : data_(d), outer_(_mjPRIVATE_setTlsLogHandler(leave_at_errors)) {
+  if (!d) return;
+  stack_ = d->pstack;
+  frame_ = d->pbase;
+}
 
 ErrorGuard::~ErrorGuard() {
   _mjPRIVATE_setTlsLogHandler(outer_);
+  if (!data_) return;
   data_->pstack = stack_;
   data_->pbase = frame_;
 }

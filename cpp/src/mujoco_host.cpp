@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "dashpot/mujoco_errors.hpp"
+#include "dashpot/mujoco_owned.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
 // the smooth forces with respect to velocity, which mj_implicit itself starts from.
@@ -88,13 +89,7 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
 
 }  // namespace
 
-long long data_size(const mjModel_* m) {
-  mjData* d = mj_makeData(m);
-  if (!d) throw std::runtime_error("MuJoCo could not make data for the model");
-  const long long size = d->nbuffer;
-  mj_deleteData(d);
-  return size;
-}
+long long data_size(const mjModel_* m) { return make_data(m)->nbuffer; }
 
 bool have_same_sizes(const mjModel_* a, const mjModel_* b) {
 #define X(size) \
@@ -189,7 +184,7 @@ double gravity(const mjModel_* m) {
   return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
 }
 
-bool has_flexes(const mjModel_* m) { return m->nflex > 0; }
+int flex_count(const mjModel_* m) { return static_cast<int>(m->nflex); }
 bool has_equalities(const mjModel_* m) { return m->neq > 0; }
 int mocap_count(const mjModel_* m) { return static_cast<int>(m->nmocap); }
 

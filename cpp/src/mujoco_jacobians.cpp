@@ -199,14 +199,14 @@ void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInpu
     std::copy_n(d->efc_diagA + d->contact[input.source].efc_address, input.dim, typical);
     return;
   }
-  // MuJoCo's efc_diagA, computed here because its rows may be left out: friction rows are
-  // regularised by their part of the limit surface.
+  // MuJoCo's efc_diagA at an impratio of 1, computed here because its rows may be left out:
+  // friction rows are regularised by their part of the limit surface.
   typical[0] = 0.0;
   for (int geom : input.geom) typical[0] += m->body_invweight0[2 * m->geom_bodyid[geom]];
   const mjtNum* friction = d->contact[input.source].friction;
   for (int i = 1; i < input.dim; ++i) {
     const double ratio = friction[0] / friction[i - 1];
-    typical[i] = typical[0] / m->opt.impratio * ratio * ratio;
+    typical[i] = typical[0] * ratio * ratio;
   }
 }
 

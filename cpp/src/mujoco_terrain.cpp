@@ -74,12 +74,11 @@ class TerrainContacts {
         for (double side : {-1.0, 1.0})
           add_corners(place_cap(size[0], size[1], pose_, side * pose_.rotation.col(2), up));
         break;
+      case mjGEOM_SPHERE:
+        add_ball(pose_.position, size[0], up);
+        break;
       case mjGEOM_CAPSULE:
-        for (double end : {-size[1], size[1]}) {
-          const Vector3d centre = at(0.0, 0.0, end);
-          add_round([&](const Vector3d& normal) -> Vector3d { return centre - size[0] * normal; },
-                    up);
-        }
+        for (double end : {-size[1], size[1]}) add_ball(at(0.0, 0.0, end), size[0], up);
         break;
       case mjGEOM_ELLIPSOID: {
         const Vector3d half(size[0], size[1], size[2]);
@@ -213,6 +212,10 @@ class TerrainContacts {
     for (int i = 0; i < face.count; ++i) add_point(face.corner[i]);
   }
 
+  void add_ball(const Vector3d& centre, double radius, const Vector3d& up) {
+    add_round([&](const Vector3d& normal) -> Vector3d { return centre - radius * normal; }, up);
+  }
+
   // Its lowest point lies over the triangle for which it is the lowest. Over an edge that stands
   // out there is none.
   template <typename PointAlong>
@@ -341,8 +344,8 @@ class TerrainContacts {
 }  // namespace
 
 bool has_points_on_terrain(int type) {
-  return type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID || type == mjGEOM_CYLINDER ||
-         type == mjGEOM_BOX || type == mjGEOM_MESH;
+  return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID ||
+         type == mjGEOM_CYLINDER || type == mjGEOM_BOX || type == mjGEOM_MESH;
 }
 
 int take_points_on_terrain(const mjModel_* m, const mjData_* d, int terrain, int geom,

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -44,7 +45,11 @@ void parallel_for(int items, int threads, const std::function<void(int worker, i
   };
 
   std::vector<std::thread> others;
-  for (int worker = 1; worker < threads; ++worker) others.emplace_back(work, worker);
+  try {
+    for (int worker = 1; worker < threads; ++worker) others.emplace_back(work, worker);
+  } catch (const std::system_error&) {
+    // The system gives no more threads: those that there are do the work.
+  }
   work(0);
   for (std::thread& thread : others) thread.join();
   if (failure) std::rethrow_exception(failure);

@@ -35,8 +35,7 @@ bool others_look_at_data(const mjModel* m) {
 
 }  // namespace
 
-RungeKutta::RungeKutta(bool moves_free_bodies)
-    : moves_free_bodies_(moves_free_bodies), beside_(nullptr, mj_deleteData) {}
+RungeKutta::RungeKutta(bool moves_free_bodies) : moves_free_bodies_(moves_free_bodies) {}
 
 bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
 
@@ -118,8 +117,7 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
 }
 
 mjData* RungeKutta::copy_state(const mjModel* m, const mjData* d) {
-  if (!beside_) beside_.reset(mj_makeData(m));
-  if (!beside_) throw std::runtime_error("MuJoCo could not make data for the model");
+  if (!beside_) beside_ = make_data(m);
   mj_copyState(m, d, beside_.get(), mjSTATE_INTEGRATION & ~(mjSTATE_USERDATA | mjSTATE_WARMSTART));
   return beside_.get();
 }

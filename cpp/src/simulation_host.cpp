@@ -17,20 +17,13 @@ int signature(StateKind kind) {
   return kind == StateKind::kFullPhysics ? mjSTATE_FULLPHYSICS : mjSTATE_INTEGRATION;
 }
 
-// MuJoCo's own notion of a bad state (mj_checkPos), read before it would print and reset.
+// MuJoCo's own notion of a bad state (mj_checkPos).
 bool all_usable(const mjtNum* values, int count) {
   for (int i = 0; i < count; ++i) {
     if (!(std::abs(values[i]) <= mjMAXVAL)) return false;
   }
   return true;
 }
-
-struct ModelDeleter {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-};
-struct DataDeleter {
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
 
 }  // namespace
 
@@ -46,23 +39,21 @@ ModelSizes sizes_of(const mjModel_* model) {
   return sizes;
 }
 
-ModelCopy::ModelCopy(const mjModel_* model) : model_(mj_copyModel(nullptr, model), mj_deleteModel) {
-  if (!model_) throw std::runtime_error("mj_copyModel failed");
-}
+ModelCopy::ModelCopy(const mjModel_* model) : model_(host::copy_model(model)) {}
 
 struct Simulation::Impl {
-  std::unique_ptr<mjModel, ModelDeleter> model;
-  std::unique_ptr<mjData, DataDeleter> data;
+  host::OwnedModel model;
+  host::OwnedData data;
   std::optional<Stepper> stepper;
 };
 
 Simulation::Simulation(const mjModel_* model, const Parameters* parameters)
     : impl_(std::make_unique<Impl>()) {
-  impl_->model.reset(mj_copyModel(nullptr, model));
-  if (!impl_->model) throw std::runtime_error("mj_copyModel failed");
+  impl_->model = host::copy_model(model);
+  // A diverging run has to be seen, not silently started over.
+  impl_->model->opt.disableflags |= mjDSBL_AUTORESET;
   if (parameters) impl_->stepper.emplace(impl_->model.get(), *parameters);
-  impl_->data.reset(mj_makeData(impl_->model.get()));
-  if (!impl_->data) throw std::runtime_error("mj_makeData failed");
+  impl_->data = host::make_data(impl_->model.get());
 }
 
 Simulation::~Simulation() = default;

@@ -373,7 +373,7 @@ class StepStats:
     @property
     def islands(self) -> int:
         """
-        Islands of trees joined by contacts.
+        Islands of trees joined by contacts, limits and equalities.
         """
     @property
     def max_compression(self) -> float:
@@ -383,7 +383,7 @@ class StepStats:
     @property
     def max_penetration(self) -> float:
         """
-        Deepest overlap at the start of any step, m.
+        Deepest overlap at the start of any step, beyond the margin of a contact, m.
         """
     @property
     def microsteps(self) -> int:

@@ -30,7 +30,7 @@ class Contacts:
     frame : (n, 3, 3) array
         Contact frames; rows are normal, tangent 1, tangent 2 in the world.
     gap : (n,) array
-        Distance between the surfaces, m, negative in overlap.
+        Distance between the surfaces less the margin of the contact, m, negative in overlap.
     velocity : (n, 3) array
         Relative velocity of the surfaces, m/s; the first component is the gap rate.
     force : (n, 3) array

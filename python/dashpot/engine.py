@@ -58,7 +58,7 @@ class Engine:
         MuJoCo's integrator.
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
-        stiffness present, at least 16, and at most 0.2 ms long for rigid contacts.
+        stiffness present, at least 13, and at most 0.25 ms long for rigid contacts.
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
         are lowered, and counted in ``StepStats.clipped``: such contacts are softer. Stiffness goes
@@ -143,7 +143,7 @@ class Engine:
             comfree_damping,
         )
         _core.check_supported(model._address, _core.Law[law])
-        self.model: mujoco.MjModel = copy.deepcopy(model)
+        self._model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         _core.reserve_memory(self.model._address)
         self._geom_material: dict[int, Material] = {}
@@ -151,6 +151,14 @@ class Engine:
         self._lock = _core.ModelLock()
         self._stepper: _core.Stepper | None = None
         self._scratch: mujoco.MjData | None = None
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The private copy of the model that the engine steps.
+
+        Its values may be edited between steps; another model needs an engine of its own.
+        """
+        return self._model
 
     @property
     def law(self) -> str:
@@ -271,7 +279,8 @@ class Engine:
             was made from another model or holds no contact memory in its user data. Data are
             untouched.
         RuntimeError
-            If contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
+            If the engine is being stepped by this thread already, as by a callback within a step;
+            if contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
             or flexes read; data keep the state from before the failing step. Rows that nothing
             reads but :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the
             model is too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of
@@ -377,7 +386,7 @@ class Engine:
         with self._lock:  # during a step of another thread the model is not as its user left it
             model = copy.deepcopy(self.model)
         return {
-            "model": model,
+            "_model": model,
             "_options": self._options,
             "_geom_material": dict(self._geom_material),
             "_pair_material": dict(self._pair_material),

@@ -83,9 +83,20 @@ def with_dashpot(
         def _mujoco_step(self, action: Any) -> None:
             self.dashpot_engine.step(self.data, nstep=self.n_substeps)
 
+        def __reduce__(self) -> tuple[Any, ...]:
+            # The class has no name that a pickle could find it by.
+            get_state = getattr(self, "__getstate__", lambda: self.__dict__)
+            return _make_empty, (env_class, make_engine), get_state()
+
     WithDashpot.__name__ = WithDashpot.__qualname__ = f"{env_class.__name__}WithDashpot"
     WithDashpot.__doc__ = env_class.__doc__
     return WithDashpot
+
+
+def _make_empty(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> Any:
+    """Make an environment whose state is yet to be set, as pickles do."""
+    derived = with_dashpot(env_class, make_engine=make_engine)
+    return object.__new__(derived)
 
 
 def _copy_state(

@@ -17,16 +17,16 @@ struct mjData_;
 
 namespace dashpot {
 
-// Statistics of the last of the steps taken (maxima over all of them where said); of a step in
-// parts, those of its last part.
+// Statistics of the last of the steps taken; of a step in parts, those of its last part. The
+// deepest are so of all steps.
 struct StepStats {
   int contacts = 0;              // contacts that could touch during the step
   int touching = 0;              // contacts that carried an impulse
-  int islands = 0;               // islands of trees joined by contacts
+  int islands = 0;               // islands of trees joined by rows
   int microsteps = 0;            // largest number of micro-steps of an island (maximum over steps)
   int clipped = 0;               // rows whose stiffness or damping was lowered (maximum over steps)
-  double max_penetration = 0.0;  // m, deepest geometric overlap at a step's start (maximum)
-  double max_compression = 0.0;  // m, deepest spring compression at a step's end (maximum)
+  double max_penetration = 0.0;  // m, deepest overlap, margin taken off, at a step's start
+  double max_compression = 0.0;  // m, deepest compression at a step's end
   int cuts = 0;                  // cuts at impacts (sum over steps)
 };
 

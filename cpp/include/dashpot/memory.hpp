@@ -64,9 +64,10 @@ struct RememberedMocap {
 };
 
 // Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that
-// rows may hold, and mocap bodies.
+// rows may hold, and mocap bodies; and how many geoms and flexes there are to have contacts.
 struct MemoryLayout {
   int contacts = 0;
+  int geoms = 0, flexes = 0;
   int constraints = 0;
   int held_trees = 0, held_dofs = 0, held_coordinates = 0;
   int mocap_bodies = 0;
@@ -82,7 +83,7 @@ class Memory {
   Memory(double* storage, const MemoryLayout& layout) : storage_(storage), layout_(layout) {}
 
   // Throws std::invalid_argument where the storage, which users may write to, holds no count of
-  // contacts that it has room for.
+  // contacts that it has room for, or contacts of geoms that are none of the model's.
   void check() const;
 
   int contact_count() const;

@@ -28,11 +28,11 @@ struct CallbackError : MujocoError {
   using MujocoError::MujocoError;
 };
 
-// While it lives, errors of MuJoCo in this thread are thrown. At its end the stack of `d` is as it
-// was.
+// While it lives, errors of MuJoCo in this thread are thrown. At its end the stack of `d`, if there
+// is one, is as it was.
 class ErrorGuard {
  public:
-  explicit ErrorGuard(mjData_* d);
+  explicit ErrorGuard(mjData_* d = nullptr);
   ~ErrorGuard();
   ErrorGuard(const ErrorGuard&) = delete;
   ErrorGuard& operator=(const ErrorGuard&) = delete;
@@ -40,7 +40,7 @@ class ErrorGuard {
  private:
   using Handler = void (*)(const mjLogMessage_*);
   mjData_* data_;
-  std::size_t stack_, frame_;
+  std::size_t stack_ = 0, frame_ = 0;
   Handler outer_;
 };
 

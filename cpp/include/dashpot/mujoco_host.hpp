@@ -114,7 +114,7 @@ int contact_site_count(const mjModel_* m);
 bool may_collide(const mjModel_* m, int geom);
 // Meshes among them: their faces may have more corners than those of other geoms.
 int colliding_mesh_count(const mjModel_* m);
-bool has_flexes(const mjModel_* m);
+int flex_count(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
 bool has_adhesion(const mjModel_* m);  // of actuators or of geoms
 int mocap_count(const mjModel_* m);

@@ -7,9 +7,9 @@
 //
 // A geom touches a surface of triangles in corners of its own on faces, and in corners and edges of
 // the surface that stand out. The first are known: corners of boxes and meshes, points of the rims
-// of cylinders, the balls at the ends of capsules, the lowest point of an ellipsoid, each over the
-// triangle beneath it, and over those beside that rise from it. Of what MuJoCo finds remains what
-// lies on corners and edges that stand out, or is not explained.
+// of cylinders, the balls at the ends of capsules, the lowest point of an ellipsoid or a ball, over
+// the triangle beneath it, and over those beside that rise from it. Of what MuJoCo finds remains
+// what lies on corners and edges that stand out, or is not explained.
 
 #pragma once
 
@@ -21,7 +21,7 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// Whether geoms of a type touch height fields in such points: all but spheres, which MuJoCo knows.
+// Whether geoms of a type touch height fields in such points.
 bool has_points_on_terrain(int type);
 
 // Puts these contacts in place of the `count` (at most mjMAXCONPAIR) that MuJoCo finds of a height

@@ -13,8 +13,9 @@
 #pragma once
 
 #include <array>
-#include <memory>
 #include <vector>
+
+#include "dashpot/mujoco_owned.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -62,7 +63,7 @@ class RungeKutta {
   bool moves_free_bodies_;
   // Where stages are computed, unless callbacks or plugins look at them: those know but the data of
   // the step.
-  std::unique_ptr<mjData_, void (*)(mjData_*)> beside_;
+  OwnedData beside_;
   double time_ = 0.0;
   bool constrained_ = false;
   std::vector<double> constraint_force_;

@@ -5,6 +5,7 @@
 
 #include <memory>
 
+#include "dashpot/mujoco_owned.hpp"
 #include "dashpot/parameters.hpp"
 
 struct mjModel_;
@@ -31,7 +32,7 @@ class ModelCopy {
   const mjModel_* get() const { return model_.get(); }
 
  private:
-  std::unique_ptr<mjModel_, void (*)(mjModel_*)> model_;
+  host::OwnedModel model_;
 };
 
 class Simulation {

@@ -216,7 +216,8 @@ def _covariance(
         if (widths <= _WIDTH_SLACK * wanted).all():
             break
         widths = wanted
-    if seed is None:
+    # Data without any noise leave a region of no size.
+    if seed is None or estimated.residual_variance == 0.0:
         return estimated, np.zeros(objective.size)
     return over_its_region(objective, point, estimated, from_jacobian, weights, seed)
 

@@ -17,14 +17,12 @@ coordinate, mapped back to the parameter, so that they respect its bounds.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
 Array = NDArray[np.float64]
-CovarianceKind = Literal["independent", "clustered"]
 
 # A direction of the Jacobian whose scaled singular value is below this fraction of the largest is
 # not determined at all: its variance is infinite.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.setters import MaterialSetter, PairSetter, System, model_of
+from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import number, positive_count, positive_number
 from dashpot.engine import Engine
@@ -257,10 +257,10 @@ def _check_unique(kind: str, names: list[str]) -> None:
 
 
 def _check_targets(parameters: Sequence[Parameter]) -> None:
-    """Raise ValueError where two parameters set the same quantity of the same material."""
+    """Raise ValueError where two parameters set the same quantity."""
     setter_of: dict[str, str] = {}
     for parameter in parameters:
-        if not isinstance(parameter.apply, MaterialSetter | PairSetter):
+        if not isinstance(parameter.apply, MaterialSetter | PairSetter | ModelSetter):
             continue
         for target in parameter.apply.targets:
             if target in setter_of:
@@ -304,7 +304,9 @@ def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array
             turn = np.zeros((frames, 3))
             for k in range(frames):
                 mujoco.mju_subQuat(turn[k], quaternion[k], quaternion[0])
-            fall = position[:frames] - 0.5 * model.opt.gravity * t[:, None] ** 2
+            weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+            gravity = 0.0 * model.opt.gravity if weightless else model.opt.gravity
+            fall = position[:frames] - 0.5 * gravity * t[:, None] ** 2
             slope = np.polynomial.polynomial.polyfit(t, np.hstack([fall, turn]), 1)[1]
             qvel[v : v + 6] = slope
     return qpos, qvel

@@ -76,14 +76,11 @@ class PairSetter:
     def __call__(self, system: System, value: float) -> None:
         """Set the quantity in an engine."""
         engine = _engine(system, self.quantity)
-        model = engine.model
-        friction1, friction2 = (
-            model.geom_friction[_row(model, "geom", geom)] for geom in (self.geom1, self.geom2)
-        )
         material = engine.pair_material(self.geom1, self.geom2) or Material()
-        mjcf_friction = np.maximum(friction1, friction2)
+        sliding, _, torsional, rolling, _ = engine.contact_material(self.geom1, self.geom2).friction
+        present = np.array([sliding, torsional, rolling])
         engine.set_pair_material(
-            self.geom1, self.geom2, with_quantity(material, self.quantity, value, mjcf_friction)
+            self.geom1, self.geom2, with_quantity(material, self.quantity, value, present)
         )
 
     @property
@@ -91,6 +88,43 @@ class PairSetter:
         """What it sets, in words."""
         first, second = sorted((self.geom1, self.geom2))
         return (f"{_target(self.quantity)} of the pair '{first}', '{second}'",)
+
+
+@dataclass(frozen=True)
+class ModelSetter:
+    """Sets some rows of a float array of the model, in some columns or all (None)."""
+
+    attribute: str
+    elements: tuple[str, ...]
+    columns: tuple[int, ...] | None
+
+    def __call__(self, system: System, value: float) -> None:
+        """Set them in the model, or the model of an engine."""
+        model = model_of(system)
+        array = _model_array(model, self.attribute)
+        for element in self.elements:
+            rows = _rows(model, self.attribute.split("_")[0], element)
+            if array.ndim == 1:
+                array[rows] = value
+            elif self.columns is None:
+                array[rows, :] = value
+            elif max(self.columns) < array.shape[1] and min(self.columns) >= 0:
+                array[rows, list(self.columns)] = value
+            else:
+                raise ValueError(
+                    f"index {self.columns} of {self.attribute} is out of range: rows have "
+                    f"{array.shape[1]} columns"
+                )
+            if self.attribute == "geom_size":
+                _update_extent(model, rows.start)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """What it sets, in words."""
+        names = (f"{self.attribute} of '{element}'" for element in self.elements)
+        if self.columns is None:
+            return tuple(names)
+        return tuple(f"{name}[{column}]" for name in names for column in self.columns)
 
 
 def model_setter(
@@ -104,32 +138,13 @@ def model_setter(
             f"{', '.join(f'{k}_' for k in _ELEMENT_KIND)}"
         )
 
-    def apply(system: System, value: float) -> None:
-        model = model_of(system)
-        array = _model_array(model, attribute)
-        for element in elements:
-            rows = _rows(model, kind, element)
-            if array.ndim == 1:
-                array[rows] = value
-            elif columns is None:
-                array[rows, :] = value
-            elif max(columns) < array.shape[1] and min(columns) >= 0:
-                array[rows, list(columns)] = value
-            else:
-                raise ValueError(
-                    f"index {columns} of {attribute} is out of range: rows have "
-                    f"{array.shape[1]} columns"
-                )
-            if attribute == "geom_size":
-                _update_extent(model, rows.start)
-
-    return apply
+    return ModelSetter(attribute, elements, columns)
 
 
 def with_quantity(
-    material: Material, quantity: str, value: float, mjcf_friction: np.ndarray[Any, Any]
+    material: Material, quantity: str, value: float, present_friction: np.ndarray[Any, Any]
 ) -> Material:
-    """Return `material` with one quantity changed; friction not set comes from the MJCF."""
+    """Return `material` with one quantity changed; friction it does not set stays as it is."""
     if quantity in _DAMPING_FORMS:
         forms: dict[str, float | None] = dict.fromkeys(_DAMPING_FORMS, None)
         forms[quantity] = value
@@ -137,11 +152,11 @@ def with_quantity(
     if quantity in _FRICTION_INDEX:
         given = material.friction
         if given is None:
-            friction = [float(coefficient) for coefficient in mjcf_friction]
+            friction = [float(coefficient) for coefficient in present_friction]
         elif isinstance(given, tuple):
             friction = list(given)
         else:
-            friction = [float(given), float(mjcf_friction[1]), float(mjcf_friction[2])]
+            friction = [float(given), float(present_friction[1]), float(present_friction[2])]
         friction[_FRICTION_INDEX[quantity]] = value
         return replace(material, friction=(friction[0], friction[1], friction[2]))
     return replace(material, **{quantity: value})  # type: ignore[arg-type]

@@ -62,6 +62,8 @@ class Trajectory:
         if not isinstance(self.name, str):
             raise TypeError(f"a trajectory's name must be a string, got {self.name!r}")
         bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
+        if not all(isinstance(body, str) for body in bodies):
+            raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
         if not bodies or len(set(bodies)) != len(bodies):
             raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
         time = self._finite("time", self.time)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import add_material, add_scene, load_engine, positive, progress_bar
+from dashpot.cli.options import add_material, add_scene, folder, load_engine, positive, progress_bar
 
 
 def add_to(commands: Any) -> None:
@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
     )
     add_material(parser)
     parser.add_argument(
-        "--out", metavar="DIR", help="write comparison.json and comparison.png there"
+        "--out", type=folder, metavar="DIR", help="write comparison.json and comparison.png there"
     )
     parser.set_defaults(run=run)
 
@@ -65,9 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
         )
     Console().print(comparison.table())
     if arguments.out is not None:
-        folder = Path(arguments.out)
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "comparison.json").write_text(json.dumps(comparison.to_dict()), encoding="utf-8")
-        comparison.plot(folder / "comparison.png")
-        print(f"wrote {folder / 'comparison.json'} and {folder / 'comparison.png'}")
+        out: Path = arguments.out
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "comparison.json").write_text(json.dumps(comparison.to_dict()), encoding="utf-8")
+        comparison.plot(out / "comparison.png")
+        print(f"wrote {out / 'comparison.json'} and {out / 'comparison.png'}")
     return 0

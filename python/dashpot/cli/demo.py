@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count, seed
+from dashpot.cli.options import count, folder, seed
 
 
 def add_to(commands: Any) -> None:
@@ -18,7 +18,11 @@ def add_to(commands: Any) -> None:
         "less than a minute on two cores; needs neither network nor display.",
     )
     parser.add_argument(
-        "--out", default="dashpot-report", metavar="DIR", help="folder of the report (%(default)s)"
+        "--out",
+        type=folder,
+        default="dashpot-report",
+        metavar="DIR",
+        help="folder of the report (%(default)s)",
     )
     parser.add_argument(
         "--data",

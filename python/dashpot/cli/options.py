@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dashpot.materials import Material
 
 MATERIAL_HELP = (
-    "material of a geom, or of all with the name '*', as "
+    "material of a geom by name or id, or of all with the name '*', as "
     "GEOM:field=value,... with the fields of dashpot.Material, for example "
     "ball:stiffness=1e5,restitution=0.8,friction=0.5 or friction=0.5/0.005/0.0001 (sliding, "
     "torsional, rolling; of two geoms the larger counts); may be given several times"
@@ -46,6 +46,15 @@ def new_file(text: str) -> Path:
     return file
 
 
+def folder(text: str) -> Path:
+    """Return a folder that is there or can be made, or raise what argparse reports."""
+    path = Path(text)
+    existing = next(p for p in (path, *path.absolute().parents) if p.exists())
+    if not existing.is_dir():
+        raise argparse.ArgumentTypeError(f"{str(existing)!r} is a file, not a folder")
+    return path
+
+
 def count(text: str) -> int:
     """Return a whole number >= 1, or raise what argparse reports."""
     if not text.isdigit() or int(text) < 1:
@@ -65,7 +74,7 @@ def material(text: str) -> tuple[str, Material]:
     from dashpot.materials import Material
 
     geom, separator, rest = text.rpartition(":")
-    known = [f.name for f in fields(Material) if f.init and f.name != "_"]
+    known = [f.name for f in fields(Material) if f.init]
     values: dict[str, Any] = {}
     if not separator or not geom:
         raise argparse.ArgumentTypeError(f"{text!r} is not GEOM:field=value,...")
@@ -105,8 +114,18 @@ def add_material(parser: argparse.ArgumentParser) -> None:
 def apply_materials(engine: Engine, given: list[tuple[str, Material]]) -> None:
     """Give an engine the materials of ``--material``, in their order."""
     for geom, value in given:
-        for target in range(engine.model.ngeom) if geom == "*" else [geom]:
+        targets: list[str | int] = [geom]
+        if geom == "*":
+            targets = list(range(engine.model.ngeom))
+        elif geom.isdigit() and geom not in geom_names(engine):
+            targets = [int(geom)]
+        for target in targets:
             engine.set_material(target, value)
+
+
+def geom_names(engine: Engine) -> set[str]:
+    """Return the names of all geoms that have one."""
+    return {engine.model.geom(index).name for index in range(engine.model.ngeom)} - {""}
 
 
 def load_engine(scene: str, given: list[tuple[str, Material]]) -> Engine:

@@ -81,7 +81,8 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
     _check_keys("the problem", content, required, optional)
     engine = Engine(load_model(folder / _typed("model", content["model"], str)))
     for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
-        _check_keys(f"materials.{geom}", fields, (), tuple(Material.__dataclass_fields__))
+        label = f"materials.{geom}"
+        _check_keys(label, _typed(label, fields, dict), (), tuple(Material.__dataclass_fields__))
         engine.set_material(geom, Material(**fields))
     options = _typed("fit", content.get("fit", {}), dict)
     _check_keys("fit", options, (), _FIT_OPTIONS)
@@ -151,8 +152,11 @@ def _read_npz(file: Path) -> dict[str, Any]:
 
 
 def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
-    with file.open(newline="", encoding="utf-8") as stream:
-        rows = list(csv.reader(stream))
+    # With or without the mark that spreadsheets put in front of UTF-8.
+    with file.open(newline="", encoding="utf-8-sig") as stream:
+        reader = csv.reader(stream)
+        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
+    rows = [row for _, row in lines]
     if len(rows) < 3:
         raise ValueError("a header and at least two rows are needed")
     header = [name.strip() for name in rows[0]]
@@ -161,7 +165,7 @@ def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
     missing = [name for name in wanted if name not in header]
     if missing:
         raise ValueError(f"no column {missing[0]!r}; there are {', '.join(header)}")
-    for number, row in enumerate(rows[1:], start=2):
+    for number, row in lines[1:]:
         if len(row) != len(header):
             raise ValueError(f"line {number} has {len(row)} values, the header {len(header)}")
     table = np.array(rows[1:], dtype=np.float64)[:, [header.index(name) for name in wanted]]

@@ -29,9 +29,7 @@ class Observer:
         data.time = time
         data.qpos[:] = position
         data.qvel[:] = velocity
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_tendon(model, data)
+        mujoco.mj_fwdKinematics(model, data)
         mujoco.mj_makeM(model, data)
         mujoco.mj_collision(model, data)
         mujoco.mj_energyPos(model, data)

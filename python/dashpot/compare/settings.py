@@ -173,7 +173,7 @@ def mujoco_model(setting: Setting, pristine: mujoco.MjModel, engine: Engine) -> 
     ------
     ValueError
         If the engine's friction cannot be said in MuJoCo: another rule than "max", or a friction
-        of a pair.
+        of a pair both of whose geoms may meet others.
     """
     model = copy.deepcopy(pristine)
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
@@ -193,14 +193,42 @@ def mujoco_model(setting: Setting, pristine: mujoco.MjModel, engine: Engine) -> 
             'is "max": compare with settings=("dashpot",) only'
         )
     for (geom1, geom2), pair in engine.pair_materials.items():
-        if pair.friction is not None:
+        if pair.friction is not None and not (
+            _give_pair_friction(model, geom1, geom2, pair.friction)
+            or _give_pair_friction(model, geom2, geom1, pair.friction)
+        ):
             names = [model.geom(g).name or g for g in (geom1, geom2)]
             raise ValueError(
                 f"the friction of the pair {names[0]!r}, {names[1]!r} has no counterpart in "
-                "MuJoCo's geoms: give it to the geoms"
+                "MuJoCo's geoms, which meet others too: give it to the geoms"
             )
     setting.apply(model, engine)
     return model
+
+
+def _give_pair_friction(
+    model: mujoco.MjModel, geom: int, other: int, friction: float | tuple[float, ...]
+) -> bool:
+    """Give a pair's friction to one of its geoms, with priority, if it can meet no other geom."""
+    weld = model.body_weldid[model.geom_bodyid]
+    meets = (model.geom_contype[geom] & model.geom_conaffinity) | (
+        model.geom_contype & model.geom_conaffinity[geom]
+    )
+    partners = np.flatnonzero((meets != 0) & (weld != weld[geom]))
+    # The rest of what MuJoCo reads of the geom with priority has to be what both mean.
+    alike = all(
+        np.array_equal(array[geom], array[other])
+        for array in (model.geom_solref, model.geom_solimp)
+    )
+    if list(partners) != [other] or not alike or model.npair:
+        return False
+    values = np.atleast_1d(friction)
+    merged = np.maximum(model.geom_friction[geom], model.geom_friction[other])
+    merged[: len(values)] = values
+    model.geom_friction[geom] = merged
+    model.geom_condim[geom] = max(model.geom_condim[geom], model.geom_condim[other])
+    model.geom_priority[geom] = model.geom_priority.max() + 1
+    return True
 
 
 def find_setting(setting: str | Setting) -> str | Setting:
@@ -209,6 +237,8 @@ def find_setting(setting: str | Setting) -> str | Setting:
         return setting
     if setting in SETTINGS:
         return SETTINGS[setting]
+    if not isinstance(setting, str):
+        raise TypeError(f"a setting is {setting!r}; it must be a name or a Setting")
     names = (DASHPOT, *SETTINGS)
     near = difflib.get_close_matches(setting, names, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""

@@ -16,6 +16,7 @@ import io
 import os
 import pickletools
 import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -31,6 +32,20 @@ _STORAGE_DTYPES = {
 }
 _REBUILD_TENSOR = {"torch._utils _rebuild_tensor_v2", "torch._utils _rebuild_tensor"}
 _ORDERED_DICT = "collections OrderedDict"
+
+# What reading a damaged file raises: its pickle, its archive, its compressed or encrypted members.
+_DAMAGED = (
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    EOFError,
+    RuntimeError,
+    NotImplementedError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
 
 # First pickle of the pre-1.6 container.
 _LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
@@ -100,7 +115,7 @@ def read_tensor(path: str | os.PathLike[str]) -> NDArray[Any]:
         if zipfile.is_zipfile(io.BytesIO(content)):
             return _read_archive(content)
         return _read_legacy(io.BytesIO(content))
-    except (ValueError, KeyError, IndexError, TypeError, zipfile.BadZipFile, EOFError) as error:
+    except _DAMAGED as error:
         raise ValueError(f"{path}: not a PyTorch file with one tensor: {error}") from error
 
 

@@ -1,6 +1,5 @@
 """Contact queries between geoms: signed distances, time of impact, close pairs."""
 
-from dashpot.object_ids import object_id
 from dashpot.query.arguments import Geom
 from dashpot.query.closest import Closest, closest
 from dashpot.query.distance import Distance, Distances, distance, distances
@@ -21,7 +20,6 @@ __all__ = [
     "closest",
     "distance",
     "distances",
-    "object_id",
     "time_of_impact",
     "times_of_impact",
 ]
