@@ -83,9 +83,9 @@ def test_interval_of_a_linear_problem_is_the_closed_form():
     estimate = a @ x / (a @ a)
     residuals = np.concatenate(
         [a * estimate - x, position[:, 1] / sigma,
-         (position[:, 2] - 1.0 + 9.81 * sensitivity) / sigma, np.zeros(3 * n)]
+         (position[:, 2] - 1.0 + 9.81 * sensitivity) / sigma]
     )  # fmt: skip
-    degrees = 6 * n - 1
+    degrees = 3 * n - 1  # rotations are exact: they say nothing about the noise
     error = np.sqrt(residuals @ residuals / degrees / (a @ a))
     half = stats.t.ppf(0.975, degrees) * error
     # The problem is linear: only rounding and the optimiser's tolerance (1e-8) remain.

@@ -2,6 +2,7 @@
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
 
+#include <array>
 #include <cstdint>
 #include <stdexcept>
 #include <string>
@@ -71,7 +72,8 @@ void bind_residuals(py::module_& module) {
                                  "What was observed of one motion, in simulation steps.")
       .def(py::init([](std::string name, double timestep, std::vector<int> frame_step,
                        std::vector<int> body, const Array& position, const Array& quaternion,
-                       const Array& control, double position_weight, double rotation_weight) {
+                       const Array& control, std::array<double, 3> position_weight,
+                       double rotation_weight) {
              ObservedTrajectory trajectory;
              trajectory.name = std::move(name);
              trajectory.timestep = timestep;

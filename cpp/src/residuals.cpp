@@ -126,6 +126,14 @@ void check(const ObservedTrajectory& trajectory, const ModelSizes& sizes) {
   const std::size_t poses = std::size_t(trajectory.frames()) * trajectory.bodies();
   if (poses == 0) fail(trajectory, "has no frame or no body");
   if (!(trajectory.timestep > 0.0)) fail(trajectory, "timestep must be > 0");
+  for (const double weight : trajectory.position_weight) {
+    if (!(weight >= 0.0 && std::isfinite(weight))) {
+      fail(trajectory, "position_weight must be finite and >= 0");
+    }
+  }
+  if (!(trajectory.rotation_weight >= 0.0 && std::isfinite(trajectory.rotation_weight))) {
+    fail(trajectory, "rotation_weight must be finite and >= 0");
+  }
   for (std::size_t i = 0; i < trajectory.frame_step.size(); ++i) {
     if (trajectory.frame_step[i] < (i == 0 ? 0 : trajectory.frame_step[i - 1] + 1)) {
       fail(trajectory,
@@ -162,7 +170,7 @@ void residuals(const std::vector<Variant>& variants,
         const std::array<double, 3> rotation =
             rotation_difference(trajectory.quaternion.data() + 4 * index, quaternion);
         for (int i = 0; i < 3; ++i) {
-          row[i] = (position[i] - observed[i]) * trajectory.position_weight;
+          row[i] = (position[i] - observed[i]) * trajectory.position_weight[i];
           row[3 + i] = rotation[i] * trajectory.rotation_weight;
         }
       });

@@ -434,7 +434,9 @@ class ObservedTrajectory:
         position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         quaternion: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        position_weight: typing.SupportsFloat | typing.SupportsIndex,
+        position_weight: typing.Annotated[
+            collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"
+        ],
         rotation_weight: typing.SupportsFloat | typing.SupportsIndex,
     ) -> None: ...
     @property

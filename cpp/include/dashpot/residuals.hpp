@@ -2,14 +2,17 @@
 //
 // For every observed frame and body, with simulated pose (p, R) and observed pose (p_o, R_o):
 //
-//     position residual   (p - p_o) * position_weight                  world frame
+//     position residual   (p - p_o) * position_weight                  world frame, by axis
 //     rotation residual   log(R_o^T R) * rotation_weight               rotation vector, |.| <= pi
+//
+// What was not measured has weight 0, and residuals of 0.
 //
 // A variant is a model with parameters. All variants x trajectories are simulated in one parallel
 // batch; a Jacobian is made by finite differences between variants, so that it costs one batch.
 
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -32,8 +35,8 @@ struct ObservedTrajectory {
   std::vector<double> position;    // (frames, bodies, 3), m
   std::vector<double> quaternion;  // (frames, bodies, 4), unit, w x y z
   std::vector<double> control;     // (last frame_step, nu), or empty: zero
-  double position_weight = 1.0;    // 1/m
-  double rotation_weight = 1.0;    // 1/rad
+  std::array<double, 3> position_weight = {1.0, 1.0, 1.0};  // 1/m, >= 0, of x, y, z
+  double rotation_weight = 1.0;                             // 1/rad, >= 0
 
   int frames() const { return static_cast<int>(frame_step.size()); }
   int bodies() const { return static_cast<int>(body.size()); }

@@ -57,5 +57,6 @@ def growing_windows(objective: Objective, residuals: Array) -> list[float]:
 
 def _determines(problem: Problem, window: float, unknowns: int) -> bool:
     heads = [trajectory.head(window) for trajectory in problem.trajectories]
-    count = sum(6 * head.frames * len(head.bodies) for head in heads)
+    measured = int(np.count_nonzero(np.isfinite(problem.sigma)))
+    count = sum(measured * head.frames * len(head.bodies) for head in heads)
     return count >= _RESIDUALS_PER_UNKNOWN * unknowns

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, check_count, covariance
 from dashpot.calibrate.linearisation import over_its_region
+from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.search import Budget, LossName, Search, loss_weights
+from dashpot.calibrate.search import Budget, Search
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.checks import (
     number,
@@ -66,6 +67,9 @@ def fit(
     A model that is not quite right explains no end, and such fits spend most of their budget on
     better ones; ``starts=0`` saves that.
 
+    What was not measured, or carries no noise (see `Problem`), counts as no residual in any of
+    this.
+
     Standard errors are scaled with the residuals, as `scipy.optimize.curve_fit` does without
     ``absolute_sigma``: noise stated too small or too large by the same factor everywhere changes
     no interval. But where residuals are far larger than stated, no parameter counts as identified
@@ -85,7 +89,9 @@ def fit(
         ``"cma+least_squares"``: CMA-ES in the first window with at most half of the budget, least
         squares from there.
     loss
-        ``"linear"`` or a robust loss of `scipy.optimize.least_squares`.
+        ``"linear"`` or a robust loss of `scipy.optimize.least_squares`, for data with outliers.
+        What the noise explains is then read off the smaller 70 % of the residuals (see
+        `Fit.residual_variance`).
     loss_scale
         Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
     windows
@@ -131,7 +137,7 @@ def fit(
     ):  # fmt: skip
         if value not in get_args(known):
             raise ValueError(f"{name} must be one of {', '.join(get_args(known))}, got {value!r}")
-    loss_scale = positive_number("loss_scale", loss_scale)
+    chosen_loss = Loss(loss, positive_number("loss_scale", loss_scale))
     first_windows = _windows(() if windows is None else windows)
     automatic = starts is None and windows is None
     starts = 0 if starts is None else whole_number("starts", starts, lowest=0)
@@ -145,17 +151,15 @@ def fit(
     stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
     objective = objectives[-1]
-    check_count(objective.residual_count, objective.size)
+    check_count(objective.measured_count, objective.size)
     errors_kind = _errors_kind(errors, problem, objective)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
-            search = run_automatic(
-                objective, budget, loss, loss_scale, method, local_searches, seed
-            )
+            search = run_automatic(objective, budget, chosen_loss, method, local_searches, seed)
         else:
             search = run_searches(
-                objectives, budget, loss, loss_scale, method, starts, local_searches, seed
+                objectives, budget, chosen_loss, method, starts, local_searches, seed
             )
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
@@ -163,8 +167,7 @@ def fit(
             objective,
             point,
             residuals,
-            loss,
-            loss_scale,
+            chosen_loss,
             errors_kind,
             confidence,
             seed if search.converged else None,
@@ -189,8 +192,7 @@ def _covariance(
     objective: Objective,
     point: Array,
     residuals: Array,
-    loss: LossName,
-    loss_scale: float,
+    loss: Loss,
     errors: str,
     confidence: float,
     seed: int | None,
@@ -201,11 +203,11 @@ def _covariance(
     gives: they start wide and shrink, never below the parameters' own. Where `seed` is None, as no
     interval around the end of a search that has not converged is that of a minimum, it ends there.
     """
-    weights = loss_weights(loss, (residuals / loss_scale) ** 2)
+    live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
 
     def from_jacobian(jacobian: Array) -> Covariance:
-        return covariance(jacobian, residuals, weights=weights, offsets=offsets)
+        return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets)
 
     own = np.array([p.difference for p in objective.problem.parameters])
     widths = np.maximum(own, _WIDEST_DIFFERENCE)
@@ -219,7 +221,12 @@ def _covariance(
     # Data without any noise leave a region of no size.
     if seed is None or estimated.residual_variance == 0.0:
         return estimated, np.zeros(objective.size)
-    return over_its_region(objective, point, estimated, from_jacobian, weights, seed)
+    slopes = loss.slopes(residuals)
+    rise = float(slopes[live].mean())
+    if not rise > 0.0:
+        return estimated, np.zeros(objective.size)
+    relative = slopes / rise if loss.robust else None
+    return over_its_region(objective, point, estimated, from_jacobian, relative, seed)
 
 
 def _result(
@@ -240,7 +247,9 @@ def _result(
     count = objective.parameters
     half_width = estimated.half_width(confidence)
     correlation = estimated.correlation[:count, :count]
-    explained = noise_explains(estimated.residual_variance, residuals.size)
+    live = int(np.count_nonzero(objective.live(residuals)))
+    robust = search.loss.robust
+    explained = noise_explains(estimated.residual_variance, live, robust=robust)
     estimates = tuple(
         judge(
             parameter,
@@ -271,10 +280,11 @@ def _result(
         cost=float(search.costs(residuals)),
         cost_history=np.array(search.budget.history),
         residual_variance=estimated.residual_variance,
+        live_residuals=live,
         evaluations=evaluations,
         seconds=seconds,
         method=method,
-        loss=search.loss,
+        loss=search.loss.name,
         errors=errors,
         confidence=confidence,
         converged=search.converged,

@@ -40,6 +40,9 @@ MAX_FACTOR = 4.0
 HIGH_CORRELATION = 0.95
 # Residual variance up to which noise counts as stated not quite rightly (22 % too small).
 MAX_VARIANCE = 1.5
+# Where a tenth of the residuals lies far beyond the quantile of `intervals.residual_variance`:
+# (Phi^-1(0.5 + 0.35 / 0.9) / Phi^-1(0.85))^2.
+_OUTLIERS_MAKE = 1.39
 # Share of the search range within which an estimate counts as being at its bound.
 _AT_BOUND = 1e-3
 
@@ -79,8 +82,14 @@ class Estimate:
     nonlinearity: float = 0.0
 
 
-def noise_explains(residual_variance: float, count: int) -> bool:
-    """Whether the variance of `count` weighted residuals is 1 to three sigma, or less."""
+def noise_explains(residual_variance: float, count: int, *, robust: bool = False) -> bool:
+    """Whether the variance of `count` weighted residuals is 1 to three sigma, or less.
+
+    That of robust losses is allowed what a tenth of outliers makes of 1, and varies as a quantile
+    does (by ``3.6 / count``: Cramer, Mathematical Methods of Statistics, 1946, section 28.5).
+    """
+    if robust:
+        return bool(residual_variance <= _OUTLIERS_MAKE + 3.0 * math.sqrt(3.6 / count))
     return bool(residual_variance <= 1.0 + 3.0 * math.sqrt(2.0 / count))
 
 

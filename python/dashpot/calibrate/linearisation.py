@@ -111,7 +111,7 @@ def over_its_region(
     point: Array,
     local: Covariance,
     covariance: Callable[[Array], Covariance],
-    weights: Array | None,
+    slopes: Array | None,
     seed: int,
 ) -> tuple[Covariance, Array]:
     """Return the covariance of a linear model over the very region that it implies.
@@ -124,8 +124,9 @@ def over_its_region(
         Covariance from derivatives at the minimum, to start from.
     covariance
         Covariance of the estimate from a Jacobian.
-    weights
-        (residual_count,) of a robust loss; None: linear loss.
+    slopes
+        (residual_count,) slopes psi' of a robust loss's scores, over the mean of those that carry
+        noise; None: linear loss.
     seed
         Of the points drawn.
 
@@ -156,7 +157,7 @@ def over_its_region(
         ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
         same = ((ratio < _SAME_WIDTH) & (ratio > 1.0 / _SAME_WIDTH)).all()
         if same or regions == _MOST_REGIONS or failures:
-            return _with_departure(linear, model, weights)
+            return _with_departure(linear, model, slopes)
         region = implied
 
 
@@ -179,14 +180,21 @@ def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Ar
 
 
 def _with_departure(
-    linear: Covariance, model: Linearisation, weights: Array | None
+    linear: Covariance, model: Linearisation, slopes: Array | None
 ) -> tuple[Covariance, Array]:
-    """Add the shift of the valley's middle and its scatter to the covariance."""
+    """Add the shift of the valley's middle and its scatter to the covariance.
+
+    Departures e move the estimate by ``-(J^T J)^-1 J^T (slopes e)``: outliers, whose scores do not
+    change with them, do not move it.
+    """
     known = np.isfinite(np.diag(linear.matrix))
-    root = np.ones(len(model.center)) if weights is None else np.sqrt(weights)
-    jacobian = root[:, None] * model.jacobian[:, known]
+    if not known.any():
+        return linear, np.zeros(len(linear.matrix))
+    jacobian = model.jacobian[:, known]
     scale = np.linalg.norm(jacobian, axis=0)
-    departures = np.concatenate([model.center[None], model.scatter]) * root
+    departures = np.concatenate([model.center[None], model.scatter])
+    if slopes is not None:
+        departures = departures * slopes
     moves = np.linalg.lstsq(jacobian / scale, departures.T, rcond=None)[0].T / scale
     pairs = len(model.scatter) // 2
     added = np.outer(moves[0], moves[0]) + moves[1:].T @ moves[1:] / pairs

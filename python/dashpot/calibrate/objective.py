@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 # rounding, small against the measurement noise of any pose tracker.
 _VELOCITY_DIFFERENCE = 1e-5
 _POSE_DIFFERENCE = 1e-6
+# Residuals of a channel that carries noise reach this many standard deviations; of one that does
+# not, a rounding.
+_LIVE = 1e-6
 
 
 class Objective:
@@ -63,6 +66,31 @@ class Objective:
     def residual_count(self) -> int:
         """Number of residuals."""
         return int(self.offsets[-1])
+
+    @property
+    def measured_count(self) -> int:
+        """Number of residuals of what was measured."""
+        return int(np.count_nonzero(self._measured()))
+
+    def live(self, residuals: Array) -> NDArray[np.bool_]:
+        """Return (residual_count,) whether each residual carries noise.
+
+        A channel (trajectory, body, component) whose residuals all stay below a millionth of a
+        standard deviation was not measured, or neither moved nor had noise: the rotation of a
+        pendulum about the other axes, say. It is no evidence of how large noise is. Where all
+        channels are so, as of data without noise, all that were measured count.
+
+        Parameters
+        ----------
+        residuals
+            (residual_count,) at the estimate.
+        """
+        live = np.empty(self.residual_count, dtype=bool)
+        for t, trajectory in enumerate(self.problem.trajectories):
+            rows = slice(self.offsets[t], self.offsets[t + 1])
+            channels = np.abs(residuals[rows]).reshape(-1, 6 * len(trajectory.bodies))
+            live[rows] = np.tile((channels >= _LIVE).any(axis=0), len(channels))
+        return live if live.any() else self._measured()
 
     def start(self) -> Array:
         """Return the point where the search starts."""
@@ -184,6 +212,9 @@ class Objective:
         displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
         return blocks[:, :nv].copy(), displacement
 
+    def _measured(self) -> NDArray[np.bool_]:
+        return np.tile(np.isfinite(self.problem.sigma), self.residual_count // 6)
+
     def _initial_differences(self) -> Array:
         nv = int(self._model.nv)
         steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
@@ -191,6 +222,7 @@ class Objective:
 
     def _observe(self, index: int, model: mujoco.MjModel) -> _core.ObservedTrajectory:
         problem = self.problem
+        weight = 1.0 / problem.sigma
         trajectory = problem.trajectories[index]
         substeps = problem.steps_per_frame(trajectory, model)
         timestep = trajectory.spacing / substeps
@@ -207,8 +239,8 @@ class Objective:
             position=trajectory.position,
             quaternion=trajectory.quaternion,
             control=control,
-            position_weight=1.0 / problem.position_sigma,
-            rotation_weight=1.0 / problem.rotation_sigma,
+            position_weight=list(weight[:3]),
+            rotation_weight=float(weight[3]),
         )
 
     def _variants(self, points: Array) -> tuple[Sequence[tuple[int, Any]], Array, Array]:

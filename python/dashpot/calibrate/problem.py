@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
 from dashpot.calibrate.trajectory import Trajectory
-from dashpot.checks import number, positive_count, positive_number
+from dashpot.checks import number, positive_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -46,9 +46,12 @@ class Problem:
     trajectories
         The observations, with different names.
     position_sigma
-        Standard deviation of an observed coordinate, m, > 0.
+        Standard deviation of an observed coordinate, m, > 0; or three, of x, y and z of the world.
+        Infinite: not measured, so that the trajectories' numbers there (any finite ones) do not
+        count, nor give the initial state.
     rotation_sigma
-        Standard deviation of an observed rotation about an axis, rad, > 0.
+        Standard deviation of an observed rotation about an axis, rad, > 0; infinite: not measured
+        (any unit quaternion will do).
     substeps
         Steps per frame, >= 1. None: as many as keep the step at or below the model's timestep.
     window
@@ -72,7 +75,7 @@ class Problem:
     system: System | Builder
     parameters: Sequence[Parameter]
     trajectories: Sequence[Trajectory]
-    position_sigma: float
+    position_sigma: float | tuple[float, float, float]
     rotation_sigma: float
     substeps: int | None = None
     window: float | None = None
@@ -91,8 +94,12 @@ class Problem:
         _check_unique("parameter", [p.name for p in self.parameters])
         _check_unique("trajectory", [t.name for t in self.trajectories])
         _check_targets(self.parameters)
-        for name in ("position_sigma", "rotation_sigma"):
-            positive_number(name, getattr(self, name))
+        object.__setattr__(self, "position_sigma", _position_sigma(self.position_sigma))
+        object.__setattr__(self, "rotation_sigma", _noise("rotation_sigma", self.rotation_sigma))
+        if not np.isfinite(self.sigma).any():
+            raise ValueError(
+                "position_sigma and rotation_sigma are all infinite: nothing was measured"
+            )
         if self.window is not None and not number("window", self.window) > 0:
             raise ValueError(f"window must be > 0 s, got {self.window!r}")
         if self.substeps is not None:
@@ -115,6 +122,12 @@ class Problem:
     def names(self) -> tuple[str, ...]:
         """Names of the parameters in order."""
         return tuple(p.name for p in self.parameters)
+
+    @property
+    def sigma(self) -> Array:
+        """(6,) standard deviations of x, y, z (m) and rotations about them (rad), inf included."""
+        position = np.broadcast_to(np.asarray(self.position_sigma, dtype=np.float64), 3)
+        return np.concatenate([position, np.full(3, self.rotation_sigma)])
 
     @property
     def start(self) -> dict[str, float]:
@@ -195,7 +208,7 @@ class Problem:
         qpos = np.empty((count, model.nq))
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
-            qpos[i], qvel[i] = _initial_state(trajectory, model)
+            qpos[i], qvel[i] = _initial_state(trajectory, model, np.isfinite(self.sigma))
         return qpos, qvel
 
     def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
@@ -235,6 +248,24 @@ def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
 
 
 Entry = TypeVar("Entry")
+
+
+def _noise(name: str, value: object) -> float:
+    """Return a standard deviation > 0, or inf; raise TypeError or ValueError naming it."""
+    result = number(name, value)
+    if not result > 0:
+        raise ValueError(f"{name} must be > 0, or inf where nothing was measured, got {value!r}")
+    return result
+
+
+def _position_sigma(value: object) -> float | tuple[float, float, float]:
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return _noise("position_sigma", value)
+    several = tuple(value)
+    if len(several) != 3:
+        raise ValueError(f"position_sigma must be one number or three (x, y, z), got {value!r}")
+    x, y, z = (_noise(f"position_sigma[{i}]", entry) for i, entry in enumerate(several))
+    return x, y, z
 
 
 def _all(field: str, entries: Iterable[Entry], kind: type[Entry]) -> tuple[Entry, ...]:
@@ -277,11 +308,14 @@ def _free_joint(model: mujoco.MjModel, body: int) -> int | None:
     return None
 
 
-def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array, Array]:
+def _initial_state(
+    trajectory: Trajectory, model: mujoco.MjModel, measured: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     """Return the initial state of a trajectory; missing parts come from its first frames.
 
     Velocities are least-squares fits over `_START_FRAMES` frames in free fall with a constant
-    rotation rate: a start for their estimation.
+    rotation rate: a start for their estimation. What of (x, y, z, rotations) was not `measured`
+    starts as the model has it, at rest.
     """
     qpos = np.array(model.qpos0)
     qvel = np.zeros(model.nv)
@@ -296,8 +330,9 @@ def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array
         q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         position, quaternion = trajectory.position[:, i], trajectory.quaternion[:, i]
         if trajectory.initial_qpos is None:
-            qpos[q : q + 3] = position[0]
-            qpos[q + 3 : q + 7] = quaternion[0]
+            qpos[q : q + 3] = np.where(measured[:3], position[0], qpos[q : q + 3])
+            if measured[3]:
+                qpos[q + 3 : q + 7] = quaternion[0]
         if trajectory.initial_qvel is None:
             frames = min(_START_FRAMES, trajectory.frames)
             t = trajectory.time[:frames] - trajectory.time[0]
@@ -308,5 +343,5 @@ def _initial_state(trajectory: Trajectory, model: mujoco.MjModel) -> tuple[Array
             gravity = 0.0 * model.opt.gravity if weightless else model.opt.gravity
             fall = position[:frames] - 0.5 * gravity * t[:, None] ** 2
             slope = np.polynomial.polynomial.polyfit(t, np.hstack([fall, turn]), 1)[1]
-            qvel[v : v + 6] = slope
+            qvel[v : v + 6] = np.where(measured, slope, 0.0)
     return qpos, qvel

@@ -28,14 +28,20 @@ class Fit:
         (parameters, parameters) correlation of the estimates in the search coordinates.
     residuals
         By trajectory, (frames, bodies, 6): weighted position residuals (world frame) and rotation
-        vectors of ``R_observed^T R_simulated`` at the estimate.
+        vectors of ``R_observed^T R_simulated`` at the estimate; 0 of what was not measured.
     cost
         Half the sum of squares, after the loss.
     cost_history
         (batches of the search,) lowest cost so far in the window being searched.
     residual_variance
-        Variance of the weighted residuals (chi-square per degree of freedom): near 1 when the
-        stated noise explains them. Standard errors are scaled with its root.
+        Variance of the weighted residuals that carry noise (chi-square per degree of freedom):
+        near 1 when the stated noise explains them. Standard errors are scaled with its root. Of
+        robust losses the square of the 0.7-quantile of their magnitudes over that of normal noise:
+        it stays below 1.4 up to about 10 % of outliers, and a misfit of more than 30 % shows.
+    live_residuals
+        Number of residuals that carry noise: channels (trajectory, body, component) that were not
+        measured, or whose residuals all vanish, do not count (all that were measured do where
+        there is no noise at all).
     evaluations
         Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
@@ -57,6 +63,7 @@ class Fit:
     cost: float
     cost_history: Array
     residual_variance: float
+    live_residuals: int
     evaluations: int
     seconds: float
     method: str
@@ -101,26 +108,32 @@ class Fit:
     def noise_explains(self) -> bool:
         """Whether the stated noise explains the residuals: their variance is 1 to three sigma.
 
+        Robust losses are allowed a tenth of outliers beside.
+
         Where it does not, either the model differs from what was observed (then independent errors
         are too small: see ``errors`` of `fit`) or the search ended in a bad valley (try more
         ``starts``, or ``windows``).
         """
-        return noise_explains(self.residual_variance, sum(r.size for r in self.residuals))
+        return noise_explains(
+            self.residual_variance, self.live_residuals, robust=self.loss != "linear"
+        )
 
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.
 
-        ``position_rms`` (m, of the distance), ``rotation_rms`` (rad, of the angle), and
+        ``position_rms`` (m, of the distance in the coordinates that were measured),
+        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured, and
         ``residual_variance``.
         """
         rows = np.concatenate([r.reshape(-1, 6) for r in self.residuals])
-        position = rows[:, :3] * self.problem.position_sigma
-        rotation = rows[:, 3:] * self.problem.rotation_sigma
-        return {
-            "position_rms": float(np.sqrt(np.mean(np.sum(position**2, axis=1)))),
-            "rotation_rms": float(np.sqrt(np.mean(np.sum(rotation**2, axis=1)))),
-            "residual_variance": self.residual_variance,
-        }
+        sigma = self.problem.sigma
+        result = {}
+        for name, part in (("position_rms", slice(0, 3)), ("rotation_rms", slice(3, 6))):
+            measured = np.isfinite(sigma[part])
+            if measured.any():
+                errors = rows[:, part][:, measured] * sigma[part][measured]
+                result[name] = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+        return {**result, "residual_variance": self.residual_variance}
 
     def table(self, truth: dict[str, float] | None = None) -> Table:
         """Return a rich table of the estimates; with `truth`, beside the true values."""

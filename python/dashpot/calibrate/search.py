@@ -5,12 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
 
 Array = NDArray[np.float64]
@@ -34,34 +34,6 @@ LATER_SIGMA = 0.07
 # standard deviation, or its points by less than this share of the ranges.
 _VALLEY_COST = 0.1
 _VALLEY_WIDTH = 3e-3
-
-LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
-
-
-def loss_values(loss: LossName, squares: Array) -> Array:
-    """Return rho(squares), as scipy.optimize.least_squares defines its losses with scale 1."""
-    if loss == "linear":
-        return squares
-    if loss == "soft_l1":
-        return 2.0 * (np.sqrt(1.0 + squares) - 1.0)
-    if loss == "huber":
-        return np.where(squares <= 1.0, squares, 2.0 * np.sqrt(squares) - 1.0)
-    if loss == "cauchy":
-        return np.log1p(squares)
-    return np.arctan(squares)
-
-
-def loss_weights(loss: LossName, squares: Array) -> Array | None:
-    """Return rho'(squares), None for the linear loss."""
-    if loss == "linear":
-        return None
-    if loss == "soft_l1":
-        return 1.0 / np.sqrt(1.0 + squares)
-    if loss == "huber":
-        return np.where(squares <= 1.0, 1.0, 1.0 / np.sqrt(np.maximum(squares, 1.0)))
-    if loss == "cauchy":
-        return 1.0 / (1.0 + squares)
-    return 1.0 / (1.0 + squares**2)
 
 
 class Budget:
@@ -101,34 +73,37 @@ class Budget:
 class Search:
     """A search over one objective: the best point so far and its cost."""
 
-    def __init__(
-        self, objective: Objective, loss: LossName, loss_scale: float, budget: Budget
-    ) -> None:
+    def __init__(self, objective: Objective, loss: Loss, budget: Budget) -> None:
         self.objective = objective
         self.loss = loss
-        self.loss_scale = loss_scale
         self.budget = budget
         self.best_point: Array = objective.start()
+        self.best_residuals: Array = np.empty(0)
         self.best_cost = np.inf
         self.converged = False
         self.message = ""
         self._last: tuple[Array, Array] = np.empty(0), np.empty(0)
 
-    def explained(self, cost: float, deviations: float) -> bool:
-        """Whether noise of the stated size explains a cost.
+    def explained(self, residuals: Array, deviations: float) -> bool:
+        """Whether normal noise of the stated size explains the cost of residuals.
 
-        Twice the cost is then about the number of degrees of freedom, with a standard deviation of
-        the root of twice that number; a robust loss makes it smaller.
+        Twice the cost is then about the number of degrees of freedom times the mean loss of unit
+        normal noise, to within so many of its standard deviations. Outliers are no such noise: a
+        search looks for a better end in vain then, and `Fit.noise_explains` judges more leniently.
         """
-        degrees = max(1, self.objective.residual_count - self.objective.size)
-        return bool(2.0 * cost < degrees + deviations * np.sqrt(2.0 * degrees))
+        live = int(np.count_nonzero(self.objective.live(residuals)))
+        degrees = max(1, live - self.objective.size)
+        mean, variance = self.loss.normal_moments()
+        limit = degrees * mean + deviations * np.sqrt(degrees * variance)
+        return bool(2.0 * self.costs(residuals) < limit)
+
+    def best_explained(self, deviations: float) -> bool:
+        """Whether noise explains the best point so far, as `explained` says."""
+        return self.best_residuals.size > 0 and self.explained(self.best_residuals, deviations)
 
     def costs(self, residuals: Array) -> Array:
         """Return the cost of each row of `residuals`."""
-        squares = (residuals / self.loss_scale) ** 2
-        return np.asarray(
-            0.5 * self.loss_scale**2 * np.sum(loss_values(self.loss, squares), axis=-1)
-        )
+        return np.asarray(0.5 * np.sum(self.loss.values(residuals), axis=-1))
 
     def evaluate(self, points: Array) -> Array:
         """Return the residuals of `points`, keeping the best point."""
@@ -137,6 +112,7 @@ class Search:
         best = int(np.argmin(costs))
         if costs[best] < self.best_cost:
             self.best_cost, self.best_point = float(costs[best]), points[best].copy()
+            self.best_residuals = residuals[best].copy()
         self._last = points[-1].copy(), residuals[-1]
         self.budget.note(len(points), self.best_cost)
         return residuals
@@ -194,8 +170,8 @@ def best_starts(search: Search, points: Array, keep: int) -> list[Array]:
     return [points[i] for i in np.argsort(costs, kind="stable")[:keep]]
 
 
-def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, float]:
-    """Trust-region least squares (scipy, reflective, with bounds): return its end and cost."""
+def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, Array]:
+    """Trust-region least squares (scipy, reflective, with bounds): return its end and residuals."""
     objective = search.objective
     per_iteration = 2 * objective.parameters + objective.initial_size + 1
     # scipy counts evaluations of the residuals; each usually comes with a Jacobian.
@@ -212,8 +188,8 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
         bounds=(lower, upper),
         method="trf",
         x_scale="jac",
-        loss=search.loss,
-        f_scale=search.loss_scale,
+        loss=search.loss.name,
+        f_scale=search.loss.scale,
         max_nfev=iterations,
         ftol=_COST_TOLERANCE,
         xtol=_STEP_TOLERANCE,
@@ -227,7 +203,7 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
             search.message = _BUDGET_SPENT
         else:
             search.message = f"one local search takes {most_iterations} iterations at most"
-    return np.asarray(result.x), float(result.cost)
+    return np.asarray(result.x), np.asarray(result.fun[: objective.residual_count])
 
 
 def cma_es(

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.automatic import growing_windows
+from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.search import (
     FIRST_SIGMA,
     LATER_SIGMA,
     Budget,
-    LossName,
     Search,
     best_starts,
     cma_es,
@@ -43,15 +43,14 @@ _MOST_ITERATIONS = 40
 def run_searches(
     objectives: list[Objective],
     budget: Budget,
-    loss: LossName,
-    loss_scale: float,
+    loss: Loss,
     method: Method,
     starts: int,
     local_searches: int,
     seed: int,
 ) -> Search:
     """Run the searches that the options ask for; return that of the last window."""
-    searches = [Search(objective, loss, loss_scale, budget) for objective in objectives]
+    searches = [Search(objective, loss, budget) for objective in objectives]
     begin = objectives[0].start()
     keep = local_searches if method == "least_squares" else 1
     points = spread_starts(searches[0], begin, starts, seed, keep)
@@ -65,8 +64,7 @@ def run_searches(
 def run_automatic(
     objective: Objective,
     budget: Budget,
-    loss: LossName,
-    loss_scale: float,
+    loss: Loss,
     method: Method,
     local_searches: int,
     seed: int,
@@ -78,19 +76,19 @@ def run_automatic(
     budget, and from others only where noise does not explain its end; what they leave goes to the
     best end if it has not converged.
     """
-    final = Search(objective, loss, loss_scale, budget)
+    final = Search(objective, loss, budget)
     begin = objective.start()
     if method == "least_squares":
         with budget.share(_FIRST_SHARE):
             least_squares(final, begin, _MOST_ITERATIONS)
-        if final.explained(final.best_cost, _EXPLAINED):
+        if final.best_explained(_EXPLAINED):
             _finish(final)
             return final
     if budget.left < 2 * _AUTOMATIC_STARTS:
         if method != "least_squares":
             _evolve([final], begin, method, seed)
         return final
-    scan = Search(objective, loss, loss_scale, budget)
+    scan = Search(objective, loss, budget)
     points = sobol_points(objective, begin, _AUTOMATIC_STARTS - 1, seed)
     points, residuals = scan.evaluate_valid(points)
     windows = growing_windows(objective, residuals)
@@ -99,7 +97,6 @@ def run_automatic(
         Search(
             Objective(problem.with_window(window), nthread=objective.nthread),
             loss,
-            loss_scale,
             budget,
         )
         for window in windows
@@ -152,15 +149,16 @@ def _descend(
     finished: list[float] = []
     for start in points:
         with failing():
-            point, cost = least_squares(searches[0], start, _MOST_ITERATIONS)
-            if len(searches) > 1 and not searches[0].explained(cost, _EXPLAINED):
+            point, residuals = least_squares(searches[0], start, _MOST_ITERATIONS)
+            cost = float(searches[0].costs(residuals))
+            if len(searches) > 1 and not searches[0].explained(residuals, _EXPLAINED):
                 unfinished.append((cost, point))
             elif all(abs(cost - end) > _SAME_END for end in finished):
                 finished.append(cost)
                 _go_on(searches[1:], point)
-        if last.explained(last.best_cost, _EXPLAINED) or last.budget.left == 0:
+        if last.best_explained(_EXPLAINED) or last.budget.left == 0:
             break
-    if unfinished and not last.explained(last.best_cost, _EXPLAINED):
+    if unfinished and not last.best_explained(_EXPLAINED):
         with failing():
             _go_on(searches[1:], min(unfinished, key=lambda end: end[0])[1])
 

@@ -41,9 +41,13 @@ def run(arguments: argparse.Namespace) -> int:
     for estimate in result.estimates:
         print(f"{estimate.name}: {estimate.statement}")
     metrics = result.metrics()
+    errors = []
+    if "position_rms" in metrics:
+        errors.append(f"{1e3 * metrics['position_rms']:.4g} mm")
+    if "rotation_rms" in metrics:
+        errors.append(f"{metrics['rotation_rms']:.4g} rad")
     print(
-        f"residuals: {1e3 * metrics['position_rms']:.4g} mm, "
-        f"{metrics['rotation_rms']:.4g} rad (root mean square); "
+        f"residuals: {', '.join(errors)} (root mean square); "
         f"{result.evaluations} simulations in {result.seconds:.1f} s"
     )
     if arguments.out is not None:

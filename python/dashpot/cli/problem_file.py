@@ -97,7 +97,7 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
             _trajectory(f"trajectories[{index}]", entry, folder)
             for index, entry in enumerate(_typed("trajectories", content["trajectories"], list))
         ],
-        _typed("position_sigma", content["position_sigma"], (int, float)),
+        _typed("position_sigma", content["position_sigma"], (int, float, list)),
         _typed("rotation_sigma", content["rotation_sigma"], (int, float)),
         **chosen,
     )

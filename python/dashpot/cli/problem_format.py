@@ -6,8 +6,8 @@ FORMAT = """\
 Problem file, TOML shown, JSON with the same keys; paths are relative to the file:
 
 model = "scene.xml"              # MJCF, URDF or MJB
-position_sigma = 0.001           # m, standard deviation of an observed coordinate
-rotation_sigma = 0.01            # rad
+position_sigma = 0.001           # m, standard deviation of an observed coordinate, or three, of
+rotation_sigma = 0.01            #   x, y, z; rad; inf (JSON: Infinity): not measured
 initial_state = "velocity"       # or "given", "pose_and_velocity"; optional, as are
 substeps = 4                     #   steps per frame, and
 window = 0.5                     #   seconds of each trajectory that are used

@@ -76,7 +76,7 @@ def evaluate(
     errors = np.empty((len(problem.trajectories), 4))
     for t, toss in enumerate(problem.trajectories):
         rows = residuals[objective.offsets[t] : objective.offsets[t + 1]].reshape(-1, 6)
-        distance = np.linalg.norm(rows[:, :3], axis=1) * problem.position_sigma
+        distance = np.linalg.norm(rows[:, :3] * problem.position_sigma, axis=1)
         angle = np.linalg.norm(rows[:, 3:], axis=1) * problem.rotation_sigma
         first = flight_frames(toss.position[:, 0], toss.quaternion[:, 0], cube)
         first = min(first, len(rows) - 1)
