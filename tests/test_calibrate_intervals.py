@@ -117,6 +117,8 @@ def test_statements():
         (statement(math.log(1.0), 0.01), "lies at its lower bound 1"),
         (statement(math.log(1000.0), 0.01), "lies at its upper bound 1000"),
         (statement(0.5, 0.3, transform="linear"), "covers 60% of the allowed range"),
+        (statement(math.log(1.5), 0.5), "its 95% interval reaches the lower bound 1"),
+        (statement(math.log(900.0), 0.2), "its 95% interval reaches the upper bound 1000"),
         (statement(1.0, math.inf, standard_error=math.inf), "does not depend on it"),
     ):
         assert not estimate.identified
@@ -125,6 +127,29 @@ def test_statements():
     both = statement(math.log(30.0), 0.01, correlation=(1.0, -0.97))
     assert both.identified
     assert "correlated -0.97 with d" in both.statement
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [(0.985, None), (0.9899, "upper bound 0.99"), (0.0101, "lower bound 0.01"), (0.02, None)],
+)
+def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(value, reason):
+    parameter = Parameter.material("ball", "restitution", start=0.5, bounds=(0.01, 0.99))
+    z = parameter.coordinate.to_search(value)
+    found = judge(parameter, z, 5e-3, 0.01, np.ones(1), ("restitution",), 0.95)
+    assert found.identified == (reason is None)
+    assert reason is None or f"the estimate lies at its {reason}" in found.statement
+
+
+def test_statements_have_the_digits_that_they_need():
+    good = statement(math.log(30.0), 1e-7)
+    assert good.statement == "identified: 95% interval 29.999997 to 30.000003"
+    z, n = math.log(30.0), ("k",)
+    parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0))
+    sure = judge(parameter, z, 1e-3, 0.01, np.ones(1), n, 0.999).statement
+    assert sure.startswith("identified: 99.9% interval")
+    exact = judge(parameter, z, 0.0, 0.0, np.ones(1), n, 0.95).statement
+    assert exact == "identified: 95% interval 30 to 30" or "30.0000" in exact
 
 
 def test_what_noise_does_not_explain_is_not_identified():

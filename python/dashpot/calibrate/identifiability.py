@@ -9,7 +9,8 @@ A parameter is called *not identified* when
   model differs from what was observed, or the search ended in a bad valley, and intervals that are
   scaled with the residuals, as they are here, then hold for neither, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
-* its estimate lies at a bound, or
+* its estimate lies at a bound, or its interval reaches one: the data then say nothing of how far it
+  would go on, as where friction never slips, or
 * its interval covers more than half of the allowed range, or
 * (log parameters) the ends of its interval differ by more than a factor of four: it is then not
   known to within a factor of two either way.
@@ -43,7 +44,8 @@ MAX_VARIANCE = 1.5
 # Where a tenth of the residuals lies far beyond the quantile of `intervals.residual_variance`:
 # (Phi^-1(0.5 + 0.35 / 0.9) / Phi^-1(0.85))^2.
 _OUTLIERS_MAKE = 1.39
-# Share of the search range within which an estimate counts as being at its bound.
+# Share of the range (of log parameters in the log) within which a value counts as being at its
+# bound.
 _AT_BOUND = 1e-3
 
 
@@ -91,6 +93,20 @@ def noise_explains(residual_variance: float, count: int, *, robust: bool = False
     if robust:
         return bool(residual_variance <= _OUTLIERS_MAKE + 3.0 * math.sqrt(3.6 / count))
     return bool(residual_variance <= 1.0 + 3.0 * math.sqrt(2.0 / count))
+
+
+def percent(confidence: float) -> str:
+    """Return a confidence as a percentage with all its digits, such as 99.9%."""
+    return f"{100.0 * confidence:.6g}%"
+
+
+def interval_ends(lower: float, upper: float) -> tuple[str, str]:
+    """Return the ends of an interval with four digits, or as many as tell them apart."""
+    for digits in range(4, 17):
+        ends = f"{lower:.{digits}g}", f"{upper:.{digits}g}"
+        if ends[0] != ends[1]:
+            break
+    return ends
 
 
 def judge(
@@ -146,13 +162,14 @@ def judge(
         reason = (
             f"the stated noise does not explain the residuals, whose variance is {unexplained:.3g}:"
             " the model is not right, or the search ended in a bad valley, and its interval, "
-            f"{lower:.4g} to {upper:.4g}, is that of neither"
+            f"{' to '.join(interval_ends(lower, upper))}, is that of neither"
         )
     else:
         reason = _reason(parameter, z, half_width, lower, upper, confidence)
     partner = _partner(parameter.name, correlation, names)
     if reason is None:
-        statement = f"identified: {confidence:.0%} interval {lower:.4g} to {upper:.4g}"
+        ends = " to ".join(interval_ends(lower, upper))
+        statement = f"identified: {percent(confidence)} interval {ends}"
         if partner:
             statement += f"; {partner}, so the data know their combination better than each"
         if unexplained is not None:
@@ -185,21 +202,47 @@ def _reason(
     upper: float,
     confidence: float,
 ) -> str | None:
-    low, high = parameter.coordinate.sampling_bounds
-    at_bound = _AT_BOUND * (high - low)
-    if z - low <= at_bound:
+    at_lower, at_upper = _at_bounds(parameter, z)
+    if at_lower:
         return f"the estimate lies at its lower bound {parameter.bounds[0]:.4g}"
-    if high - z <= at_bound:
+    if at_upper:
         return f"the estimate lies at its upper bound {parameter.bounds[1]:.4g}"
-    share = (min(z + half_width, high) - max(z - half_width, low)) / (high - low)
+    share = _share(parameter, lower, upper)
     if share > MAX_RANGE_SHARE:
-        return f"its {confidence:.0%} interval covers {share:.0%} of the allowed range"
+        return f"its {percent(confidence)} interval covers {share:.0%} of the allowed range"
     if parameter.transform == "log" and 2 * half_width > math.log(MAX_FACTOR):
         return (
-            f"the ends of its {confidence:.0%} interval, {lower:.3g} and {upper:.3g}, differ by "
-            f"more than a factor of {MAX_FACTOR:g}"
+            f"the ends of its {percent(confidence)} interval, {lower:.3g} and {upper:.3g}, differ "
+            f"by more than a factor of {MAX_FACTOR:g}"
         )
+    for side, z_end, bound in (
+        (0, z - half_width, parameter.bounds[0]), (1, z + half_width, parameter.bounds[1])
+    ):  # fmt: skip
+        if _at_bounds(parameter, z_end)[side]:
+            return (
+                f"its {percent(confidence)} interval reaches the {('lower', 'upper')[side]} bound "
+                f"{bound:.4g}, and could go on beyond"
+            )
     return None
+
+
+def _at_bounds(parameter: Parameter, z: float) -> tuple[bool, bool]:
+    """Whether a search coordinate lies at the lower and at the upper bound, or beyond."""
+    if parameter.transform == "logit":
+        # Its search coordinate has no bounds: the share is one of the range itself.
+        z, (low, high) = parameter.coordinate.to_value(z), parameter.bounds
+    else:
+        low, high = parameter.coordinate.search_bounds
+    margin = _AT_BOUND * (high - low)
+    return z - low <= margin, high - z <= margin
+
+
+def _share(parameter: Parameter, lower: float, upper: float) -> float:
+    """Return the share of the allowed range between two values, of log parameters in the log."""
+    low, high = parameter.bounds
+    if parameter.transform == "log":
+        low, high, lower, upper = (math.log(x) for x in (low, high, lower, upper))
+    return (upper - lower) / (high - low)
 
 
 def _partner(name: str, correlation: Array, names: tuple[str, ...]) -> str | None:

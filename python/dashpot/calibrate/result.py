@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from dashpot.calibrate.identifiability import Estimate, noise_explains
+from dashpot.calibrate.identifiability import (
+    Estimate,
+    interval_ends,
+    noise_explains,
+    percent,
+)
 from dashpot.calibrate.problem import Problem
 from dashpot.tables import table_html, table_text
 
@@ -136,7 +141,17 @@ class Fit:
         return {**result, "residual_variance": self.residual_variance}
 
     def table(self, truth: dict[str, float] | None = None) -> Table:
-        """Return a rich table of the estimates; with `truth`, beside the true values."""
+        """Return a rich table of the estimates; with `truth`, beside the true values.
+
+        Raises
+        ------
+        ValueError
+            Where `truth` lacks a parameter, naming it.
+        """
+        if truth is not None:
+            missing = [e.name for e in self.estimates if e.name not in truth]
+            if missing:
+                raise ValueError(f"truth has no value of {', '.join(missing)}")
         explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
         caption = f"{explained} the residuals: their variance is {self.residual_variance:.3g}"
         if self.errors == "independent":
@@ -150,13 +165,13 @@ class Fit:
         if truth is not None:
             table.add_column("truth", justify="right")
         table.add_column("estimate", justify="right")
-        table.add_column(f"{self.confidence:.0%} interval", justify="right")
+        table.add_column(f"{percent(self.confidence)} interval", justify="right")
         table.add_column("identified")
         for e in self.estimates:
             row = [e.name]
             if truth is not None:
                 row.append(f"{truth[e.name]:.4g}")
-            row += [f"{e.value:.4g}", f"{e.lower:.4g} – {e.upper:.4g}"]
+            row += [f"{e.value:.4g}", " – ".join(interval_ends(e.lower, e.upper))]
             row.append("yes" if e.identified else "no")
             table.add_row(*row)
         return table
