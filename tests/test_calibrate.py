@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from dataclasses import replace
 
 import mujoco
@@ -94,7 +95,7 @@ def test_mujoco_can_be_tuned_the_same_way():
     poses = np.array(poses)
     trajectory = Trajectory(
         "throw", 0.01 * np.arange(40), poses[:, :3], poses[:, 3:], ("body",),
-        initial_qvel=SIDEWAYS,
+        initial_qpos=poses[0], initial_qvel=SIDEWAYS,
     )  # fmt: skip
     parameters = [
         Parameter.model("geom_solref", ("ball", "floor"), index=i, start=start, bounds=bounds,
@@ -270,3 +271,22 @@ def test_motion_is_continuous_in_stiffness():
     steps = np.abs(np.diff(objective.residuals(points), axis=0)).max(axis=1)
     assert np.median(steps) > 1e-3  # of a standard deviation: the box did hit the floor
     assert steps.max() < 5 * np.median(steps)
+
+
+@pytest.mark.parametrize("initial_state", ["given", "velocity"])
+def test_a_start_at_a_noisy_frame_is_warned_of(noisy_ball, initial_state):
+    """The pose of the first frame has noise, too; nothing but an estimate takes that in."""
+    unknown = [replace(t, initial_qpos=None) for t in noisy_ball.trajectories]
+    problem = replace(noisy_ball, trajectories=unknown, initial_state=initial_state)
+    with pytest.warns(UserWarning, match=f"'{unknown[0].name}'.* no initial_qpos"):
+        fit(problem, max_evaluations=1, starts=0)
+    for quiet in (noisy_ball, replace(problem, initial_state="pose_and_velocity")):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            fit(quiet, max_evaluations=1, starts=0)
+
+
+def test_a_table_names_the_truth_that_it_lacks(noisy_ball):
+    result = fit(noisy_ball, max_evaluations=1, starts=0)
+    with pytest.raises(ValueError, match=r"truth has no value of stiffness, damping$"):
+        result.table(truth={"sliding_friction": 0.3})

@@ -41,6 +41,38 @@ def test_bodies_are_named():
         make_trajectory(bodies=(1,))
 
 
+@pytest.mark.parametrize("bodies", [None, 5])
+def test_bodies_of_another_type_are_refused(bodies):
+    with pytest.raises(TypeError, match=f"'throw 7': bodies must be a name or .*, got {bodies}"):
+        make_trajectory(bodies=bodies)
+
+
+def clocked(time):
+    return make_trajectory(
+        time=time,
+        position=np.zeros((len(time), 3)),
+        quaternion=np.tile(IDENTITY, (len(time), 1)),
+    )
+
+
+@pytest.mark.parametrize("rate", [30, 60, 120, 240])
+@pytest.mark.parametrize("phase", [0.0, 3e-4, 1.7e9])
+def test_times_rounded_to_milliseconds_are_even(rate, phase):
+    """And their spacing is that of the clock, to what rounding leaves of a line through them."""
+    frames = 200
+    spacing = clocked(np.round(phase + np.arange(frames) / rate, 3)).spacing
+    rounding = 1e-3 / math.sqrt(12)
+    assert spacing == pytest.approx(1 / rate, abs=4 * rounding * math.sqrt(12 / frames**3))
+
+
+def test_a_clock_that_drifts_is_refused():
+    """Each interval is within 1.4 % of 10 ms, yet frame 100 is 6.7 ms off the mean spacing."""
+    k = np.arange(201)
+    drifting = 0.01 * k + 6.7e-3 * (1.0 - ((k - 100) / 100) ** 2)
+    with pytest.raises(ValueError, match=r"'throw 7': the clock drifts: .* even grid of 0.01 s"):
+        clocked(drifting)
+
+
 def test_nan_in_a_pose_is_located():
     position = np.zeros((5, 3))
     position[3, 1] = math.nan
@@ -261,6 +293,47 @@ def test_a_pair_keeps_the_friction_that_it_has():
         {"torsional_friction": 0.05}
     )
     assert built.contact_material("a", "b").friction == (0.2, 0.2, 0.05, 0.001, 0.001)
+
+
+# Mixed half and half with MuJoCo's default, (0.02, 1), of the ball.
+SOFT_FLOOR = BALL.replace('size="3 3 0.1"', 'size="3 3 0.1" solref="0.05 0.7"')
+
+
+def friction_of(kind):
+    options = {"start": 0.5, "bounds": (0.1, 1.0)}
+    if kind == "pair":
+        return Parameter.pair("ball", "floor", "sliding_friction", **options)
+    return Parameter.material("ball", "sliding_friction", **options)
+
+
+def test_friction_of_a_pair_does_not_replace_what_its_geoms_combine_to():
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
+    engine.set_material("ball", dashpot.Material(2e4, restitution=0.5))
+    at = [make_trajectory()], 1e-3, 1e-2
+    with pytest.raises(ValueError, match=r"'sliding_friction' .*'floor' and 'ball'.* stiffness of"):
+        Problem(engine, [friction_of("pair")], *at)
+    stiffness = Parameter.pair("ball", "floor", "stiffness", start=1e4, bounds=(1e2, 1e6))
+    with pytest.raises(ValueError, match=r"'sliding_friction' .* without the damping"):
+        Problem(engine, [friction_of("pair"), stiffness], *at)
+    restitution = Parameter.pair("ball", "floor", "restitution", start=0.5, bounds=(0.1, 0.9))
+    Problem(engine, [friction_of("pair"), stiffness, restitution], *at)
+    engine.set_pair_material("ball", "floor", dashpot.Material(2e4, restitution=0.5))
+    Problem(engine, [friction_of("pair")], *at)
+
+
+@pytest.mark.parametrize("kind", ["pair", "material"])
+def test_friction_does_not_make_soft_contacts_of_the_model_rigid(kind):
+    at = [make_trajectory()], 1e-3, 1e-2
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(SOFT_FLOOR))
+    with pytest.raises(ValueError, match=r"'sliding_friction' .*'ball'.*rigid, .* solref \(0.035"):
+        Problem(engine, [friction_of(kind)], *at)
+    stiffness = Parameter.material("ball", "stiffness", start=1e4, bounds=(1e2, 1e6))
+    if kind == "material":
+        Problem(engine, [friction_of(kind), stiffness], *at)
+    # Rigid by default, or because it was asked for: nothing is lost.
+    Problem(dashpot.Engine(mujoco.MjModel.from_xml_string(BALL)), [friction_of(kind)], *at)
+    engine.set_material("ball", dashpot.Material())
+    Problem(engine, [friction_of(kind)], *at)
 
 
 def test_problems_pickle():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -306,14 +307,15 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
             file.write(b"\xef\xbb\xbf" + content + b"\r\n,,,,,,,\n")
         problem = {
             **PROBLEM,
-            "initial_state": "velocity",
+            "initial_state": "pose_and_velocity",
             "fit": {"max_evaluations": 400, "starts": 8, "windows": [0.25]},
             "trajectories": [{"file": "drop.csv", "bodies": ["ball"]}],
         }
         file = tmp_path / "problem.json"
         file.write_text(json.dumps(problem))
     else:
-        np.savez(tmp_path / "drop.npz", initial_qvel=np.zeros(6), **poses)
+        first = np.concatenate([poses["position"][0], poses["quaternion"][0]])
+        np.savez(tmp_path / "drop.npz", initial_qpos=first, initial_qvel=np.zeros(6), **poses)
         file = tmp_path / "problem.toml"
         file.write_text(
             """
@@ -383,6 +385,35 @@ def test_a_wrong_problem_file_is_named(capsys, scene, tmp_path, change, message)
     with pytest.raises((ValueError, FileNotFoundError), match=message):
         read_problem(file)
     assert "Traceback" not in line
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "message"),
+    [
+        ("time,x,y,z,qw,qx,qy,qz", "1,0,oops,0,1,0,0,0", "line 3, column 'y': 'oops' is not a"),
+        ("time,x,y,z,qw,qx,qy,qz,x", "1,0,0,0,1,0,0,0,0", "2 columns are named 'x'"),
+        ("time,x,y,z,qw,qx,qy,qz,label", "1,0,0,0,1,0,0,0,kick", None),
+    ],
+)
+def test_columns_of_a_table_that_are_wanted_are_read(scene, tmp_path, header, row, message):
+    """What is in others does not matter."""
+    first = row.replace("1", "0", 1).replace("oops", "0")
+    (tmp_path / "drop.csv").write_text(f"{header}\n{first}\n{row}\n")
+    problem = {
+        **PROBLEM,
+        "position_sigma": [1e-4, 1e-4, math.inf],
+        "initial_state": "pose_and_velocity",
+        "trajectories": [{"file": "drop.csv", "bodies": ["ball"]}],
+    }
+    file = tmp_path / "problem.json"
+    file.write_text(json.dumps(problem))
+    if message is None:
+        read, _ = read_problem(file)
+        assert read.trajectories[0].time.tolist() == [0.0, 1.0]
+        assert read.position_sigma == (1e-4, 1e-4, math.inf)
+    else:
+        with pytest.raises(ValueError, match=rf"trajectories\[0\]: .*drop.csv: {message}"):
+            read_problem(file)
 
 
 def test_the_problem_format_shown_in_the_help_can_be_read(scene, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Sequence
 from typing import Literal, get_args
 
@@ -153,6 +154,7 @@ def fit(
     objective = objectives[-1]
     check_count(objective.measured_count, objective.size)
     errors_kind = _errors_kind(errors, problem, objective)
+    _warn_of_noisy_starts(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
@@ -293,6 +295,19 @@ def _result(
         initial_velocity=velocity,
         initial_displacement=displacement,
     )
+
+
+def _warn_of_noisy_starts(problem: Problem) -> None:
+    """Warn where simulations start at a measured pose as if it had no noise."""
+    noisy = problem.noisy_starts()
+    if noisy:
+        others = f" and {len(noisy) - 1} more" if len(noisy) > 1 else ""
+        warnings.warn(
+            f"trajectory '{noisy[0]}'{others}: no initial_qpos, so that the simulation starts at "
+            "the first observed pose as if that had no noise, and intervals are too narrow; give "
+            "initial_qpos, or estimate the start with initial_state='pose_and_velocity'",
+            stacklevel=3,
+        )
 
 
 def _errors_kind(errors: Errors, problem: Problem, objective: Objective) -> str:

@@ -102,11 +102,10 @@ def percent(confidence: float) -> str:
 
 def interval_ends(lower: float, upper: float) -> tuple[str, str]:
     """Return the ends of an interval with four digits, or as many as tell them apart."""
-    for digits in range(4, 17):
-        ends = f"{lower:.{digits}g}", f"{upper:.{digits}g}"
-        if ends[0] != ends[1]:
-            break
-    return ends
+    digits = 4
+    while digits < 16 and lower < upper and f"{lower:.{digits}g}" == f"{upper:.{digits}g}":
+        digits += 1
+    return f"{lower:.{digits}g}", f"{upper:.{digits}g}"
 
 
 def judge(

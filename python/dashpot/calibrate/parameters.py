@@ -135,8 +135,9 @@ class Parameter:
             ``stiffness`` (N/m), ``damping`` (N s/m), ``damping_ratio``, ``restitution``,
             ``sliding_friction``, ``torsional_friction`` (m), ``rolling_friction`` (m),
             ``loaded_friction``, ``friction_load`` (N), ``tangential_ratio`` or
-            ``tangential_damping_ratio``. What is not varied stays as the
-            engine's material has it.
+            ``tangential_damping_ratio``. What is not varied stays as the engine's material has it;
+            a problem refuses geoms without one whose softness is the model's ``solref``, unless
+            their stiffness is varied too.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution).
@@ -168,7 +169,9 @@ class Parameter:
     ) -> Parameter:
         """Vary one quantity of the material that two geoms have with each other.
 
-        A pair without a material of its own starts from ``Material()``. Arguments as in `material`.
+        A pair without a material of its own starts from ``Material()`` and the friction that it
+        has; a problem refuses what would so lose stiffness or damping of its geoms' materials, or
+        the model's ``solref``. Arguments as in `material`.
         """
         _check_quantity(quantity)
         for argument, geom in (("geom1", geom1), ("geom2", geom2)):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import number, positive_count
@@ -64,7 +65,9 @@ class Problem:
         trajectories carry. Only with ``initial_state="given"``.
     initial_state
         ``"given"``: trajectories carry their initial state. ``"velocity"``: the initial velocity of
-        every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well.
+        every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well:
+        the choice for measured poses. With the other two a trajectory without ``initial_qpos``
+        starts at its first observed pose as if that had no noise, and intervals are too narrow.
 
     Raises
     ------
@@ -115,6 +118,9 @@ class Problem:
             if self.initial_state != "given":
                 raise ValueError("start_states needs initial_state='given'")
         model = model_of(self.build(self.start))
+        untouched = self._own_system(self.start)
+        if isinstance(untouched, Engine):
+            check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
 
@@ -146,20 +152,7 @@ class Problem:
             raise ValueError(
                 f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
             )
-        if isinstance(self.system, mujoco.MjModel | Engine):
-            system: System = copy.copy(self.system)
-        elif callable(self.system):
-            system = self.system(dict(values))
-            if not isinstance(system, mujoco.MjModel | Engine):
-                raise TypeError(
-                    "the function that builds the system must return a dashpot.Engine or a "
-                    f"mujoco.MjModel, got {type(system).__name__}"
-                )
-        else:
-            raise TypeError(
-                "system must be a dashpot.Engine, a mujoco.MjModel or a function that returns "
-                f"one, got {type(self.system).__name__}"
-            )
+        system = self._own_system(values)
         changed = False
         for parameter in self.parameters:
             if parameter.apply is None:
@@ -211,12 +204,47 @@ class Problem:
             qpos[i], qvel[i] = _initial_state(trajectory, model, np.isfinite(self.sigma))
         return qpos, qvel
 
+    def noisy_starts(self) -> tuple[str, ...]:
+        """Return the trajectories whose simulation starts at their first observed pose.
+
+        That is, those without ``initial_qpos`` of which a body on a free joint was observed, where
+        neither `initial_state` nor `start_states` gives the initial pose.
+        """
+        if self.initial_state == "pose_and_velocity" or self.start_states is not None:
+            return ()
+        model = model_of(self._own_system(self.start))
+        return tuple(
+            trajectory.name
+            for trajectory in self.trajectories
+            if trajectory.initial_qpos is None
+            and any(
+                _free_joint(model, model.body(body).id) is not None for body in trajectory.bodies
+            )
+        )
+
     def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
         """Return the number of simulation steps between two frames."""
         if self.substeps is not None:
             return int(self.substeps)
         # The slack keeps rounding in the times from adding a step.
         return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
+
+    def _own_system(self, values: Mapping[str, float]) -> System:
+        """Return a copy of the system, or a new one, before any parameter is put in."""
+        if isinstance(self.system, mujoco.MjModel | Engine):
+            return copy.copy(self.system)
+        if not callable(self.system):
+            raise TypeError(
+                "system must be a dashpot.Engine, a mujoco.MjModel or a function that returns "
+                f"one, got {type(self.system).__name__}"
+            )
+        system = self.system(dict(values))
+        if not isinstance(system, mujoco.MjModel | Engine):
+            raise TypeError(
+                "the function that builds the system must return a dashpot.Engine or a "
+                f"mujoco.MjModel, got {type(system).__name__}"
+            )
+        return system
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"

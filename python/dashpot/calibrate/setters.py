@@ -62,7 +62,7 @@ class MaterialSetter:
     @property
     def targets(self) -> tuple[str, ...]:
         """What it sets, in words."""
-        return tuple(f"{_target(self.quantity)} of geom '{geom}'" for geom in self.geoms)
+        return tuple(f"{kind_of_quantity(self.quantity)} of geom '{geom}'" for geom in self.geoms)
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class PairSetter:
     def targets(self) -> tuple[str, ...]:
         """What it sets, in words."""
         first, second = sorted((self.geom1, self.geom2))
-        return (f"{_target(self.quantity)} of the pair '{first}', '{second}'",)
+        return (f"{kind_of_quantity(self.quantity)} of the pair '{first}', '{second}'",)
 
 
 @dataclass(frozen=True)
@@ -162,8 +162,8 @@ def with_quantity(
     return replace(material, **{quantity: value})  # type: ignore[arg-type]
 
 
-def _target(quantity: str) -> str:
-    """Name what a quantity sets; the forms of damping replace each other."""
+def kind_of_quantity(quantity: str) -> str:
+    """Return what a quantity sets: the forms of damping replace each other."""
     return "damping" if quantity in _DAMPING_FORMS else quantity
 
 

@@ -165,12 +165,25 @@ def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
     missing = [name for name in wanted if name not in header]
     if missing:
         raise ValueError(f"no column {missing[0]!r}; there are {', '.join(header)}")
+    twice = [name for name in wanted if header.count(name) > 1]
+    if twice:
+        raise ValueError(f"{header.count(twice[0])} columns are named {twice[0]!r}")
     for number, row in lines[1:]:
         if len(row) != len(header):
             raise ValueError(f"line {number} has {len(row)} values, the header {len(header)}")
-    table = np.array(rows[1:], dtype=np.float64)[:, [header.index(name) for name in wanted]]
+    columns = [(name, header.index(name)) for name in wanted]
+    table = np.array(
+        [[_cell(row[i], number, name) for name, i in columns] for number, row in lines[1:]]
+    )
     poses = table[:, 1:].reshape(len(table), len(bodies), 7)
     return {"time": table[:, 0], "position": poses[..., :3], "quaternion": poses[..., 3:]}
+
+
+def _cell(text: str, line: int, column: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"line {line}, column {column!r}: {text!r} is not a number") from None
 
 
 def _names(label: str, value: Any) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ Problem file, TOML shown, JSON with the same keys; paths are relative to the fil
 model = "scene.xml"              # MJCF, URDF or MJB
 position_sigma = 0.001           # m, standard deviation of an observed coordinate, or three, of
 rotation_sigma = 0.01            #   x, y, z; rad; inf (JSON: Infinity): not measured
-initial_state = "velocity"       # or "given", "pose_and_velocity"; optional, as are
+initial_state = "pose_and_velocity"   # estimated; or "velocity", "given"; optional, as are
 substeps = 4                     #   steps per frame, and
 window = 0.5                     #   seconds of each trajectory that are used
 
