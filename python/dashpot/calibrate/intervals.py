@@ -134,7 +134,8 @@ def covariance(
     loss = Loss() if loss is None else loss
     size = jacobian.shape[1]
     noisy = residuals if live is None else residuals[live]
-    unknowns = _rank(jacobian if live is None else jacobian[live])
+    determined, scale, singular, v = _decomposed(jacobian)
+    unknowns = len(singular) if noisy.size == len(jacobian) else _rank(jacobian[live])
     m = noisy.size
     check_count(m, unknowns)
     variance = residual_variance(noisy, unknowns, loss)
@@ -144,20 +145,16 @@ def covariance(
     if not rise > 0:
         return Covariance(np.diag(np.full(size, np.inf)), degrees, variance)
 
-    # Columns scaled to unit norm, so that rank is judged free of units.
-    scale = np.linalg.norm(jacobian, axis=0)
-    determined = scale > 0
     matrix = np.zeros((size, size))
     if determined.any():
-        scaled = jacobian[:, determined] / scale[determined]
-        _, singular, v = np.linalg.svd(scaled, full_matrices=False)
-        kept = singular > _RANK_TOLERANCE * singular[0]
-        inverse = (v[kept].T / singular[kept] ** 2) @ v[kept]
-        lost = np.abs(v[~kept]).max(axis=0, initial=0.0) > np.sqrt(_RANK_TOLERANCE)
+        kept = v[: len(singular)]
+        inverse = (kept.T / singular**2) @ kept
+        lost = np.abs(v[len(singular) :]).max(axis=0, initial=0.0) > np.sqrt(_RANK_TOLERANCE)
         if offsets is not None:
             clusters = len(offsets) - 1
             if clusters < 2:
                 raise ValueError("clustered errors need at least two trajectories")
+            scaled = jacobian[:, determined] / scale[determined]
             products = scaled * loss.scores(residuals)[:, None]
             sums = np.add.reduceat(products, offsets[:-1], axis=0)
             middle = clusters / (clusters - 1) * (sums.T @ sums)
@@ -177,10 +174,21 @@ def covariance(
     return Covariance(matrix, degrees, variance)
 
 
-def _rank(jacobian: Array) -> int:
-    """Return how many unknowns the rows determine, judged free of units."""
+def _decomposed(jacobian: Array) -> tuple[NDArray[np.bool_], Array, Array, Array]:
+    """Return the singular values that are not lost to rounding, and all right singular vectors.
+
+    They are those of the columns that are not 0, scaled to unit norm, so that rank is judged free
+    of units; which columns these are, and their norms, come first.
+    """
     scale = np.linalg.norm(jacobian, axis=0)
-    if not scale.any():
-        return 0
-    singular = np.linalg.svd(jacobian[:, scale > 0] / scale[scale > 0], compute_uv=False)
-    return int(np.count_nonzero(singular > _RANK_TOLERANCE * singular[0]))
+    determined = scale > 0
+    if not determined.any():
+        return determined, scale, np.empty(0), np.empty((0, 0))
+    scaled = jacobian[:, determined] / scale[determined]
+    _, singular, v = np.linalg.svd(scaled, full_matrices=False)
+    return determined, scale, singular[singular > _RANK_TOLERANCE * singular[0]], v
+
+
+def _rank(jacobian: Array) -> int:
+    """Return how many unknowns the rows determine."""
+    return len(_decomposed(jacobian)[2])
