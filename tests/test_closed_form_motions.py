@@ -113,5 +113,5 @@ def test_rope_over_a_beam_holds_as_the_capstan_equation_says(timestep, ratio, ho
     if holds:
         assert abs(risen) < 1e-5
     else:
-        # Beyond the limit the excess of the heavy load accelerates both.
-        assert risen > 0.005
+        # Beyond the limit the excess of the heavy load accelerates both, against damped joints.
+        assert risen > 0.004

@@ -25,7 +25,8 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, length, false, data);
-    host::detect_again(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+    host::detect_again(model, d, motion.smooth_acceleration(), knock_on.body_velocity(), detection,
+                       contacts, constraints);
     mocap.drive(constraints);
     correct_contacts_ahead(d);
     drop_pairs(part.apart, contacts);

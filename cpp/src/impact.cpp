@@ -85,7 +85,7 @@ class ImpactSearch {
       if (!pair.apart) look(pair, remaining_);
     }
     for (FastPair& pair : pairs_)
-      if (pair.clear < part) look(pair, remaining_);
+      if (pair.apart && pair.clear < part) look(pair, remaining_);
     const double length = part;
     for (FastPair& pair : pairs_)
       if (!pair.apart || pair.clear <= length) look(pair, length);

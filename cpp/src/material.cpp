@@ -12,7 +12,6 @@
 //   one of each:       zeta = s1 zeta1 and, added to it, d = s2^2 d2: a dashpot that takes the
 //   share
 //       s2 of the rate dissipates s2^2 d2 u^2.
-// A soft side against a rigid one keeps its damping whole.
 //
 // Restitution of a Kelvin-Voigt contact that releases when its force reaches zero, without load:
 // release comes at the phase omega t = 2 psi, which gives

@@ -171,7 +171,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
     slot.slack = slack(s[0], data.offset[index]);
     if (c.dim > 1) {
       tangent_to_local(s[1], s[2], input, slot.slide);
-      slot.slide_stiffness = k[1];
+      slot.slide_stiffness = k[more_mobile(rows, c, 1)];
     }
     if (c.dim > 3) {
       slot.spin = s[3];
@@ -179,7 +179,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
     }
     if (c.dim > 4) {
       tangent_to_local(s[4], s[5], input, slot.roll);
-      slot.roll_stiffness = k[4];
+      slot.roll_stiffness = k[more_mobile(rows, c, 4)];
     }
     std::memcpy(contact_storage(count++), &slot, sizeof(slot));
   }

@@ -68,7 +68,7 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
   };
   // Of rows i and i + 1, along the two tangents.
   const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
-    const double scale = scale_of(norm(vector), stiffness, i);
+    const double scale = scale_of(norm(vector), stiffness, more_mobile(rows, c, i));
     for (int k = 0; k < 2; ++k)
       deformation[i + k] = scale * along(vector, input.rotation, input.frame.data() + 3 * (1 + k));
   };
@@ -117,7 +117,8 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 
 // The nearest remembered point of the pair, -1 if there is none; a point fixed to either geom is
 // recognised by that geom.
-int Memory::nearest_contact(const ContactInput& input, const SlotsByPair& slots) const {
+std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
+                                               const SlotsByPair& slots) const {
   int nearest = -1;
   double least = std::numeric_limits<double>::infinity();
   slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int index) {
@@ -129,7 +130,7 @@ int Memory::nearest_contact(const ContactInput& input, const SlotsByPair& slots)
     least = distance;
     nearest = index;
   });
-  return nearest;
+  return {nearest, least};
 }
 
 // Of a contact that nothing is remembered of: in the first step of all one of SI stiffness takes
@@ -153,6 +154,12 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
     const double* values = contact_storage(slot);
     return values[kSlotCompression] * values[kSlotStiffness];
   };
+  // By remembered point: the group that is nearest to it. Another one near it is a new point: a
+  // compression that two inherit would be two springs as deep.
+  thread_local std::vector<int> heir;
+  thread_local std::vector<double> distance;
+  heir.assign(contact_count(), -1);
+  distance.assign(contact_count(), std::numeric_limits<double>::infinity());
   double load = 0.0;
   bool first = true;
   std::uint64_t last_pair = 0;
@@ -168,7 +175,13 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
       first = false;
     }
     matches[index].load = load;
-    if (input.gap < 0.0) matches[index].nearest = nearest_contact(input, slots);
+    if (input.gap >= 0.0) continue;
+    const auto [nearest, away] = nearest_contact(input, slots);
+    if (nearest < 0 || !(away < distance[nearest])) continue;
+    if (heir[nearest] >= 0) matches[heir[nearest]].nearest = -1;
+    heir[nearest] = static_cast<int>(index);
+    distance[nearest] = away;
+    matches[index].nearest = nearest;
   }
 }
 

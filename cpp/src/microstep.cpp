@@ -36,7 +36,7 @@ bool flows_alone(const Rows& rows, const Island& island, double recovery_speed,
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   const double time = island.microsteps * island.duration, offset = data.offset[index];
-  const double speed = std::min(offset / time, recovery_speed);
+  const double speed = std::min(offset / recovery_over(time, recovery_speed).time, recovery_speed);
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
          c.turning[0] == 0.0 &&
          (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
@@ -234,7 +234,7 @@ void MicrostepLoop::Impl::pack() {
 void MicrostepLoop::Impl::run_microsteps() {
   IslandMotion m;
   m.h = h;
-  m.recovery_speed = recovery_speed;
+  m.recovery = recovery_over(island->microsteps * island->duration, recovery_speed);
   m.velocity = data->velocity.data();
   m.displacement = displacement.data();
   m.acceleration = acceleration.data();

@@ -22,12 +22,16 @@ namespace {
 // Part of the least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
 // The same above which points that are not nearest count: below, they go in by less in a step.
+// Round meshes, whose corners land one after the other, would roll for ever on what that leaves.
 constexpr double kFastReach = 0.05;
+constexpr double kFastReachOfMesh = 0.0005;
 // Types whose pairs meet in more than one point.
 constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
 // Cosine between the normals of such a point and of the contact found: convex bodies meet along
 // one.
 constexpr double kAlike = 0.85;
+// Cosine between the normals of a face and of a contact on it.
+constexpr double kOfFace = 0.999999;
 // Part of such a point's depth that a contact known nearby goes in by where it stands for it.
 constexpr double kAsDeep = 0.8;
 // Part of the radius up to which a contact moves along a rim or around a side in a step, as that of
@@ -85,8 +89,9 @@ mjtNum gap_at_end(const mjPreContact& contact, const MovedGeom& moved1, const Mo
 }
 
 // Adds points that are apart now and overlap at the end of the step, at the velocities of its
-// start, to the `count` contacts known, where none of these stands for them, up to `most`; returns
-// how many there are then. `collide` finds contacts at a margin.
+// start, or those that its impacts are known to lead to, to the `count` contacts known, where none
+// of these stands for them, up to `most`; returns how many there are then. `collide` finds contacts
+// at a margin.
 template <typename Collide>
 int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin, int most,
                const Collide& collide, mjPreContact* contact, int count) {
@@ -94,8 +99,9 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
   const int known = count;
   const mjtNum along_round = kAlongRound * round_radius(m, geom1, geom2);
   mjPreContact end[mjMAXCONPAIR];
-  const MovedGeom moved1(m, d, geom1, m->opt.timestep, Spin::kOfShape);
-  const MovedGeom moved2(m, d, geom2, m->opt.timestep, Spin::kOfShape);
+  const mjtNum* const velocity = face_buffers ? face_buffers->body_velocity : nullptr;
+  const MovedGeom moved1(m, d, geom1, m->opt.timestep, Spin::kOfShape, velocity);
+  const MovedGeom moved2(m, d, geom2, m->opt.timestep, Spin::kOfShape, velocity);
   // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
   const int end_count = collide(0.0, end);
   for (int i = 0; i < end_count && count < most; ++i) {
@@ -123,6 +129,17 @@ int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin,
     ++count;
   }
   return count;
+}
+
+// Whether a mesh touches a face of the other geom.
+bool has_corner_on_face(const mjModel* m, const mjData* d, int geom1, int geom2,
+                        const mjPreContact& contact) {
+  if (!face_buffers) return false;
+  const Eigen::Map<const Eigen::Vector3d> normal(contact.normal);
+  return (m->geom_type[geom2] == mjGEOM_MESH &&
+          has_face_along(m, d, geom1, normal, kOfFace, *face_buffers)) ||
+         (m->geom_type[geom1] == mjGEOM_MESH &&
+          has_face_along(m, d, geom2, -normal, kOfFace, *face_buffers));
 }
 
 // What `collide` finds where MuJoCo looks for the nearest points alone, within `tolerance` (m) of
@@ -177,10 +194,12 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   int count = collide(margin, contact);
   if (type1 == mjGEOM_PLANE) return count;
   const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
-  if (margin <= kFarReach * width) return count;
-  if (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX && count == 0)
+  if (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX && count == 0 && margin > kFarReach * width)
     count = mjc_Convex(m, d, contact, geom1, geom2, margin);
-  if (margin <= kFastReach * width) return count;
+  if (margin <= kFastReachOfMesh * width) return count;
+  if (margin <= kFastReach * width &&
+      !(count == 1 && has_corner_on_face(m, d, geom1, geom2, contact[0])))
+    return count;
   return add_coming(m, d, geom1, geom2, margin, most, collide, contact, count);
 }
 

@@ -188,6 +188,7 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
   detection.buffers.forget_least();
   detection.narrowphase.forget();
+  detection.faces.body_velocity = nullptr;
   detect_rows(m, d, acceleration, detection, contacts, constraints);
   call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_sensorVel, m, d);
@@ -198,8 +199,9 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
 }
 
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  Detection& detection, std::vector<ContactInput>& contacts,
-                  std::vector<ConstraintInput>& constraints) {
+                  const std::vector<double>& body_velocity, Detection& detection,
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  detection.faces.body_velocity = body_velocity.data();
   detect_rows(m, d, acceleration, detection, contacts, constraints);
 }
 

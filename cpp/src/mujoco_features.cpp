@@ -132,7 +132,9 @@ void report_contacts(const mjModel* m, Report& report) {
     const mjtNum* friction = m->pair_solreffriction + mjNREF * pair;
     if (friction[0] != 0.0 || friction[1] != 0.0)
       report.add(name + " solreffriction", Treatment::kMapped,
-                 "friction springs follow the normal stiffness, critically damped");
+                 report.comfree()
+                     ? "friction is that of the facets"
+                     : "friction springs follow the normal stiffness, critically damped");
   }
 }
 

@@ -24,15 +24,6 @@ bool has_surface_motion(const mjModel* m, const ContactInput& input) {
   });
 }
 
-// At a point of the body whose tree's centre of mass a twist is about.
-void velocity_of_point(const mjModel* m, const mjData* d, int body, const mjtNum* twist,
-                       const double* point, mjtNum* velocity) {
-  mjtNum arm[3];
-  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
-  mju_cross(velocity, twist, arm);
-  mju_addTo3(velocity, twist + 3);
-}
-
 bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   if (geom < 0) return false;
   const mjtNum* twist = mocap_twist(m, d, m->geom_bodyid[geom]);
@@ -208,6 +199,14 @@ void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInpu
     const double ratio = friction[0] / friction[i - 1];
     typical[i] = typical[0] * ratio * ratio;
   }
+}
+
+void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const double* twist,
+                       const double* point, double* velocity) {
+  double arm[3];
+  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(velocity, twist, arm);
+  mju_addTo3(velocity, twist + 3);
 }
 
 void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,

@@ -14,12 +14,19 @@ void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* poin
   if (carrier) mju_addTo3(angular, carrier);
 }
 
-MovedGeom::MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time, Spin spin)
+MovedGeom::MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time, Spin spin,
+                     const mjtNum* body_velocity)
     : position_(d->geom_xpos + 3 * geom), rotation_(d->geom_xmat + 9 * geom) {
   mju_copy3(start_position_, position_);
   mju_copy(start_rotation_, rotation_, 9);
   mjtNum linear[3], quaternion[4], angle[3];
-  velocity_at(m, d, m->geom_bodyid[geom], position_, angle, linear);
+  const int body = m->geom_bodyid[geom];
+  if (body_velocity) {
+    velocity_of_point(m, d, body, body_velocity + 6 * body, position_, linear);
+    mju_copy3(angle, body_velocity + 6 * body);
+  } else {
+    velocity_at(m, d, body, position_, angle, linear);
+  }
   if (spin == Spin::kOfShape && has_round_side(m->geom_type[geom])) {
     const mjtNum axis[3] = {rotation_[2], rotation_[5], rotation_[8]};
     mju_addToScl3(angle, axis, -mju_dot3(angle, axis));

@@ -182,6 +182,11 @@ double surface_work(const Rows& rows, const RowGroup& c, const double* impulse) 
   return work;
 }
 
+int more_mobile(const Rows& rows, const RowGroup& c, int i) {
+  const double* w = rows.inverse_mass.data() + c.row + i;
+  return w[1] > w[0] ? i + 1 : i;
+}
+
 double bearable_compression(const Rows& rows, const RowGroup& c, double recovery_speed) {
   const double k = rows.stiffness[c.row];
   const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);

@@ -32,7 +32,7 @@ struct Stepper::Impl {
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
 
-  // The stages of a step (DESIGN section 2).
+  // The stages of a step.
   void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);

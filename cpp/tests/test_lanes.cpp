@@ -172,7 +172,7 @@ struct Swept {
   IslandMotion motion(double h) {
     IslandMotion m;
     m.h = h;
-    m.recovery_speed = 0.1;
+    m.recovery = recovery_over(0.002, 0.1);
     m.coupled_time = kCoupledShare * h;
     double** array[] = {&m.velocity, &m.displacement, &m.acceleration,      &m.force,
                         &m.impulse,  &m.moment,       &m.total_displacement};

@@ -67,11 +67,12 @@ class Engine:
         rebound more than their material says. A larger bound, shorter steps or, for fast impacts,
         ``impact="cut"`` help.
     recovery_speed
-        Speed in m/s at which overlap that no spring has taken up (bad initial states, teleports)
-        is pushed out, unless a force keeps it in that is beyond a hundred weights or, of rigid
-        contacts, beyond what stops the bodies at this speed; ``inf`` makes every overlap a
-        compressed spring at once. In the first step of data, contacts of a given
-        stiffness are compressed by their overlap as far as a hundred weights compress them.
+        Largest speed in m/s at which overlap that no spring has taken up (bad initial states,
+        teleports) is pushed out, with a time constant of 10 ms or two steps, unless a force keeps
+        it in that is beyond a hundred weights or, of rigid contacts, beyond what stops the bodies
+        at this speed; ``inf`` makes every overlap a compressed spring at once. In the first step of
+        data, contacts of a given stiffness are compressed by their overlap as far as a hundred
+        weights compress them.
     mocap_timeconst
         Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a
         critically damped follower, x'' = -2 x' / T - x / T^2, whose velocity contacts (friction

@@ -11,8 +11,8 @@
 
 namespace dashpot {
 
-// p and r of a spring-damper are linear in displacement, rate and load (LinearFlow). Fixed during
-// an island's micro-steps.
+// p and r of a spring-damper are linear in displacement, rate and load. Fixed during an island's
+// micro-steps.
 struct SpringCoefficients {
   Lanes impulse_displacement, impulse_rate;
   Lanes impulse_load;  // and moment_rate

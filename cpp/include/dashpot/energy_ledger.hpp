@@ -16,7 +16,8 @@ struct EnergyLedger {
   double dissipated_constraint = 0.0;
   double dissipated_recovery = 0.0;  // negative when recovery has put energy in
   double dissipated_damping = 0.0;   // by dampers of joints and tendons, and by fluids
-  double work = 0.0;                 // of actuators, applied forces and gravity compensation
+  // Of actuators, applied forces, gravity compensation, mocap bodies and moving surfaces.
+  double work = 0.0;
 
   // J, with what recovery took or put in.
   double dissipated_by_contacts() const {

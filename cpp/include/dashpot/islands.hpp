@@ -1,7 +1,7 @@
 // Islands and the control of their micro-steps.
 //
 // Groups with a tree in common are coupled; an island is a connected set of them. Its micro-step
-// h must resolve the coupled stiffness and damping (DESIGN section 2.4):
+// h must resolve the coupled stiffness and damping:
 //
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
 //     A = J inv(H) J',   theta = kResolution .

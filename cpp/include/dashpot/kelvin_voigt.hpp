@@ -40,17 +40,4 @@ Flow flow_contact(const KelvinVoigt& contact, double gap, double rate, double lo
 Flow flow_spring(const KelvinVoigt& spring, double displacement, double rate, double load,
                  double time, const Propagator* propagator = nullptr);
 
-// The flow of a bilateral spring-damper is linear in displacement, rate and load:
-//     p = impulse . (x, u, b),    r = moment . (x, u, b) .
-// Rows that flow at one micro-step size compute the coefficients once.
-struct LinearFlow {
-  double impulse[3] = {0.0, 0.0, 0.0};
-  double moment[3] = {0.0, 0.0, 0.0};
-};
-inline LinearFlow linear_flow(const KelvinVoigt& spring, const Propagator& e) {
-  const double k = spring.stiffness, d = spring.damping;
-  return {{-k * e.e1, -d * e.e1 - k * e.e2, -d * e.e2 - k * e.e3},
-          {-k * e.e2, -d * e.e2 - k * e.e3, -d * e.e3 - k * e.e4}};
-}
-
 }  // namespace dashpot

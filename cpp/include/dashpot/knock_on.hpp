@@ -36,6 +36,9 @@ class KnockOn {
                      const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap,
                      host::ReachBuffers& reach);
 
+  // Of that motion, 6 by body, as in cvel.
+  const std::vector<double>& body_velocity() const { return body_velocity_; }
+
  private:
   // A contact of a pair, and its gap (m) at the end of the step.
   struct Known {

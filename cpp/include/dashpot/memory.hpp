@@ -16,6 +16,7 @@
 #pragma once
 
 #include <array>
+#include <utility>
 #include <vector>
 
 #include "dashpot/energy_ledger.hpp"
@@ -39,8 +40,9 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
 };
 
-// What memory has of a contact: the nearest remembered point of its pair, -1 for none, where it
-// overlaps; and the force (N) that all points of its pair bore at the end of the last step.
+// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
+// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
+// the end of the last step.
 struct Match {
   int nearest = -1;
   double load = 0.0;
@@ -128,7 +130,8 @@ class Memory {
   double* contact_storage(int index) const;
   double* constraint_slot(int constraint) const;
   bool starts() const;  // no step was taken yet
-  int nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
+  // The nearest remembered point, and the square of its distance (m^2).
+  std::pair<int, double> nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,

@@ -1,4 +1,4 @@
-// Micro-steps of one island over its rows, with geometry frozen (DESIGN section 2.4).
+// Micro-steps of one island over its rows, with geometry frozen.
 //
 // State is in motion coordinates xi (trees.hpp): velocity v, smooth acceleration a. A micro-step of
 // length h:

@@ -31,6 +31,7 @@ struct SurplusContact {
 struct FaceBuffers {
   std::vector<std::optional<std::vector<FlatFace>>> of_mesh;  // each made when first asked for
   std::vector<SurplusContact> surplus;
+  const double* body_velocity = nullptr;  // see detect_again(); null: the present one
 };
 
 // Where a geom is.

@@ -1,4 +1,5 @@
-// The only room that includes mujoco.h: MuJoCo's stages in the order of mj_step, and what the
+// The room that includes mujoco.h, in all files of its name or with "host" in theirs and those that
+// say so: MuJoCo's stages in the order of mj_step, and what the
 // contact solver reads from and writes to mjModel and mjData.
 //
 // mj_step is rebuilt from public calls; collision comes after the smooth acceleration, so that
@@ -72,8 +73,9 @@ double contact_mass(const mjModel_* m, const ContactInput& input);
 // MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
 double geom_inverse_mass(const mjModel_* m, int geom);
 
-// A step that may be taken in parts of their own time step. At its end the model's time step is
-// restored; time has advanced by that step, or, without finish(), the state at the start is back.
+// A step that may be taken in parts of their own time step. Where it was, the model's time step is
+// restored at its end, and time has advanced by that step or, without finish(), the state at the
+// start is back.
 class StepParts {
  public:
   StepParts(mjModel_* m, mjData_* d);
@@ -155,10 +157,11 @@ bool anything_reads_rows(const mjModel_* m);
 // `acceleration` is the smooth generalized acceleration over the step (nv).
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
             std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
-// The same once more in this step, with the reach that detection.buffers now ask for at least.
+// The same once more in this step, with the reach that detection.buffers now ask for at least, and
+// with the points where `body_velocity` (6 by body, as in cvel) leads in place of the present one.
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  Detection& detection, std::vector<ContactInput>& contacts,
-                  std::vector<ConstraintInput>& constraints);
+                  const std::vector<double>& body_velocity, Detection& detection,
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
@@ -214,7 +217,11 @@ int detected_count(const mjData_* d);
 // Force and torque of a detected contact in its frame, N and N m. Throws std::runtime_error where
 // the last step has left no rows of contacts.
 std::array<double, 6> contact_force(const mjModel_* m, const mjData_* d, int index);
-// Velocity (3, world, m/s) of a body at a point (world), at the velocities last computed.
+// Velocity (3, world, m/s) of a body at a point (world) for its `twist`, as in cvel: rotation, and
+// translation at the centre of mass of its tree.
+void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const double* twist,
+                       const double* point, double* velocity);
+// The same at the velocities last computed.
 void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
                     double* velocity);
 // Velocity of geom 2 relative to geom 1 at the contact, in its frame (m/s), at the positions and

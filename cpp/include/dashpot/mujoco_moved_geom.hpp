@@ -15,10 +15,13 @@ void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* poin
 // not.
 enum class Spin { kOfPoints, kOfShape };
 
-// While it lives, the geom is where it will be after `time` (s) at the velocity that it has now.
+// While it lives, the geom is where it will be after `time` (s) at the velocity that it has now, or
+// at that of `body_velocity`, where not null: by body, rotation and translation about the centre of
+// mass of its tree, as in cvel, with that of mocap bodies in what hangs on them.
 class MovedGeom {
  public:
-  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time, Spin spin = Spin::kOfPoints);
+  MovedGeom(const mjModel* m, mjData* d, int geom, mjtNum time, Spin spin = Spin::kOfPoints,
+            const mjtNum* body_velocity = nullptr);
   ~MovedGeom();
   MovedGeom(const MovedGeom&) = delete;
   MovedGeom& operator=(const MovedGeom&) = delete;

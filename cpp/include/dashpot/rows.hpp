@@ -168,6 +168,11 @@ void stop_turning(Rows& rows, const RowGroup& group);
 // Work that the surfaces' own motion does on the bodies through `impulse` (dim), J.
 double surface_work(const Rows& rows, const RowGroup& group, const double* impulse);
 
+// Of rows i and i + 1 of a group, along two tangents, the one along which more moves: along the
+// other one nothing may, as across the plane of a planar mechanism, where stiffness is a matter of
+// rounding.
+int more_mobile(const Rows& rows, const RowGroup& group, int i);
+
 // Largest compression (m) of a contact or limit under which recovery of overlap goes on: one that
 // stores the kinetic energy of the apparent mass at the recovery speed, k x^2 = v^2 / w, or carries
 // the soft load. Recovery moves bodies, it does not squeeze what cannot move.

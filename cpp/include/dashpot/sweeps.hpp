@@ -43,7 +43,7 @@ struct Blocks {
 // with all present forces, `displacement` that of all micro-steps.
 struct IslandMotion {
   double h = 0.0;
-  double recovery_speed = 0.0;
+  Recovery recovery;
   double coupled_time = 0.0;  // for end_displacement()
   // Times for turn_rows(), from the middle of the step on.
   double rate_time = 0.0, work_time = 0.0;
@@ -90,7 +90,7 @@ template <typename Jacobian, typename Law>
   gather<kDim>(block.jacobian, m.velocity, rate);
   if constexpr (!std::is_same_v<Law, SpringLanes>)
     if (law.turns) turn_rows(law, m.rate_time, m.work_time, rate);
-  read_motion(law, rate, m.h, m.coupled_time, m.recovery_speed);
+  read_motion(law, rate, m.h, m.coupled_time, m.recovery);
   if (sweep == Sweep::kRead) {
     Lanes load[kDim];
     gather<kDim>(block.jacobian, m.smooth_acceleration, load);
