@@ -110,3 +110,35 @@ def test_cart_catches_up_with_a_slower_ball(joint, timestep):
     assert data.qvel[:2] == pytest.approx(
         [mean - restitution * difference, mean + restitution * difference], abs=1e-6
     )
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("stiffness", [1e5, 1e6])
+def test_balls_on_joints_that_hit_each_other_keep_their_energy(stiffness, timestep):
+    """Two elastic balls above one another over a floor.
+
+    Where they came into each other by the way that positions lead velocities, that way was taken
+    from the spring: of their energy 28 to 70 % were left after 20 s.
+    """
+    balls = "".join(
+        f'<body pos="0 0 {height}"><joint type="slide" axis="0 0 1"/>'
+        '<geom size=".05" mass="1"/></body>'
+        for height in (0.3, 0.41)
+    )
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(
+            f"""<mujoco><option timestep="{timestep}"/><default><geom condim="1"/></default>
+            <worldbody><geom type="plane" size="1 1 1"/>{balls}</worldbody></mujoco>"""
+        )
+    )
+    elastic = dashpot.Material(stiffness=stiffness, restitution=1.0, friction=0.0)
+    for geom in range(3):
+        engine.set_material(geom, elastic)
+    data = engine.make_data()
+    start = engine.energy(data).potential
+    engine.step(data, nstep=round(20.0 / timestep))
+    energy = engine.energy(data)
+    # In flight the energy of Euler's method swings by m g v h / 2, 0.013 of it at 5 ms.
+    total = energy.kinetic + energy.potential + energy.elastic
+    assert total == pytest.approx(start, rel=0.02)
+    assert abs(energy.dissipated_recovery) < 1e-3 * start

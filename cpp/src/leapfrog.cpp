@@ -71,12 +71,19 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
       }
     }
   }
-  // Those that they have left compressed were more so.
-  for (const RowGroup& c : rows.group) {
-    if (is_apart(c))
-      data.deformation[c.row] = std::max(0.0, gap_in_time(c));
-    else if (c.is_unilateral() && data.deformation[c.row] < 0.0)
-      data.deformation[c.row] = std::min(0.0, gap_in_time(c));
+  // Those that they have left compressed were more so; those that they have come into ahead of
+  // their velocities, and that remember nothing, were not reached.
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (!c.is_unilateral()) continue;
+    double& deformation = data.deformation[c.row];
+    if (deformation < 0.0) {
+      deformation = std::min(0.0, gap_in_time(c));
+    } else {
+      const double gap = gap_in_time(c) - data.offset[index];
+      deformation = std::max(0.0, gap);
+      data.offset[index] = std::max(0.0, -gap);
+    }
   }
   for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
 }
