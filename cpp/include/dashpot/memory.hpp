@@ -3,9 +3,10 @@
 // dry-friction row, the motion of mocap bodies, and the energy ledger.
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
-// compression remembered at the nearest point of the same geom pair; what geometry reports beyond
-// that is an unstressed offset. Limits and equalities do the same with their position. In the first
-// step of all a contact of SI stiffness takes what its spring bears.
+// compression remembered at the nearest point of the same geom pair, unless another contact is
+// nearer to that point; what geometry reports beyond that is an unstressed offset. Limits and
+// equalities do the same with their position. In the first step of all a contact of SI stiffness
+// takes what its spring bears.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous; what that puts beyond the position is
