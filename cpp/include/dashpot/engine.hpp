@@ -17,16 +17,16 @@ struct mjData_;
 
 namespace dashpot {
 
-// Statistics of the last of the steps taken; of a step in parts, those of its last part. The
-// deepest are so of all steps.
+// Statistics of the last of the steps taken (the maximum or the sum over all of them where said);
+// of a step in parts, those of its last part.
 struct StepStats {
   int contacts = 0;              // contacts that could touch during the step
   int touching = 0;              // contacts that carried an impulse
   int islands = 0;               // islands of trees joined by rows
   int microsteps = 0;            // largest number of micro-steps of an island (maximum over steps)
   int clipped = 0;               // rows whose stiffness or damping was lowered (maximum over steps)
-  double max_penetration = 0.0;  // m, deepest overlap, margin taken off, at a step's start
-  double max_compression = 0.0;  // m, deepest compression at a step's end
+  double max_penetration = 0.0;  // m, deepest overlap less margin at a step's start (maximum)
+  double max_compression = 0.0;  // m, deepest compression at a step's end (maximum)
   int cuts = 0;                  // cuts at impacts (sum over steps)
 };
 
