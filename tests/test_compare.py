@@ -215,6 +215,20 @@ def test_a_run_starts_at_the_first_keyframe():
         assert run.potential[0] == pytest.approx(2 * 9.81 * 3)
 
 
+def test_mocap_bodies_are_measured_where_the_run_has_them():
+    """A plate that the keyframe lifts to the ball, and turns to face it with its thin side."""
+    plate = """<body name="plate" mocap="true" pos="0 0 -3">
+      <geom type="box" size=".01 .2 .2"/></body></worldbody>"""
+    half = np.sqrt(0.5)
+    # A quarter turn about y: the half-thickness of 10 mm is along z, its top 1 mm in the ball.
+    key = f'<key qpos="0 0 3 1 0 0 0" mpos="0 0 2.891" mquat="{half} 0 {half} 0"/>'
+    xml = BALL.format(height=1).replace("</worldbody>", plate)
+    xml = xml.replace("</mujoco>", f"<keyframe>{key}</keyframe></mujoco>")
+    for run in compare.run(xml, duration=0.001, settings=["dashpot", "elliptic"]).runs:
+        assert run.penetration_max[0] == pytest.approx(1e-3, rel=1e-9)
+        assert run.contacts[-1] > 0
+
+
 def made_run() -> compare.Run:
     """Five instants; 1 and 2 contacts before 0.3 s, 4 and 0 after."""
     return compare.Run(

@@ -21,14 +21,21 @@ class Observer:
         self._model = copy.deepcopy(model)
         self._data = mujoco.MjData(self._model)
 
-    def measure(
-        self, time: float, position: NDArray[np.float64], velocity: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], float, float]:
-        """Return the depths (m) of all touching contacts, kinetic and potential energy (J)."""
+    def measure(self, state: mujoco.MjData) -> tuple[NDArray[np.float64], float, float]:
+        """Return the depths (m) of all touching contacts, kinetic and potential energy (J).
+
+        Parameters
+        ----------
+        state
+            Data of a model of the same bodies. Time, positions and velocities and the poses of
+            mocap bodies are read: kinematics, collision and energies depend on nothing else.
+        """
         model, data = self._model, self._data
-        data.time = time
-        data.qpos[:] = position
-        data.qvel[:] = velocity
+        data.time = state.time
+        data.qpos[:] = state.qpos
+        data.qvel[:] = state.qvel
+        data.mocap_pos[:] = state.mocap_pos
+        data.mocap_quat[:] = state.mocap_quat
         mujoco.mj_fwdKinematics(model, data)
         mujoco.mj_makeM(model, data)
         mujoco.mj_collision(model, data)

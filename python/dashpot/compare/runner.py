@@ -196,10 +196,9 @@ class _Recorder:
 
     def record(self, data: mujoco.MjData, elastic: float) -> bool:
         """Measure the state; return False, recording nothing, if it has diverged."""
-        position, velocity = np.array(data.qpos), np.array(data.qvel)
-        if not (np.abs(position) < _DIVERGED).all() or not (np.abs(velocity) < _DIVERGED).all():
+        if not all((np.abs(part) < _DIVERGED).all() for part in (data.qpos, data.qvel)):
             return False
-        depths, kinetic, potential = self._observer.measure(data.time, position, velocity)
+        depths, kinetic, potential = self._observer.measure(data)
         self._rows.append(
             (
                 data.time,
