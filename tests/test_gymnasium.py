@@ -1,6 +1,7 @@
 """Gymnasium's environments step with dashpot and stay what they are otherwise."""
 
 import pickle
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -124,6 +125,56 @@ def test_robot_environments_keep_what_they_set_up():
     # mj_step lets it sag 0.1 mm and more, dashpot's rigid contact by less than a micrometre.
     assert robot.data.qpos[2] == pytest.approx(0.1, abs=1e-6)
     assert robot.dashpot_engine.contacts(robot.data).force[0, 0] == pytest.approx(9.81, rel=1e-6)
+
+
+class Yard:
+    """Holds the robot that it steps, as gymnasium-robotics' kitchen and mazes do."""
+
+    def __init__(self, wrapped=False):
+        robot = BallRobot()
+        robot.camera = SimpleNamespace(model=robot.model, data=robot.data)
+        self.robot = SimpleNamespace(unwrapped=robot) if wrapped else robot
+        self.model, self.data = robot.model, robot.data
+
+    def reset(self):
+        mujoco.mj_resetData(self.model, self.data)
+
+    def step(self, action):
+        getattr(self.robot, "unwrapped", self.robot).step(action)
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_an_environment_that_holds_the_one_that_it_steps_goes_over(wrapped):
+    yard = with_dashpot(Yard)(wrapped=wrapped)
+    robot = yard.robot.unwrapped if wrapped else yard.robot
+    assert type(yard).__name__ == "YardWithDashpot"
+    assert isinstance(robot, BallRobot)
+    assert yard.data.qpos[0] == 0.25
+    assert list(yard.data.userdata[:2]) == [3.0, 4.0]
+    for holder in (yard, robot, robot.camera):
+        assert holder.model is yard.dashpot_engine.model
+        assert holder.data is yard.data
+    for _ in range(50):
+        yard.step(None)
+    # As in test_robot_environments_keep_what_they_set_up.
+    assert yard.data.qpos[2] == pytest.approx(0.1, abs=1e-6)
+    assert yard.dashpot_engine.contacts(yard.data).force[0, 0] == pytest.approx(9.81, rel=1e-6)
+
+
+def test_an_environment_that_holds_none_or_two_is_refused():
+    class Empty(Yard):
+        def __init__(self):
+            pass
+
+    class Two(Yard):
+        def __init__(self):
+            self.left, self.right = BallRobot(), BallRobot()
+
+    for env_class, count in ((Empty, 0), (Two, 2)):
+        with pytest.raises(TypeError, match=f"{env_class.__name__}.*hold {count} of those, not"):
+            with_dashpot(env_class)()
+    with pytest.raises(TypeError, match=r"make_engine returned MjModel; it must be Engine"):
+        with_dashpot(Yard, make_engine=lambda model: model)()
 
 
 @pytest.mark.parametrize("bad", [dict, HopperEnv.__init__, "hopper"])

@@ -12,8 +12,8 @@ from dashpot.engine import Engine
 
 Environment = TypeVar("Environment")
 
-# What an environment's class must have: how it makes the simulation, and how it steps it, by the
-# family that it is of.
+# What the class of an environment that steps a simulation of its own has: how it makes the
+# simulation, and how it steps it, by the family that it is of.
 _MAKES = "_initialize_simulation"
 _STEPS = {"gymnasium": "_step_mujoco_simulation", "gymnasium-robotics": "_mujoco_step"}
 
@@ -31,7 +31,14 @@ def with_dashpot(
     sensors) is, after a step, that of the last time step's start, as after ``mj_step``; but with
     ``RK4`` ``mj_step`` leaves that of its last stage, which is almost the end. Where an environment
     calls ``mj_step`` by itself, as some of gymnasium-robotics do in a reset to let things settle,
-    it is MuJoCo that steps::
+    it is MuJoCo that steps.
+
+    An environment that steps another one that it holds, as gymnasium-robotics' kitchen and mazes
+    do, is made as it is; then the one that it holds goes over to the engine. Ids and names that it
+    kept of the model stay right; views of arrays of the data that it kept would be of the old data
+    and show no step.
+
+    For example::
 
         from gymnasium.envs.mujoco.ant_v5 import AntEnv
 
@@ -41,24 +48,33 @@ def with_dashpot(
     ----------
     env_class
         A class derived from ``gymnasium.envs.mujoco.MujocoEnv`` or from gymnasium-robotics'
-        ``MujocoRobotEnv``.
+        ``MujocoRobotEnv``, or whose environments hold one of such a class in an attribute, wrapped
+        or not.
     make_engine
         Makes the engine for an environment's model, with other options or with materials.
 
     Raises
     ------
     TypeError
-        If ``env_class`` is of neither family; when an environment is made, if ``make_engine``
-        returned no `Engine`.
+        If ``env_class`` is no class of environments; when an environment is made, if it neither is
+        nor holds one of those, or holds several, or if ``make_engine`` returned no `Engine`.
 
     """
-    missing = f"env_class is {env_class!r}, no class of MuJoCo environments: it has no method "
-    if not isinstance(env_class, type) or not hasattr(env_class, _MAKES):
-        raise TypeError(missing + _MAKES)
-    if not any(hasattr(env_class, name) for name in _STEPS.values()):
-        raise TypeError(missing + " or ".join(_STEPS.values()))
+    if not isinstance(env_class, type) or not (
+        _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))
+    ):
+        raise TypeError(f"env_class is {env_class!r}, no class of environments")
+    derive = _stepping if _steps_its_own(env_class) else _holding
+    derived = derive(env_class, make_engine)
+    derived.__name__ = derived.__qualname__ = f"{env_class.__name__}WithDashpot"
+    derived.__doc__ = env_class.__doc__
+    return derived
 
-    class WithDashpot(env_class):  # type: ignore[misc, valid-type]
+
+def _stepping(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
+    """Derive a class of environments that step their own simulation."""
+
+    class WithDashpot(env_class):  # type: ignore[misc]
         dashpot_engine: Engine
         model: Any
         data: Any
@@ -66,12 +82,8 @@ def with_dashpot(
         def _initialize_simulation(self) -> Any:
             made = super()._initialize_simulation()
             model, data = (self.model, self.data) if made is None else made
-            engine = make_engine(model)
-            if not isinstance(engine, Engine):
-                raise TypeError(f"make_engine returned {type(engine).__name__}; it must be Engine")
-            self.dashpot_engine = engine
-            self.model, self.data = engine.model, engine.make_data()
-            _copy_state(model, data, self.model, self.data)
+            self.dashpot_engine, self.data = _engine_of(model, data, make_engine)
+            self.model = self.dashpot_engine.model
             return None if made is None else (self.model, self.data)
 
         def _step_mujoco_simulation(self, ctrl: Any, n_frames: int) -> None:
@@ -84,13 +96,81 @@ def with_dashpot(
             self.dashpot_engine.step(self.data, nstep=self.n_substeps)
 
         def __reduce__(self) -> tuple[Any, ...]:
-            # The class has no name that a pickle could find it by.
-            get_state = getattr(self, "__getstate__", lambda: self.__dict__)
-            return _make_empty, (env_class, make_engine), get_state()
+            return _reduced(self, env_class, make_engine)
 
-    WithDashpot.__name__ = WithDashpot.__qualname__ = f"{env_class.__name__}WithDashpot"
-    WithDashpot.__doc__ = env_class.__doc__
     return WithDashpot
+
+
+def _holding(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
+    """Derive a class of environments that hold the one whose simulation they step."""
+
+    class WithDashpot(env_class):  # type: ignore[misc]
+        dashpot_engine: Engine
+
+        def __init__(self, *args: Any, **kwargs: Any) -> None:
+            super().__init__(*args, **kwargs)
+            self.dashpot_engine = _go_over(self, env_class, make_engine)
+
+        def __reduce__(self) -> tuple[Any, ...]:
+            return _reduced(self, env_class, make_engine)
+
+    return WithDashpot
+
+
+def _steps_its_own(env_class: type[Any]) -> bool:
+    steps = any(hasattr(env_class, name) for name in _STEPS.values())
+    return hasattr(env_class, _MAKES) and steps
+
+
+def _engine_of(
+    model: mujoco.MjModel, data: mujoco.MjData, make_engine: Callable[[mujoco.MjModel], Engine]
+) -> tuple[Engine, mujoco.MjData]:
+    """Make an engine for a model, and data of its own in the same state."""
+    engine = make_engine(model)
+    if not isinstance(engine, Engine):
+        raise TypeError(f"make_engine returned {type(engine).__name__}; it must be Engine")
+    own = engine.make_data()
+    _copy_state(model, data, engine.model, own)
+    return engine, own
+
+
+def _go_over(
+    env: Any, env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]
+) -> Engine:
+    """Let the environment that `env` holds be stepped by an engine, from the state that it has."""
+    inside = {id(inner): inner for inner in map(_unwrapped, vars(env).values())}
+    held = [inner for inner in inside.values() if _steps_its_own(type(inner))]
+    if len(held) != 1:
+        raise TypeError(
+            f"env_class is {env_class!r}: its environments are none of MuJoCo's, and they hold "
+            f"{len(held)} of those, not one"
+        )
+    inner = held[0]
+    model, data = inner.model, inner.data
+    engine, own = _engine_of(model, data, make_engine)
+    inner.__class__ = with_dashpot(type(inner), make_engine=make_engine)
+    inner.dashpot_engine = engine
+    # The environments themselves refer to model and data, and so does what they render with.
+    for holder in (env, inner, *vars(inner).values()):
+        for name, value in list(getattr(holder, "__dict__", {}).items()):
+            if value is model:
+                setattr(holder, name, engine.model)
+            elif value is data:
+                setattr(holder, name, own)
+    return engine
+
+
+def _unwrapped(held: Any) -> Any:
+    """Return the environment in wrappers, anything else as it is."""
+    return getattr(held, "unwrapped", held)
+
+
+def _reduced(
+    env: Any, env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]
+) -> tuple[Any, ...]:
+    """Return what an environment is pickled by: its class has no name that it could be found by."""
+    get_state = getattr(env, "__getstate__", lambda: env.__dict__)
+    return _make_empty, (env_class, make_engine), get_state()
 
 
 def _make_empty(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> Any:
