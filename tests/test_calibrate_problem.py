@@ -132,19 +132,19 @@ def test_parameter_of_the_wrong_type_is_named(changes, message):
 
 def test_what_a_parameter_sets_is_checked_when_it_is_made():
     at = {"start": 0.5, "bounds": (0.1, 0.9)}
-    for geoms in (5, [1.5], ["ball", None]):
-        with pytest.raises(TypeError, match=r"^geoms must be a name or a sequence of names"):
+    for geoms in (1.5, True, None, [1.5], ["ball", None]):
+        with pytest.raises(TypeError, match=r"^geoms must be names or ids, one or a sequence"):
             Parameter.material(geoms, "stiffness", **at)
     with pytest.raises(ValueError, match=r"^geoms names nothing"):
         Parameter.material([], "stiffness", **at)
-    with pytest.raises(TypeError, match=r"^geom2 must be the name of a geom, got 0"):
-        Parameter.pair("ball", 0, "stiffness", **at)
+    with pytest.raises(TypeError, match=r"^geom2 must be the name or id of a geom, got 0.5"):
+        Parameter.pair("ball", 0.5, "stiffness", **at)
     with pytest.raises(TypeError, match=r"^quantity must be a string, got 5"):
         Parameter.material("ball", 5, **at)
     with pytest.raises(TypeError, match=r"^attribute must be a string, got 5"):
         Parameter.model(5, "body", **at)
-    with pytest.raises(TypeError, match=r"^elements must be a name or a sequence of names"):
-        Parameter.model("body_mass", 5, **at)
+    with pytest.raises(TypeError, match=r"^elements must be names or ids, one or a sequence"):
+        Parameter.model("body_mass", 0.5, **at)
     for index in ("a", 0.0, [], True):
         with pytest.raises(TypeError, match=r"^index must be an integer or a sequence of integers"):
             Parameter.model("geom_friction", "ball", index=index, **at)
@@ -159,11 +159,11 @@ def test_unknown_names_list_near_matches():
     with pytest.raises(ValueError, match=r"unknown material quantity 'stifness'.*near: stiffness"):
         Parameter.material("ball", "stifness", start=1.0, bounds=(0.1, 2.0))
     for parameter, near in (
-        (Parameter.material("bal", "stiffness", start=1e4, bounds=(1e2, 1e6)), "ball"),
-        (Parameter.model("body_mass", "bodi", start=1.0, bounds=(0.1, 2.0)), "body"),
-        (Parameter.model("body_masss", "body", start=1.0, bounds=(0.1, 2.0)), "body_mass"),
+        (Parameter.material("bal", "stiffness", start=1e4, bounds=(1e2, 1e6)), "mean 'ball'"),
+        (Parameter.model("body_mass", "bodi", start=1.0, bounds=(0.1, 2.0)), "mean 'body'"),
+        (Parameter.model("body_masss", "body", start=1.0, bounds=(0.1, 2.0)), "near: body_mass"),
     ):
-        with pytest.raises(ValueError, match=rf"parameter '{parameter.name}' = .*near.*{near}"):
+        with pytest.raises(ValueError, match=rf"parameter '{parameter.name}' = .*{near}"):
             Problem(ball_engine(), [parameter], [make_trajectory()], 1e-3, 1e-2)
 
 
@@ -205,17 +205,19 @@ def make_problem(**changes):
         (
             {
                 "parameters": [
-                    Parameter.pair("a", "b", "stiffness", start=5.0, bounds=(1, 9), name="k"),
-                    Parameter.pair("b", "a", "stiffness", start=5.0, bounds=(1, 9), name="l"),
+                    Parameter.pair(
+                        "ball", "floor", "stiffness", start=5.0, bounds=(1, 9), name="k"
+                    ),
+                    Parameter.pair(0, "ball", "stiffness", start=5.0, bounds=(1, 9), name="l"),
                 ]
             },
-            "'k' and 'l' both set the stiffness of the pair 'a', 'b'",
+            "'k' and 'l' both set the stiffness of the pair 'ball', 'floor'",
         ),
         (
             {
                 "parameters": [
                     Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9), name="m"),
-                    Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9), name="n"),
+                    Parameter.model("body_mass", 1, start=2.0, bounds=(1, 9), name="n"),
                 ]
             },
             "'m' and 'n' both set the body_mass of 'body'",
@@ -419,8 +421,99 @@ def test_damping_and_dry_friction_of_joints_and_tendons_are_set_by_name():
     assert built.dof_damping.tolist() == [3.0, 3.0, 3.0, 0.0]
     assert built.dof_frictionloss.tolist() == [0.0, 0.0, 0.0, 4.0]
     assert built.tendon_damping.tolist() == [5.0]
-    with pytest.raises(ValueError, match="no joint named 'kne'; near: knee"):
+    with pytest.raises(ValueError, match="no joint named 'kne'; did you mean 'knee'"):
         Problem(model, [Parameter.model("dof_damping", "kne", **at)], [trajectory], 1e-3, 1e-2)
+
+
+# As real models have them: a body of two geoms, and a floor, without names.
+UNNAMED = """<mujoco><worldbody><geom type="plane" size="3 3 .1"/>
+    <body name="body" pos="0 0 .2"><freejoint/>
+      <geom size=".1" mass="1"/><geom size=".05" pos="0 0 .1" mass=".2"/></body>
+    <body><joint/><geom size=".1" pos="2 0 1"/></body></worldbody></mujoco>"""
+
+
+def test_geoms_bodies_and_joints_without_names_are_varied_by_id():
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(UNNAMED))
+    assert engine.body_geoms("body") == engine.body_geoms(1) == (1, 2)
+    assert engine.body_geoms("world") == (0,)
+    at = {"start": 2.0, "bounds": (0.1, 9.0)}
+    parameters = [
+        Parameter.material(engine.body_geoms("body"), "stiffness", **at),
+        Parameter.pair(np.int32(3), 0, "stiffness", name="pair", **at),
+        Parameter.model("body_mass", 2, **at),
+        Parameter.model("dof_damping", 1, **at),
+    ]
+    trajectory = make_trajectory(initial_qpos=None, initial_qvel=np.zeros(7))
+    problem = Problem(engine, parameters, [trajectory], 1e-3, 1e-2)
+    built = problem.build({"stiffness": 3.0, "pair": 4.0, "body_mass": 5.0, "dof_damping": 6.0})
+    assert [built.material(geom).stiffness for geom in range(4)] == [None, 3.0, 3.0, None]
+    assert built.pair_material(0, 3).stiffness == 4.0
+    assert built.model.body_mass[2] == 5.0
+    assert built.model.dof_damping.tolist() == [0.0] * 6 + [6.0]
+    twice = [Parameter.material(1, "stiffness", name=name, **at) for name in "ab"]
+    with pytest.raises(ValueError, match="'a' and 'b' both set the stiffness of geom 1"):
+        Problem(engine, twice, [trajectory], 1e-3, 1e-2)
+    for attribute, unknown, message in (
+        ("body_mass", 3, "elements = 3 is not a body id of the model, 0 to 2"),
+        ("tendon_damping", 0, "elements = 0: the model has no tendon"),
+    ):
+        parameter = Parameter.model(attribute, unknown, **at)
+        with pytest.raises(ValueError, match=f"parameter '{attribute}' = 2: {message}"):
+            Problem(engine, [parameter], [trajectory], 1e-3, 1e-2)
+    with pytest.raises(ValueError, match="did you mean 'body'"):
+        engine.body_geoms("bodi")
+
+
+def test_advice_on_geoms_without_names_can_be_followed():
+    """It names what Engine.set_material takes."""
+    soft = UNNAMED.replace('<geom size=".05"', '<geom solref=".05 .7" size=".05"')
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(soft))
+    parameter = Parameter.material(2, "sliding_friction", start=0.5, bounds=(0.1, 1.0))
+    trajectory = make_trajectory(initial_qvel=np.zeros(7))
+    with pytest.raises(ValueError, match=r"geom 2 with 0 rigid.*Engine\.set_material\(2, "):
+        Problem(engine, [parameter], [trajectory], 1e-3, 1e-2)
+
+
+@pytest.mark.parametrize(
+    ("attribute", "element", "lower", "allowed"),
+    [
+        ("body_mass", "body", 0.0, 1e-9),
+        ("body_inertia", "body", -1.0, 1e-9),
+        ("geom_size", "ball", 0.0, 1e-9),
+        ("geom_friction", "ball", -0.1, 0.0),
+        ("dof_damping", "swing", -0.1, 0.0),
+        ("dof_frictionloss", 0, -0.1, 0.0),
+        ("dof_armature", 0, -0.1, 0.0),
+        ("tendon_damping", 0, -0.1, 0.0),
+    ],
+)
+def test_bounds_that_hold_what_no_body_is_are_refused(attribute, element, lower, allowed):
+    at = {"start": 0.5, "transform": "linear"}
+    sign = ">" if allowed else ">="
+    message = f"parameter '{attribute}': {attribute} of '{element}' must be {sign} 0.*at {lower:g}$"
+    with pytest.raises(ValueError, match=message):
+        Parameter.model(attribute, element, bounds=(lower, 1.0), **at)
+    Parameter.model(attribute, element, bounds=(allowed, 1.0), **at)
+
+
+def test_a_start_whose_inertia_is_that_of_no_body_is_refused():
+    """Of a body, no moment of inertia exceeds the sum of the others; a ring's is their sum."""
+
+    def of(axis, start):
+        return Parameter.model(
+            "body_inertia", "body", index=axis, start=start, bounds=(1e-5, 1.0), name=f"I{axis}"
+        )
+
+    system = mujoco.MjModel.from_xml_string(BALL.replace("<body ", '<body simple="false" '))
+    at = {"system": system, "trajectories": [make_trajectory()]}
+    message = r"parameter 'I0' = 0.1: body_inertia of body 'body' would be \(0.1, 0.3, 0.004\)"
+    with pytest.raises(ValueError, match=message):
+        make_problem(parameters=[of(0, 0.1), of(1, 0.3)], **at)
+    problem = make_problem(parameters=[of(0, 0.1), of(1, 0.1), of(2, 0.2)], **at)
+    built = problem.build({"I0": 0.1, "I1": 0.3, "I2": 0.2 + 1e-9})
+    assert built.body_inertia[1].tolist() == [0.1, 0.3, 0.2 + 1e-9]
+    with pytest.raises(ValueError, match=r"0\.35 is more than the other two together, 0\.3"):
+        problem.build({"I0": 0.1, "I1": 0.35, "I2": 0.2})
 
 
 def test_a_problem_shows_no_arrays():

@@ -335,7 +335,7 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 def test_an_unknown_kind_of_scene_is_refused():
-    with pytest.raises(TypeError, match=r"^materials is list; it must map names of geoms"):
+    with pytest.raises(TypeError, match=r"^materials is list; it must map geoms"):
         compare.run("ball", materials=[dashpot.Material()])
     with pytest.raises(TypeError, match="a setting is 3"):
         compare.run("ball", duration=0.01, settings=[3])

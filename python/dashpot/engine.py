@@ -190,6 +190,15 @@ class Engine:
         """Id of a geom given by name or id; raises ValueError naming an unknown one."""
         return object_id(self.model, geom, "geom", "geom")
 
+    def body_geoms(self, body: str | int) -> tuple[int, ...]:
+        """Ids of a body's own geoms (not its children's): many have no names of their own.
+
+        ``for geom in engine.body_geoms("hand"): engine.set_material(geom, rubber)``.
+        """
+        index = object_id(self.model, body, "body", "body")
+        first = int(self.model.body_geomadr[index])
+        return tuple(range(first, first + int(self.model.body_geomnum[index])))
+
     def set_material(self, geom: str | int, material: Material) -> None:
         """Give a geom a material; contacts combine those of both geoms.
 

@@ -1,4 +1,4 @@
-"""Ids of geoms and bodies that are given by name or id."""
+"""Ids of geoms, bodies and other elements of a model that are given by name or id."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ import operator
 
 import mujoco
 
-_OBJECT = {"geom": mujoco.mjtObj.mjOBJ_GEOM, "body": mujoco.mjtObj.mjOBJ_BODY}
+# By kind: MuJoCo's type, and where a model has their number.
+_OBJECT = {
+    "geom": (mujoco.mjtObj.mjOBJ_GEOM, "ngeom"),
+    "body": (mujoco.mjtObj.mjOBJ_BODY, "nbody"),
+    "joint": (mujoco.mjtObj.mjOBJ_JOINT, "njnt"),
+    "site": (mujoco.mjtObj.mjOBJ_SITE, "nsite"),
+    "pair": (mujoco.mjtObj.mjOBJ_PAIR, "npair"),
+    "actuator": (mujoco.mjtObj.mjOBJ_ACTUATOR, "nu"),
+    "tendon": (mujoco.mjtObj.mjOBJ_TENDON, "ntendon"),
+}
 
 
 def object_id(model: mujoco.MjModel, key: str | int, kind: str, argument: str) -> int:
-    """Id of the geom or body that `argument` names."""
-    count: int = getattr(model, f"n{kind}")
+    """Id of the geom, body, ... that `argument` names."""
+    object_type, size = _OBJECT[kind]
+    count: int = getattr(model, size)
     if isinstance(key, str):
-        index = mujoco.mj_name2id(model, _OBJECT[kind], key)
+        index = mujoco.mj_name2id(model, object_type, key)
         if index >= 0:
             return int(index)
         accessor = getattr(model, kind)
@@ -31,5 +41,7 @@ def object_id(model: mujoco.MjModel, key: str | int, kind: str, argument: str) -
             f"{argument} must be a {kind} name or id, got {type(key).__name__}"
         ) from None
     if not 0 <= index < count:
+        if count == 0:
+            raise ValueError(f"{argument} = {index}: the model has no {kind}")
         raise ValueError(f"{argument} = {index} is not a {kind} id of the model, 0 to {count - 1}")
     return index

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import operator
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -11,7 +12,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from dashpot.calibrate import setters
-from dashpot.calibrate.setters import System
+from dashpot.calibrate.physical_values import check_bounds
+from dashpot.calibrate.setters import Element, System
 from dashpot.calibrate.transforms import Transform, TransformName
 from dashpot.checks import number, number_array
 from dashpot.materials import Material
@@ -116,7 +118,7 @@ class Parameter:
     @classmethod
     def material(
         cls,
-        geoms: str | Sequence[str],
+        geoms: Element | Sequence[Element],
         quantity: MaterialField,
         *,
         start: float,
@@ -130,7 +132,8 @@ class Parameter:
         Parameters
         ----------
         geoms
-            Name or names of geoms.
+            Name or id of a geom, or several: ids are those of the model, as ``Engine.body_geoms``
+            gives them for geoms without names.
         quantity
             ``stiffness`` (N/m), ``damping`` (N s/m), ``damping_ratio``, ``restitution``,
             ``sliding_friction``, ``torsional_friction`` (m), ``rolling_friction`` (m),
@@ -149,7 +152,7 @@ class Parameter:
             bounds=bounds,
             transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
             difference=difference,
-            apply=setters.MaterialSetter(_names("geoms", geoms), quantity),
+            apply=setters.MaterialSetter(_elements("geoms", geoms), quantity),
         )
         parameter._check_material_takes_bounds(quantity)
         return parameter
@@ -157,8 +160,8 @@ class Parameter:
     @classmethod
     def pair(
         cls,
-        geom1: str,
-        geom2: str,
+        geom1: Element,
+        geom2: Element,
         quantity: MaterialField,
         *,
         start: float,
@@ -171,12 +174,12 @@ class Parameter:
 
         A pair without a material of its own starts from ``Material()`` and the friction that it
         has; a problem refuses what would so lose stiffness or damping of its geoms' materials, or
-        the model's ``solref``. Arguments as in `material`.
+        the model's ``solref``. Arguments as in `material`; the geoms by name or id.
         """
         _check_quantity(quantity)
         for argument, geom in (("geom1", geom1), ("geom2", geom2)):
-            if not isinstance(geom, str):
-                raise TypeError(f"{argument} must be the name of a geom, got {geom!r}")
+            if not _is_element(geom):
+                raise TypeError(f"{argument} must be the name or id of a geom, got {geom!r}")
         parameter = cls(
             name=name or quantity,
             start=start,
@@ -192,7 +195,7 @@ class Parameter:
     def model(
         cls,
         attribute: str,
-        elements: str | Sequence[str],
+        elements: Element | Sequence[Element],
         *,
         start: float,
         bounds: tuple[float, float],
@@ -211,17 +214,21 @@ class Parameter:
             ``geom_friction``, ``geom_solref``, ``geom_size``, ``dof_damping``,
             ``dof_frictionloss`` ...
         elements
-            Name or names of the body, geom ... whose row is set; of the joint, for all of its
-            degrees of freedom.
+            Name or id of the body, geom ... whose row is set, or several; of the joint, for all of
+            its degrees of freedom.
         index
             Which columns of the row take the value; None: all of them.
         start, bounds, name, transform, difference
-            As in `Parameter`. By default the name is ``attribute``.
+            As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
+            bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
+            < 0) are refused. Values between them that make no body together, as moments of inertia
+            of which one exceeds the sum of the others do, are refused as a start; a search finds
+            none of them good.
         """
         if not isinstance(attribute, str):
             raise TypeError(f"attribute must be a string, got {attribute!r}")
-        names = _names("elements", elements)
-        return cls(
+        names = _elements("elements", elements)
+        parameter = cls(
             name=name or attribute,
             start=start,
             bounds=bounds,
@@ -230,6 +237,11 @@ class Parameter:
             apply=setters.model_setter(attribute, names, _columns(index)),
             changes_model=True,
         )
+        try:
+            check_bounds(attribute, ", ".join(f"'{e}'" for e in names), parameter.bounds)
+        except ValueError as error:
+            raise ValueError(f"parameter '{parameter.name}': {error}") from None
+        return parameter
 
     def _check_material_takes_bounds(self, quantity: str) -> None:
         for bound in self.bounds:
@@ -241,16 +253,20 @@ class Parameter:
                 ) from None
 
 
-def _names(argument: str, names: str | Sequence[str]) -> tuple[str, ...]:
-    """Return one name, or several, as a tuple of at least one."""
-    if isinstance(names, str):
-        return (names,)
-    several = tuple(names) if isinstance(names, Iterable) else (names,)
-    if not all(isinstance(name, str) for name in several):
-        raise TypeError(f"{argument} must be a name or a sequence of names, got {names!r}")
-    if not several:
+def _elements(argument: str, given: Element | Sequence[Element]) -> tuple[Element, ...]:
+    """Return one name or id, or several, as a tuple of at least one."""
+    several = (given,) if isinstance(given, str) or not isinstance(given, Iterable) else given
+    elements = tuple(several)
+    if not all(map(_is_element, elements)):
+        raise TypeError(f"{argument} must be names or ids, one or a sequence, got {given!r}")
+    if not elements:
         raise ValueError(f"{argument} names nothing")
-    return several
+    return tuple(e if isinstance(e, str) else operator.index(e) for e in elements)
+
+
+def _is_element(key: object) -> bool:
+    """Whether `key` can be the name or the id of an element of a model."""
+    return isinstance(key, str | int | np.integer) and not isinstance(key, bool)
 
 
 def _columns(index: int | Sequence[int] | None) -> tuple[int, ...] | None:

@@ -96,7 +96,6 @@ class Problem:
             raise ValueError("a problem needs at least one trajectory")
         _check_unique("parameter", [p.name for p in self.parameters])
         _check_unique("trajectory", [t.name for t in self.trajectories])
-        _check_targets(self.parameters)
         object.__setattr__(self, "position_sigma", _position_sigma(self.position_sigma))
         object.__setattr__(self, "rotation_sigma", _noise("rotation_sigma", self.rotation_sigma))
         if not np.isfinite(self.sigma).any():
@@ -118,6 +117,7 @@ class Problem:
             if self.initial_state != "given":
                 raise ValueError("start_states needs initial_state='given'")
         model = model_of(self.build(self.start))
+        _check_targets(self.parameters, model)
         untouched = self._own_system(self.start)
         if isinstance(untouched, Engine):
             check_nothing_is_lost(untouched, self.parameters)
@@ -163,6 +163,15 @@ class Problem:
             except (ValueError, TypeError) as error:
                 raise type(error)(f"parameter '{parameter.name}' = {value:.6g}: {error}") from error
             changed = changed or parameter.changes_model
+        for parameter in self.parameters:
+            if isinstance(parameter.apply, ModelSetter):
+                try:
+                    parameter.apply.check_result(system)
+                except ValueError as error:
+                    value = values[parameter.name]
+                    raise ValueError(
+                        f"parameter '{parameter.name}' = {value:.6g}: {error}"
+                    ) from None
         if changed:
             model = model_of(system)
             try:
@@ -315,13 +324,13 @@ def _check_unique(kind: str, names: list[str]) -> None:
             raise ValueError(f"two {kind} entries are named {name!r}")
 
 
-def _check_targets(parameters: Sequence[Parameter]) -> None:
+def _check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> None:
     """Raise ValueError where two parameters set the same quantity."""
     setter_of: dict[str, str] = {}
     for parameter in parameters:
         if not isinstance(parameter.apply, MaterialSetter | PairSetter | ModelSetter):
             continue
-        for target in parameter.apply.targets:
+        for target in parameter.apply.targets(model):
             if target in setter_of:
                 raise ValueError(
                     f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"

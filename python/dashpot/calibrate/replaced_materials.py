@@ -45,8 +45,8 @@ def check_nothing_is_lost(engine: Engine, parameters: Sequence[Parameter]) -> No
             quantities = set_for_pair.setdefault(_pair_of(engine, setter), set())
             quantities.add(kind_of_quantity(setter.quantity))
         elif isinstance(setter, MaterialSetter):
-            for name in setter.geoms:
-                quantities = set_for_geom.setdefault(engine.geom_id(name), set())
+            for element in setter.geoms:
+                quantities = set_for_geom.setdefault(engine.geom_id(element), set())
                 quantities.add(kind_of_quantity(setter.quantity))
     for parameter in parameters:
         setter = parameter.apply
@@ -56,7 +56,7 @@ def check_nothing_is_lost(engine: Engine, parameters: Sequence[Parameter]) -> No
             if pair not in engine.pair_materials:
                 _check_pair(engine, pair, set_for_pair[pair], label)
         elif isinstance(setter, MaterialSetter):
-            for geom in (engine.geom_id(name) for name in setter.geoms):
+            for geom in map(engine.geom_id, setter.geoms):
                 for other in _partners(engine.model, geom):
                     given = set_for_geom[geom] | set_for_geom.get(other, set())
                     if "stiffness" not in given and _ordered(geom, other) not in set_for_pair:
@@ -127,5 +127,5 @@ def _ordered(geom1: int, geom2: int) -> tuple[int, int]:
     return min(geom1, geom2), max(geom1, geom2)
 
 
-def _name(model: mujoco.MjModel, geom: int) -> str:
-    return model.geom(geom).name or str(geom)
+def _name(model: mujoco.MjModel, geom: int) -> str | int:
+    return model.geom(geom).name or geom

@@ -10,26 +10,23 @@ from typing import Any, TypeAlias
 import mujoco
 import numpy as np
 
+from dashpot.calibrate.physical_values import check_inertia
 from dashpot.engine import Engine
 from dashpot.materials import Material
+from dashpot.object_ids import object_id
 
 System: TypeAlias = Engine | mujoco.MjModel
 Setter = Callable[[System, float], None]
+# What identifies a geom, body, joint ... of a model: its name or its id.
+Element: TypeAlias = str | int
 
 _FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
 _DAMPING_FORMS = ("damping", "damping_ratio", "restitution")
 
-# Rows of these arrays belong to elements of this MuJoCo object type.
-_ELEMENT_KIND = {
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "geom": mujoco.mjtObj.mjOBJ_GEOM,
-    "jnt": mujoco.mjtObj.mjOBJ_JOINT,
-    "site": mujoco.mjtObj.mjOBJ_SITE,
-    "pair": mujoco.mjtObj.mjOBJ_PAIR,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
-    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
-    "dof": mujoco.mjtObj.mjOBJ_JOINT,  # one row for each degree of freedom of the joint
-}
+# Rows of arrays whose names begin so belong to elements of a kind. A joint has one row of "dof" for
+# each of its degrees of freedom.
+_KINDS = ("body", "geom", "jnt", "site", "pair", "actuator", "tendon", "dof")
+_NOUN = {"jnt": "joint", "dof": "joint"}
 
 _DOF_COUNT = {
     mujoco.mjtJoint.mjJNT_FREE: 6,
@@ -48,29 +45,29 @@ def model_of(system: System) -> mujoco.MjModel:
 class MaterialSetter:
     """Sets one quantity of the material of each of some geoms."""
 
-    geoms: tuple[str, ...]
+    geoms: tuple[Element, ...]
     quantity: str
 
     def __call__(self, system: System, value: float) -> None:
         """Set the quantity in an engine."""
         engine = _engine(system, self.quantity)
         for geom in self.geoms:
-            mjcf_friction = engine.model.geom_friction[_row(engine.model, "geom", geom)]
+            mjcf_friction = engine.model.geom_friction[engine.geom_id(geom)]
             material = with_quantity(engine.material(geom), self.quantity, value, mjcf_friction)
             engine.set_material(geom, material)
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """What it sets, in words."""
-        return tuple(f"{kind_of_quantity(self.quantity)} of geom '{geom}'" for geom in self.geoms)
+    def targets(self, model: mujoco.MjModel) -> tuple[str, ...]:
+        """Return what it sets in a model, in words."""
+        quantity = kind_of_quantity(self.quantity)
+        return tuple(f"{quantity} of geom {_label(model, 'geom', geom)}" for geom in self.geoms)
 
 
 @dataclass(frozen=True)
 class PairSetter:
     """Sets one quantity of the material of a pair of geoms."""
 
-    geom1: str
-    geom2: str
+    geom1: Element
+    geom2: Element
     quantity: str
 
     def __call__(self, system: System, value: float) -> None:
@@ -83,11 +80,10 @@ class PairSetter:
             self.geom1, self.geom2, with_quantity(material, self.quantity, value, present)
         )
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """What it sets, in words."""
-        first, second = sorted((self.geom1, self.geom2))
-        return (f"{kind_of_quantity(self.quantity)} of the pair '{first}', '{second}'",)
+    def targets(self, model: mujoco.MjModel) -> tuple[str, ...]:
+        """Return what it sets in a model, in words."""
+        first, second = sorted(_label(model, "geom", geom) for geom in (self.geom1, self.geom2))
+        return (f"{kind_of_quantity(self.quantity)} of the pair {first}, {second}",)
 
 
 @dataclass(frozen=True)
@@ -95,7 +91,7 @@ class ModelSetter:
     """Sets some rows of a float array of the model, in some columns or all (None)."""
 
     attribute: str
-    elements: tuple[str, ...]
+    elements: tuple[Element, ...]
     columns: tuple[int, ...] | None
 
     def __call__(self, system: System, value: float) -> None:
@@ -118,26 +114,32 @@ class ModelSetter:
             if self.attribute == "geom_size":
                 _update_extent(model, rows.start)
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        """What it sets, in words."""
-        names = (f"{self.attribute} of '{element}'" for element in self.elements)
+    def check_result(self, system: System) -> None:
+        """Raise ValueError where it and others have made what no body is."""
+        model = model_of(system)
+        if self.attribute == "body_inertia":
+            for element in self.elements:
+                check_inertia(model, _row(model, "body", element))
+
+    def targets(self, model: mujoco.MjModel) -> tuple[str, ...]:
+        """Return what it sets in a model, in words."""
+        kind = self.attribute.split("_")[0]
+        names = [f"{self.attribute} of {_label(model, kind, e)}" for e in self.elements]
         if self.columns is None:
             return tuple(names)
         return tuple(f"{name}[{column}]" for name in names for column in self.columns)
 
 
 def model_setter(
-    attribute: str, elements: tuple[str, ...], columns: tuple[int, ...] | None
+    attribute: str, elements: tuple[Element, ...], columns: tuple[int, ...] | None
 ) -> Setter:
     """Return a setter of the rows `elements` of a float array of the model."""
     kind = attribute.split("_")[0]
-    if kind not in _ELEMENT_KIND:
+    if kind not in _KINDS:
         raise ValueError(
             f"unknown model attribute {attribute!r}: its name must begin with one of "
-            f"{', '.join(f'{k}_' for k in _ELEMENT_KIND)}"
+            f"{', '.join(f'{k}_' for k in _KINDS)}"
         )
-
     return ModelSetter(attribute, elements, columns)
 
 
@@ -175,27 +177,24 @@ def _engine(system: System, quantity: str) -> Engine:
     return system
 
 
-def _rows(model: mujoco.MjModel, kind: str, name: str) -> slice:
+def _rows(model: mujoco.MjModel, kind: str, element: Element) -> slice:
     """Return the rows of an element: one, but for the degrees of freedom of a joint."""
-    row = _row(model, kind, name)
+    row = _row(model, kind, element)
     if kind != "dof":
         return slice(row, row + 1)
     first = int(model.jnt_dofadr[row])
     return slice(first, first + _DOF_COUNT[mujoco.mjtJoint(model.jnt_type[row])])
 
 
-def _row(model: mujoco.MjModel, kind: str, name: str) -> int:
-    object_type = _ELEMENT_KIND[kind]
-    row = int(mujoco.mj_name2id(model, object_type, name))
-    if row < 0:
-        count = {"jnt": model.njnt, "dof": model.njnt, "actuator": model.nu}.get(kind)
-        if count is None:
-            count = getattr(model, f"n{kind}")
-        known = [mujoco.mj_id2name(model, object_type, i) or "" for i in range(count)]
-        near = difflib.get_close_matches(name, known) or [n for n in known if n][:5]
-        noun = {"jnt": "joint", "dof": "joint"}.get(kind, kind)
-        raise ValueError(f"the model has no {noun} named {name!r}; near: {', '.join(near)}")
-    return row
+def _row(model: mujoco.MjModel, kind: str, element: Element) -> int:
+    return object_id(model, element, _NOUN.get(kind, kind), "elements")
+
+
+def _label(model: mujoco.MjModel, kind: str, element: Element) -> str:
+    """Return the name of an element in quotes or, where it has none, its id."""
+    row = _row(model, kind, element)
+    name = getattr(model, _NOUN.get(kind, kind))(row).name
+    return f"'{name}'" if name else str(row)
 
 
 def _model_array(model: mujoco.MjModel, attribute: str) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -204,8 +203,7 @@ def _model_array(model: mujoco.MjModel, attribute: str) -> np.ndarray[Any, np.dt
         known = [
             name
             for name in dir(model)
-            if name.split("_")[0] in _ELEMENT_KIND
-            and isinstance(getattr(model, name, None), np.ndarray)
+            if name.split("_")[0] in _KINDS and isinstance(getattr(model, name, None), np.ndarray)
         ]
         near = difflib.get_close_matches(attribute, known)
         raise ValueError(f"the model has no float array {attribute!r}; near: {', '.join(near)}")

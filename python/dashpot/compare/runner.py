@@ -41,7 +41,7 @@ def run(
     duration: float | None = None,
     timestep: float | None = None,
     settings: Sequence[str | Setting] = DEFAULT_SETTINGS,
-    materials: Mapping[str, Material] | None = None,
+    materials: Mapping[str | int, Material] | None = None,
     settled_after: float | None = None,
     name: str | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -64,7 +64,8 @@ def run(
     settings
         "dashpot" and names of ``dashpot.compare.SETTINGS``, or :class:`Setting` objects.
     materials
-        Geom name to material for dashpot (and for "solref-direct"), on top of the scene's own.
+        Geom, by name or id, to material for dashpot (and for "solref-direct"), on top of the
+        scene's own.
     settled_after
         s; where statistics split into "falling" and "settled"; None is three quarters through.
     name
@@ -112,15 +113,13 @@ def run(
 
 
 def _prepare(
-    scene: SceneLike, materials: Mapping[str, Material] | None
+    scene: SceneLike, materials: Mapping[str | int, Material] | None
 ) -> tuple[str, Engine, float]:
     """Return name, a private engine and the default duration of a scene."""
     duration = 2.0
     if materials is not None and not isinstance(materials, Mapping):
-        raise TypeError(
-            f"materials is {type(materials).__name__}; it must map names of geoms to Materials"
-        )
-    given: dict[str, Material] = {}
+        raise TypeError(f"materials is {type(materials).__name__}; it must map geoms to Materials")
+    given: dict[str | int, Material] = {}
     if isinstance(scene, str) and scene in SCENES:
         scene = shipped_scene(scene)
     if isinstance(scene, Engine):
