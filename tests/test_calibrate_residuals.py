@@ -115,7 +115,9 @@ def test_a_trajectory_that_fails_is_named():
         make_trajectory(name="bad", initial_qpos=[1e200, 0, 0, 1, 0, 0, 0]),
     ]
     problem = Problem(ball_engine(), ball_parameters(), trajectories, 1e-3, 1e-2)
-    with pytest.raises(ValueError, match=r"trajectory 'bad': variant 0, step 0.*stiffness"):
+    with pytest.raises(
+        ValueError, match=r"trajectory 'bad': step 0.*; with stiffness = 3000, damp"
+    ):
         fit(problem)
 
 

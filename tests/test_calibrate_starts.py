@@ -118,7 +118,7 @@ def test_without_contact_there_are_no_windows():
 
 
 def test_starts_whose_simulation_fails_are_left_out():
-    """A builder that refuses part of the bounds ends explicit starts, not those of the default."""
+    """A builder that refuses part of the bounds ends no search but one from there."""
 
     def build(values):
         if values["stiffness"] > 5e5:
@@ -133,8 +133,12 @@ def test_starts_whose_simulation_fails_are_left_out():
     result = fit(problem)
     assert result.noise_explains
     assert result["stiffness"].value == pytest.approx(1e4, rel=0.02)
+    assert fit(problem, starts=31, windows=(0.1,))["stiffness"].value == pytest.approx(
+        1e4, rel=0.02
+    )
+    stiff = [replace(parameters[0], start=6e5), *parameters[1:]]
     with pytest.raises(ValueError, match="too stiff to build"):
-        fit(problem, starts=31)
+        replace(problem, parameters=stiff)
 
 
 def test_a_tumbling_box_is_fitted_from_a_far_start():

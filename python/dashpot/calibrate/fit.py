@@ -14,7 +14,7 @@ from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, check_count, covariance
 from dashpot.calibrate.linearisation import over_its_region
 from dashpot.calibrate.losses import Loss, LossName
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.objective import Objective, SimulationError
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
@@ -100,8 +100,8 @@ def fit(
         chosen (at most three, at 1/8, 1/4 and 1/2 of the time after the onset of contact).
     starts
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
-        in one batch. None: none, or, where `windows` is None too, chosen: 31, of which those whose
-        simulation fails are left out. The search of ``method="least_squares"`` from the given start
+        in one batch; those whose simulation fails are left out. None: none, or, where `windows` is
+        None too, chosen: 31. The search of ``method="least_squares"`` from the given start
         then takes at most a quarter of the budget; budgets too small for 64 more simulations get
         no starts.
     local_searches
@@ -128,8 +128,9 @@ def fit(
     TypeError
         If `problem` is no `Problem`, or an option is not of its type.
     ValueError
-        For options out of range, where there are no more residuals than unknowns, and where a
-        simulation fails, naming the trajectory.
+        For options out of range, where there are no more residuals than unknowns, and where the
+        start, or all that is tried, cannot be built or simulated, naming trajectory and values.
+        Other candidates that fail count as infinitely bad.
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
@@ -165,7 +166,7 @@ def fit(
             )
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
-        estimated, departure = _covariance(
+        estimated, departure, failure = _covariance(
             objective,
             point,
             residuals,
@@ -181,6 +182,7 @@ def fit(
         residuals,
         estimated,
         departure,
+        failure,
         search,
         evaluations=budget.spent + objective.evaluations - searched,
         seconds=time.perf_counter() - began,
@@ -198,12 +200,13 @@ def _covariance(
     errors: str,
     confidence: float,
     seed: int | None,
-) -> tuple[Covariance, Array]:
+) -> tuple[Covariance, Array, str | None]:
     """Covariance of a linear model over the region that it implies, and its departure from one.
 
     It starts from a Jacobian whose differences of parameters are as wide as the intervals that it
     gives: they start wide and shrink, never below the parameters' own. Where `seed` is None, as no
-    interval around the end of a search that has not converged is that of a minimum, it ends there.
+    interval around the end of a search that has not converged is that of a minimum, it ends there;
+    and so it does where simulations in the region fail, of which the last value returned tells.
     """
     live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
@@ -222,13 +225,17 @@ def _covariance(
         widths = wanted
     # Data without any noise leave a region of no size.
     if seed is None or estimated.residual_variance == 0.0:
-        return estimated, np.zeros(objective.size)
+        return estimated, np.zeros(objective.size), None
     slopes = loss.slopes(residuals)
     rise = float(slopes[live].mean())
     if not rise > 0.0:
-        return estimated, np.zeros(objective.size)
+        return estimated, np.zeros(objective.size), None
     relative = slopes / rise if loss.robust else None
-    return over_its_region(objective, point, estimated, from_jacobian, relative, seed)
+    try:
+        region = over_its_region(objective, point, estimated, from_jacobian, relative, seed)
+    except SimulationError as error:
+        return estimated, np.zeros(objective.size), str(error)
+    return *region, None
 
 
 def _result(
@@ -238,6 +245,7 @@ def _result(
     residuals: Array,
     estimated: Covariance,
     departure: Array,
+    failure: str | None,
     search: Search,
     *,
     evaluations: int,
@@ -252,6 +260,11 @@ def _result(
     live = int(np.count_nonzero(objective.live(residuals)))
     robust = search.loss.robust
     explained = noise_explains(estimated.residual_variance, live, robust=robust)
+    unfinished = None
+    if not search.converged:
+        unfinished = f"the search ended before it converged ({search.message})"
+    elif failure is not None:
+        unfinished = f"simulations next to the estimate fail ({failure})"
     estimates = tuple(
         judge(
             parameter,
@@ -261,7 +274,7 @@ def _result(
             correlation[i],
             problem.names,
             confidence,
-            None if search.converged else search.message,
+            unfinished,
             None if explained else estimated.residual_variance,
             errors == "clustered",
             float(departure[i]),

@@ -4,6 +4,7 @@ A parameter is called *not identified* when
 
 * the search ended before it converged: what its end would be is not known then, and the interval
   around the best point found is not that of a minimum, or
+* candidates next to the estimate cannot be built or simulated: it may be the last that can, or
 * the stated noise explains the residuals by far not (their variance is above `MAX_VARIANCE`, and
   above 1 by more than three standard deviations) and errors are those of independent residuals: the
   model differs from what was observed, or the search ended in a bad valley, and intervals that are
@@ -134,7 +135,7 @@ def judge(
     confidence
         Of the interval, for the sentence.
     unfinished
-        Why the search ended before it converged; None where it did.
+        Why the interval is not that of a minimum, in words; None where it is.
     unexplained
         Residual variance where the stated noise does not explain it, else None.
     clustered
@@ -156,7 +157,7 @@ def judge(
         )
     lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
     if unfinished is not None:
-        reason: str | None = f"the search ended before it converged ({unfinished})"
+        reason: str | None = unfinished
     elif unexplained is not None and unexplained > MAX_VARIANCE and not clustered:
         reason = (
             f"the stated noise does not explain the residuals, whose variance is {unexplained:.3g}:"

@@ -173,7 +173,7 @@ def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Ar
         if region[i, i] > _WIDEST**2:
             along = region[i] / np.sqrt(region[i, i])
             region -= (1.0 - _WIDEST**2 / region[i, i]) * np.outer(along, along)
-    deviation = np.sqrt(np.diag(region))
+    deviation = np.sqrt(np.maximum(np.diag(region), 0.0))  # rounding may leave less
     with np.errstate(divide="ignore"):
         grown = np.where(known & (deviation > 0), np.maximum(1.0, floor / deviation), 1.0)
     return np.asarray(region * np.outer(grown, grown))

@@ -7,7 +7,8 @@ the initial position (nv, a tangent vector as ``mj_integratePos`` takes it).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -24,9 +25,17 @@ Array = NDArray[np.float64]
 # rounding, small against the measurement noise of any pose tracker.
 _VELOCITY_DIFFERENCE = 1e-5
 _POSE_DIFFERENCE = 1e-6
+# Where simulations fail on both sides of a point, differences are narrowed by this factor, so often
+# at most.
+_NARROWER = 4.0
+_MOST_FAILURES = 3
 # Residuals of a channel that carries noise reach this many standard deviations; of one that does
 # not, a rounding.
 _LIVE = 1e-6
+
+
+class SimulationError(ValueError):
+    """A candidate cannot be built or simulated; names the trajectory and its parameters."""
 
 
 class Objective:
@@ -124,17 +133,32 @@ class Objective:
 
         Raises
         ------
-        ValueError
-            Naming the trajectory and step of a simulation that fails, and the values of the
-            parameters.
+        SimulationError
+            For the first point that cannot be built or simulated, naming what was refused, or the
+            trajectory and step that fail, and the values of the parameters.
         """
+        residuals, failures = self.attempt(points)
+        if failures:
+            raise failures[0]
+        return residuals
+
+    def attempt(self, points: Array) -> tuple[Array, list[SimulationError]]:
+        """Return the residuals of `points`, infinite where one fails, and why those fail."""
         points = np.atleast_2d(points)
-        variants, qpos, qvel = self._variants(points)
+        residuals = np.full((len(points), self.residual_count), np.inf)
+        candidates, failures = self._candidates(points)
         self.evaluations += len(points)
         try:
-            return np.asarray(_core.residuals(variants, self._observed, qpos, qvel, self.nthread))
-        except ValueError as error:
-            raise ValueError(f"{error}; points: {[self.values(p) for p in points]}") from error
+            residuals[list(candidates)] = self._simulate(candidates.values())
+        except ValueError:
+            # One after the other tells which fail, and the same whatever the number of threads.
+            self.evaluations += len(candidates)
+            for v, candidate in candidates.items():
+                try:
+                    residuals[v] = self._simulate([candidate])[0]
+                except ValueError as error:
+                    failures[v] = self._failure(points[v], error)
+        return residuals, [failures[v] for v in sorted(failures)]
 
     def jacobian(
         self, point: Array, *, widths: Array | None = None, base: Array | None = None
@@ -154,37 +178,36 @@ class Objective:
         base
             (residual_count,) residuals at `point`, where known: differences of initial states are
             then forward and need half the simulations.
+
+        Differences are one-sided too where the simulation of the other side fails, and narrower
+        where those of both do.
+
+        Raises
+        ------
+        SimulationError
+            Where that fails as well.
         """
         count = self.parameters
         if widths is None:
             widths = np.array([p.difference for p in self.problem.parameters])
         lower, upper = self.bounds()
-        up = np.repeat(point[None, :], count + self.initial_size, axis=0)
-        down = up.copy()
-        for i in range(count):
-            up[i, i] = min(point[i] + widths[i], upper[i])
-            down[i, i] = max(point[i] - widths[i], lower[i])
-        steps = self._initial_differences()
+        directions = count + self.initial_size
+        steps = np.zeros((directions, self.size))
+        steps[np.arange(count), np.arange(count)] = widths
+        initial_steps = self._initial_differences()
         for j in range(self.initial_size):
             columns = count + j + self.initial_size * np.arange(len(self._observed))
-            up[count + j, columns] += steps[j]
-            down[count + j, columns] -= steps[j]
-        if base is None:
-            residuals = self.residuals(np.concatenate([up, down]))
-            difference = residuals[: len(up)] - residuals[len(up) :]
-            steps = 2 * steps
-        else:
-            residuals = self.residuals(np.concatenate([up, down[:count]]))
-            difference = residuals[: len(up)] - base
-            difference[:count] = residuals[:count] - residuals[len(up) :]
+            steps[count + j, columns] = initial_steps[j]
+        up, down = (np.clip(point + sign * steps, lower, upper) for sign in (1.0, -1.0))
+        derivatives = self._differences(point, up, down, base)
         jacobian = np.zeros((self.residual_count, self.size))
         for i in range(count):
-            jacobian[:, i] = difference[i] / (up[i, i] - down[i, i])
+            jacobian[:, i] = derivatives[i]
         for j in range(self.initial_size):
             for t in range(len(self._observed)):
                 rows = slice(self.offsets[t], self.offsets[t + 1])
                 column = count + t * self.initial_size + j
-                jacobian[rows, column] = difference[count + j, rows] / steps[j]
+                jacobian[rows, column] = derivatives[count + j, rows]
         return jacobian
 
     def differences(self) -> Array:
@@ -194,7 +217,10 @@ class Objective:
 
     def poses(self, point: Array) -> list[tuple[Array, Array]]:
         """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory."""
-        variants, qpos, qvel = self._variants(np.atleast_2d(point))
+        candidates, failures = self._candidates(np.atleast_2d(point))
+        if failures:
+            raise failures[0]
+        variants, qpos, qvel = _batch(candidates.values())
         flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
         result = []
         for t, trajectory in enumerate(self.problem.trajectories):
@@ -243,30 +269,110 @@ class Objective:
             rotation_weight=float(weight[3]),
         )
 
-    def _variants(self, points: Array) -> tuple[Sequence[tuple[int, Any]], Array, Array]:
-        """Build systems, one for each different set of parameters, and initial states."""
+    def _differences(self, point: Array, up: Array, down: Array, base: Array | None) -> Array:
+        """Return the derivatives (directions, residual_count) along ``up - down``.
+
+        They are central, but forward along the directions of initial states where `base` is known.
+        """
+        central = len(up) if base is None else self.parameters
+        residuals, failures = self.attempt(np.concatenate([up, down[:central]]))
+        plus, minus = residuals[: len(up)], residuals[len(up) :]
+        above, below = (np.abs(end - point).max(axis=1) for end in (up, down))
+        if base is not None:
+            minus = np.concatenate([minus, np.repeat(base[None], len(up) - central, axis=0)])
+            below[central:] = 0.0
+        if not failures:
+            return np.asarray((plus - minus) / (above + below)[:, None])
+        if base is None:
+            base = self.residuals(point)[0]
+        derivatives = np.empty_like(plus)
+        for k in range(len(up)):
+            above_works, below_works = np.isfinite(plus[k]).all(), np.isfinite(minus[k]).all()
+            if above_works and below_works:
+                derivatives[k] = (plus[k] - minus[k]) / (above[k] + below[k])
+            elif above_works and above[k] > 0.0:
+                derivatives[k] = (plus[k] - base) / above[k]
+            elif below_works and below[k] > 0.0:
+                derivatives[k] = (base - minus[k]) / below[k]
+            else:
+                derivatives[k] = self._narrow_difference(point, up[k], down[k], base)
+        return derivatives
+
+    def _narrow_difference(self, point: Array, up: Array, down: Array, base: Array) -> Array:
+        """Return the derivative along ``up - down``, both of which fail, from points nearer by."""
+        for _ in range(_MOST_FAILURES):
+            up, down = (point + (end - point) / _NARROWER for end in (up, down))
+            ends, failures = self.attempt(np.stack([up, down]))
+            for end, sign, residuals in ((up, 1.0, ends[0]), (down, -1.0, ends[1])):
+                distance = np.abs(end - point).max()
+                if distance > 0.0 and np.isfinite(residuals).all():
+                    return np.asarray(sign * (residuals - base) / distance)
+        raise failures[0]
+
+    def _candidates(
+        self, points: Array
+    ) -> tuple[dict[int, _Candidate], dict[int, SimulationError]]:
+        """Build the systems and initial states of points; say why where that fails.
+
+        There is one system for each different set of parameters.
+        """
         systems: dict[bytes, System] = {}
-        variants = []
-        qpos = np.repeat(self._qpos[None], len(points), axis=0)
-        qvel = np.repeat(self._qvel[None], len(points), axis=0)
+        candidates, failures = {}, {}
         nv = int(self._model.nv)
         for v, point in enumerate(points):
             key = point[: self.parameters].tobytes()
-            system = systems.get(key) or self._systems.get(key)
-            if system is None:
-                system = self.problem.build(self.values(point))
+            qpos, qvel = self._qpos, self._qvel
+            try:
+                system = systems.get(key) or self._systems.get(key)
+                if system is None:
+                    system = self.problem.build(self.values(point))
+                if self.problem.start_states is not None:
+                    qpos, qvel = self.problem.initial_states(self._model, self.values(point))
+            except ValueError as error:
+                failures[v] = self._failure(point, error)
+                continue
             systems[key] = system
-            variants.append(_variant(system))
-            if self.problem.start_states is not None:
-                qpos[v], qvel[v] = self.problem.initial_states(self._model, self.values(point))
             if self.initial_size:
                 blocks = point[self.parameters :].reshape(-1, self.initial_size)
-                qvel[v] = blocks[:, :nv]
+                qvel = blocks[:, :nv]
                 if self.initial_size > nv:
+                    qpos = qpos.copy()
                     for t, block in enumerate(blocks):
-                        mujoco.mj_integratePos(self._model, qpos[v, t], block[nv:], 1.0)
+                        mujoco.mj_integratePos(self._model, qpos[t], block[nv:], 1.0)
+            candidates[v] = _Candidate(system, qpos, qvel)
         self._systems = systems  # keeps models alive during the batch and for the next one
-        return variants, qpos, qvel
+        return candidates, failures
+
+    def _simulate(self, candidates: Collection[_Candidate]) -> Array:
+        """Return the residuals (candidates, residual_count); raise ValueError where one fails."""
+        if not candidates:
+            return np.empty((0, self.residual_count))
+        variants, qpos, qvel = _batch(candidates)
+        return np.asarray(_core.residuals(variants, self._observed, qpos, qvel, self.nthread))
+
+    def _failure(self, point: Array, error: ValueError) -> SimulationError:
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.values(point).items())
+        # The core counts variants within its batch: there, the only one.
+        what = str(error).replace("variant 0, ", "", 1)
+        failure = SimulationError(f"{what}; with {values}")
+        failure.__cause__ = error
+        return failure
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A system and the initial states of the trajectories: qpos (trajectories, nq), and qvel."""
+
+    system: System
+    qpos: Array
+    qvel: Array
+
+
+def _batch(candidates: Collection[_Candidate]) -> tuple[list[tuple[int, Any]], Array, Array]:
+    """Return the variants of the core, qpos and qvel (variants, trajectories, nq or nv)."""
+    variants = [_variant(candidate.system) for candidate in candidates]
+    qpos = np.stack([candidate.qpos for candidate in candidates])
+    return variants, qpos, np.stack([candidate.qvel for candidate in candidates])
 
 
 def _variant(system: System) -> tuple[int, Any]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.objective import Objective, SimulationError
 
 Array = NDArray[np.float64]
 # Relative changes at which least squares stops: of the cost, far below the half unit by which one
@@ -82,6 +82,7 @@ class Search:
         self.best_cost = np.inf
         self.converged = False
         self.message = ""
+        self._failure: SimulationError | None = None
         self._last: tuple[Array, Array] = np.empty(0), np.empty(0)
 
     def explained(self, residuals: Array, deviations: float) -> bool:
@@ -102,35 +103,48 @@ class Search:
         return self.best_residuals.size > 0 and self.explained(self.best_residuals, deviations)
 
     def costs(self, residuals: Array) -> Array:
-        """Return the cost of each row of `residuals`."""
-        return np.asarray(0.5 * np.sum(self.loss.values(residuals), axis=-1))
+        """Return the cost of each row of `residuals`, infinite where the simulation failed."""
+        costs = 0.5 * np.sum(self.loss.values(residuals), axis=-1)
+        # Some losses are finite at infinity.
+        return np.asarray(np.where(np.isfinite(residuals).all(axis=-1), costs, np.inf))
 
     def evaluate(self, points: Array) -> Array:
-        """Return the residuals of `points`, keeping the best point."""
-        residuals = self.objective.residuals(points)
+        """Return the residuals of `points`, infinite where one fails, keeping the best point."""
+        before = self.objective.evaluations
+        residuals, failures = self.objective.attempt(points)
+        if failures:
+            self._failure = failures[0]
         costs = self.costs(residuals)
         best = int(np.argmin(costs))
         if costs[best] < self.best_cost:
             self.best_cost, self.best_point = float(costs[best]), points[best].copy()
             self.best_residuals = residuals[best].copy()
         self._last = points[-1].copy(), residuals[-1]
-        self.budget.note(len(points), self.best_cost)
+        self.budget.note(self.objective.evaluations - before, self.best_cost)
         return residuals
 
+    def evaluate_start(self, point: Array) -> Array:
+        """Return the residuals of a point from which a search starts; raise where it fails."""
+        residuals = self.evaluate(point[None, :])[0]
+        if self._failure is not None and not np.isfinite(residuals).all():
+            raise self._failure
+        return np.asarray(residuals)
+
+    def raise_if_all_failed(self) -> None:
+        """Raise the last failure where no point evaluated so far has residuals."""
+        if self._failure is not None and self.best_residuals.size == 0:
+            raise self._failure
+
     def evaluate_valid(self, points: Array) -> tuple[Array, Array]:
-        """Return those of `points` whose simulation does not fail, and their residuals."""
-        try:
-            return points, self.evaluate(points)
-        except ValueError:
-            pass
-        valid, residuals = [], []
-        for point in points:
-            try:
-                residuals.append(self.evaluate(point[None, :])[0])
-                valid.append(point)
-            except ValueError:
-                continue
-        return np.array(valid), np.array(residuals)
+        """Return those of `points` that do not fail, and their residuals.
+
+        The first is the start that was given: where that fails, it is an error.
+        """
+        residuals = self.evaluate(points)
+        valid = np.asarray(np.isfinite(residuals).all(axis=1))
+        if self._failure is not None and not valid[0]:
+            raise self._failure
+        return points[valid], residuals[valid]
 
     def jacobian(self, point: Array) -> Array:
         """Return the Jacobian at `point`, reusing its residuals if they were the last evaluated."""
@@ -158,20 +172,27 @@ def sobol_points(objective: Objective, start: Array, count: int, seed: int) -> A
 
 
 def spread_starts(search: Search, start: Array, count: int, seed: int, keep: int) -> list[Array]:
-    """Return the `keep` best of `start` and `count` Sobol points of the parameters' ranges."""
+    """Return the `keep` best of `start` and `count` Sobol points of the parameters' ranges.
+
+    Those whose simulation fails are left out; where that of `start` does, it is an error.
+    """
     if count == 0:
         return [start]
     return best_starts(search, sobol_points(search.objective, start, count, seed), keep)
 
 
 def best_starts(search: Search, points: Array, keep: int) -> list[Array]:
-    """Return the `keep` points of lowest cost, ascending."""
-    costs = search.costs(search.evaluate(points))
+    """Return the `keep` points of lowest cost, ascending, of those that do not fail."""
+    points, residuals = search.evaluate_valid(points)
+    costs = search.costs(residuals)
     return [points[i] for i in np.argsort(costs, kind="stable")[:keep]]
 
 
 def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, Array]:
-    """Trust-region least squares (scipy, reflective, with bounds): return its end and residuals."""
+    """Trust-region least squares (scipy, reflective, with bounds): return its end and residuals.
+
+    A step to a point whose simulation fails is taken back, as one that raises the cost is.
+    """
     objective = search.objective
     per_iteration = 2 * objective.parameters + objective.initial_size + 1
     # scipy counts evaluations of the residuals; each usually comes with a Jacobian.
@@ -181,20 +202,33 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
     margin = np.where(np.isfinite(upper - lower), 1e-3 * (upper - lower), 0.0)
     start = np.clip(start, lower + margin, upper - margin)
     before = search.best_cost
-    result = optimize.least_squares(
-        lambda point: np.append(search.evaluate(point[None, :])[0], _HOLD * (point - start)),
-        start,
-        jac=lambda point: np.vstack([search.jacobian(point), _HOLD * np.eye(objective.size)]),
-        bounds=(lower, upper),
-        method="trf",
-        x_scale="jac",
-        loss=search.loss.name,
-        f_scale=search.loss.scale,
-        max_nfev=iterations,
-        ftol=_COST_TOLERANCE,
-        xtol=_STEP_TOLERANCE,
-        gtol=_GRADIENT_TOLERANCE,
-    )
+    began = False
+
+    def residuals(point: Array) -> Array:
+        nonlocal began
+        found = search.evaluate(point[None, :])[0] if began else search.evaluate_start(point)
+        began = True
+        return np.append(found, _HOLD * (point - start))
+
+    try:
+        result = optimize.least_squares(
+            residuals,
+            start,
+            jac=lambda point: np.vstack([search.jacobian(point), _HOLD * np.eye(objective.size)]),
+            bounds=(lower, upper),
+            method="trf",
+            x_scale="jac",
+            loss=search.loss.name,
+            f_scale=search.loss.scale,
+            max_nfev=iterations,
+            ftol=_COST_TOLERANCE,
+            xtol=_STEP_TOLERANCE,
+            gtol=_GRADIENT_TOLERANCE,
+        )
+    except SimulationError as error:
+        if search.best_cost < before:
+            search.converged, search.message = False, str(error)
+        raise
     if search.best_cost < before or np.array_equal(result.x, search.best_point):
         search.converged = bool(result.status > 0)
         if search.converged:
@@ -218,7 +252,8 @@ def cma_es(
 
     Initial states stay as in `start`. Each generation is one parallel batch. `sigma` is the first
     standard deviation as a share of the ranges. Without `to_convergence` it stops once the valley
-    is found.
+    is found. Candidates whose simulation fails rank behind all others, the far ones last; where all
+    do, it is an error.
     """
     import cma
 
@@ -240,13 +275,19 @@ def cma_es(
     first = np.full(len(low), 0.5)
     first[:count] = np.clip((start[:count] - low[:count]) / width[:count], 0.02, 0.98)
     strategy = cma.CMAEvolutionStrategy(first, sigma, options)
+    worst = 0.0
     while search.budget.left >= strategy.popsize and not strategy.stop():
         candidates = strategy.ask()
         points = np.repeat(start[None, :], len(candidates), axis=0)
         for i, candidate in enumerate(candidates):
             points[i, :count] = low[:count] + np.asarray(candidate)[:count] * width[:count]
         costs = search.costs(search.evaluate(points))
+        fails = ~np.isfinite(costs)
+        worst = max(worst, costs[~fails].max(initial=worst))
+        distance = np.linalg.norm(np.asarray(candidates) - first, axis=1)
+        costs[fails] = (1.0 + worst) * (2.0 + distance[fails])
         strategy.tell(candidates, costs.tolist())
+    search.raise_if_all_failed()
     stops = strategy.stop()
     search.converged = bool(stops)
     search.message = ", ".join(stops) if stops else _BUDGET_SPENT

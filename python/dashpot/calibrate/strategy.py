@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Literal
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.automatic import growing_windows
 from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.objective import Objective, SimulationError
 from dashpot.calibrate.search import (
     FIRST_SIGMA,
     LATER_SIGMA,
@@ -71,15 +72,14 @@ def run_automatic(
 ) -> Search:
     """Choose starts and windows: 31 starts spread over the parameters' ranges beside the given one.
 
-    They are searched through windows that grow from the onset of contact; those whose simulation
-    fails are left out. Least squares searches from the given start first, with a quarter of the
-    budget, and from others only where noise does not explain its end; what they leave goes to the
-    best end if it has not converged.
+    They are searched through windows that grow from the onset of contact. Least squares searches
+    from the given start first, with a quarter of the budget, and from others only where noise does
+    not explain its end; what they leave goes to the best end if it has not converged.
     """
     final = Search(objective, loss, budget)
     begin = objective.start()
     if method == "least_squares":
-        with budget.share(_FIRST_SHARE):
+        with budget.share(_FIRST_SHARE), _going_on(final):
             least_squares(final, begin, _MOST_ITERATIONS)
         if final.best_explained(_EXPLAINED):
             _finish(final)
@@ -106,7 +106,7 @@ def run_automatic(
     if method != "least_squares":
         _evolve(searches, starts[0], method, seed)
         return final
-    _descend(searches, starts, leave_failing_out=True)
+    _descend(searches, starts)
     _finish(final)
     return final
 
@@ -114,11 +114,23 @@ def run_automatic(
 def _finish(search: Search) -> None:
     """Go on from the best end if it has not converged, as on a rough cost, with what is left."""
     if not search.converged and search.budget.left > 0:
-        least_squares(search, search.best_point, _MOST_ITERATIONS)
+        with _going_on(search):
+            least_squares(search, search.best_point, _MOST_ITERATIONS)
+
+
+@contextmanager
+def _going_on(search: Search) -> Iterator[None]:
+    """Go on with the best point where a simulation fails; raise where there is none."""
+    try:
+        yield
+    except SimulationError:
+        if search.best_residuals.size == 0:
+            raise
 
 
 def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> None:
     """Search by CMA-ES: all windows in equal shares, or the first, and least squares from there."""
+    searches[0].evaluate_start(point)
     if method == "cma+least_squares":
         with searches[0].budget.share(2):
             cma_es(searches[0], point, seed, to_convergence=len(searches) == 1)
@@ -131,24 +143,20 @@ def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> 
         point = search.best_point
 
 
-def _descend(
-    searches: list[Search], points: list[Array], *, leave_failing_out: bool = False
-) -> None:
+def _descend(searches: list[Search], points: list[Array]) -> None:
     """Search all windows from one point after the other until noise explains what is left.
 
     An end in the first window that noise does not explain is a bad valley, or the model is not
     quite right: the next start is tried, and if none does better, the best such end goes on. An
-    end that an earlier start reached too does not go on again.
+    end that an earlier start reached too does not go on again. Searches that a failing simulation
+    ends are left out; where all are, it is an error.
     """
     last = searches[-1]
-
-    def failing() -> AbstractContextManager[None]:
-        return suppress(ValueError) if leave_failing_out else nullcontext()
-
+    failure: SimulationError | None = None
     unfinished: list[tuple[float, Array]] = []
     finished: list[float] = []
     for start in points:
-        with failing():
+        try:
             point, residuals = least_squares(searches[0], start, _MOST_ITERATIONS)
             cost = float(searches[0].costs(residuals))
             if len(searches) > 1 and not searches[0].explained(residuals, _EXPLAINED):
@@ -156,11 +164,17 @@ def _descend(
             elif all(abs(cost - end) > _SAME_END for end in finished):
                 finished.append(cost)
                 _go_on(searches[1:], point)
+        except SimulationError as error:
+            failure = failure or error
         if last.best_explained(_EXPLAINED) or last.budget.left == 0:
             break
     if unfinished and not last.best_explained(_EXPLAINED):
-        with failing():
+        try:
             _go_on(searches[1:], min(unfinished, key=lambda end: end[0])[1])
+        except SimulationError as error:
+            failure = failure or error
+    if failure is not None and last.best_residuals.size == 0:
+        raise failure
 
 
 def _go_on(searches: list[Search], point: Array) -> None:
