@@ -2,6 +2,7 @@
 
 import math
 import pickle
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import dashpot
 from ball_throws import BALL, IDENTITY, ball_engine, ball_parameters, make_trajectory
-from dashpot.calibrate import Parameter, Problem
+from dashpot.calibrate import Parameter, Problem, fit
 from dashpot.calibrate.transforms import Transform
 
 
@@ -423,6 +424,48 @@ def test_damping_and_dry_friction_of_joints_and_tendons_are_set_by_name():
     assert built.tendon_damping.tolist() == [5.0]
     with pytest.raises(ValueError, match="no joint named 'kne'; did you mean 'knee'"):
         Problem(model, [Parameter.model("dof_damping", "kne", **at)], [trajectory], 1e-3, 1e-2)
+
+
+def fallen(spacing, sigma=2e-4, gravity=9.81, seed=0):
+    """Return a problem of two throws: 40 frames in 0.4 s, with noise, said to last longer."""
+    t = 0.01 * np.arange(40)
+    rng = np.random.default_rng(seed)
+    throws = []
+    for name, velocity in (("up", [1.0, 0.0, 2.0]), ("down", [0.5, 1.0, -1.0])):
+        path = np.array(velocity) * t[:, None] - 0.5 * np.array([0, 0, gravity]) * t[:, None] ** 2
+        throws.append(
+            make_trajectory(
+                name=name,
+                time=spacing / 0.01 * t,
+                position=path + sigma * rng.normal(size=path.shape),
+                quaternion=np.tile(IDENTITY, (40, 1)),
+                initial_qpos=[0, 0, 0, *IDENTITY],
+            )
+        )
+    return make_problem(trajectories=throws, position_sigma=sigma)
+
+
+def test_times_in_milliseconds_are_told_by_gravity():
+    for seed in range(20):
+        assert fallen(10.0, seed=seed).slow_falls() == ("up", "down")
+        assert fallen(0.01, seed=seed).slow_falls() == ()
+
+
+def test_slow_motion_is_no_fall_in_milliseconds():
+    """Other accelerations are none of gravity's, nor any without it, nor one that noise hides."""
+    for seed in range(20):
+        for gravity in (-9.81, 0.0, 5.0, 20.0):
+            assert fallen(10.0, gravity=gravity, seed=seed).slow_falls() == ()
+        assert fallen(10.0, sigma=2e-2, seed=seed).slow_falls() == ()
+    weightless = mujoco.MjModel.from_xml_string(BALL.replace("<option", '<option gravity="0 0 0"'))
+    mass = Parameter.model("body_mass", "body", start=1.0, bounds=(0.1, 2.0))
+    assert replace(fallen(10.0), system=weightless, parameters=[mass]).slow_falls() == ()
+
+
+def test_a_fit_warns_of_times_in_milliseconds():
+    problem = replace(fallen(10.0), substeps=1, window=30.0)
+    with pytest.warns(UserWarning, match=r"'up' and 1 more: .* milliseconds; they must be in s"):
+        fit(problem, starts=0, max_evaluations=1)
 
 
 # As real models have them: a body of two geoms, and a floor, without names.

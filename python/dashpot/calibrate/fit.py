@@ -156,6 +156,7 @@ def fit(
     check_count(objective.measured_count, objective.size)
     errors_kind = _errors_kind(errors, problem, objective)
     _warn_of_noisy_starts(problem)
+    _warn_of_milliseconds(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
@@ -319,6 +320,18 @@ def _warn_of_noisy_starts(problem: Problem) -> None:
             f"trajectory '{noisy[0]}'{others}: no initial_qpos, so that the simulation starts at "
             "the first observed pose as if that had no noise, and intervals are too narrow; give "
             "initial_qpos, or estimate the start with initial_state='pose_and_velocity'",
+            stacklevel=3,
+        )
+
+
+def _warn_of_milliseconds(problem: Problem) -> None:
+    """Warn where bodies begin in a fall at a millionth of gravity."""
+    slow = problem.slow_falls()
+    if slow:
+        others = f" and {len(slow) - 1} more" if len(slow) > 1 else ""
+        warnings.warn(
+            f"trajectory '{slow[0]}'{others}: it begins in a fall at a millionth of gravity, as "
+            "with times in milliseconds; they must be in s",
             stacklevel=3,
         )
 

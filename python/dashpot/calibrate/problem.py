@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.calibrate.clock import gravity_of, in_milliseconds
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
@@ -231,6 +232,17 @@ class Problem:
             )
         )
 
+    def slow_falls(self) -> tuple[str, ...]:
+        """Return the trajectories that begin in a fall as of times given in milliseconds."""
+        model = model_of(self._own_system(self.start))
+        found = []
+        for trajectory in self.trajectories:
+            ids = [model.body(body).id for body in trajectory.bodies]
+            free = [i for i, body in enumerate(ids) if _free_joint(model, body) is not None]
+            if in_milliseconds(trajectory, free, gravity_of(model), self.sigma[:3]):
+                found.append(trajectory.name)
+        return tuple(found)
+
     def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
         """Return the number of simulation steps between two frames."""
         if self.substeps is not None:
@@ -376,9 +388,7 @@ def _initial_state(
             turn = np.zeros((frames, 3))
             for k in range(frames):
                 mujoco.mju_subQuat(turn[k], quaternion[k], quaternion[0])
-            weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
-            gravity = 0.0 * model.opt.gravity if weightless else model.opt.gravity
-            fall = position[:frames] - 0.5 * gravity * t[:, None] ** 2
+            fall = position[:frames] - 0.5 * gravity_of(model) * t[:, None] ** 2
             slope = np.polynomial.polynomial.polyfit(t, np.hstack([fall, turn]), 1)[1]
             qvel[v : v + 6] = np.where(measured, slope, 0.0)
     return qpos, qvel
