@@ -10,15 +10,18 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.calibrate.arrow import ArrowMatrix
+from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, check_count, covariance
 from dashpot.calibrate.linearisation import over_its_region
 from dashpot.calibrate.losses import Loss, LossName
-from dashpot.calibrate.objective import Objective, SimulationError
+from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.search import Budget, Search
+from dashpot.calibrate.search import Search
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.checks import (
     number,
@@ -212,7 +215,7 @@ def _covariance(
     live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
 
-    def from_jacobian(jacobian: Array) -> Covariance:
+    def from_jacobian(jacobian: ArrowMatrix) -> Covariance:
         return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets)
 
     own = np.array([p.difference for p in objective.problem.parameters])
@@ -255,9 +258,8 @@ def _result(
     errors: str,
     confidence: float,
 ) -> Fit:
-    count = objective.parameters
     half_width = estimated.half_width(confidence)
-    correlation = estimated.correlation[:count, :count]
+    correlation = estimated.correlation
     live = int(np.count_nonzero(objective.live(residuals)))
     robust = search.loss.robust
     explained = noise_explains(estimated.residual_variance, live, robust=robust)

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from dashpot.calibrate.arrow import ArrowInverse, ArrowMatrix
 from dashpot.calibrate.losses import Loss
 
 Array = NDArray[np.float64]
@@ -45,27 +46,39 @@ class Covariance:
 
     Attributes
     ----------
-    matrix
-        (n, n); rows and columns of undetermined unknowns are infinite on the diagonal, 0 elsewhere.
+    blocks
+        (trajectories, p + s, p + s) covariance of the p parameters and the s unknowns of the
+        initial state of each trajectory; of undetermined unknowns infinite on the diagonal, 0
+        elsewhere.
+    parameters
+        p.
     degrees_of_freedom
         Of Student's t.
     residual_variance
         Near 1 when the noise was stated rightly and the model is right; see `residual_variance`.
     """
 
-    matrix: Array
+    blocks: Array
+    parameters: int
     degrees_of_freedom: int
     residual_variance: float
 
     @property
+    def matrix(self) -> Array:
+        """(p, p) covariance of the parameters."""
+        return np.array(self.blocks[0, : self.parameters, : self.parameters])
+
+    @property
     def standard_error(self) -> Array:
-        """(n,) square roots of the diagonal."""
-        return np.sqrt(np.diag(self.matrix))
+        """(n,) square roots of the variances, of the parameters first, then of initial states."""
+        variances = np.diagonal(self.blocks, axis1=1, axis2=2)
+        own = variances[:, self.parameters :].reshape(-1)
+        return np.asarray(np.sqrt(np.concatenate([variances[0, : self.parameters], own])))
 
     @property
     def correlation(self) -> Array:
-        """(n, n); 0 beside undetermined unknowns."""
-        error = self.standard_error
+        """(p, p) of the parameters; 0 beside undetermined ones."""
+        error = self.standard_error[: self.parameters]
         with np.errstate(invalid="ignore"):
             correlation = self.matrix / np.outer(error, error)
         correlation[~np.isfinite(correlation)] = 0.0
@@ -103,7 +116,7 @@ def residual_variance(residuals: Array, unknowns: int, loss: Loss) -> float:
 
 
 def covariance(
-    jacobian: Array,
+    jacobian: Array | ArrowMatrix,
     residuals: Array,
     *,
     loss: Loss | None = None,
@@ -132,63 +145,40 @@ def covariance(
         clusters.
     """
     loss = Loss() if loss is None else loss
-    size = jacobian.shape[1]
+    matrix = jacobian if isinstance(jacobian, ArrowMatrix) else ArrowMatrix.of_dense(jacobian)
     noisy = residuals if live is None else residuals[live]
-    determined, scale, singular, v = _decomposed(jacobian)
-    unknowns = len(singular) if noisy.size == len(jacobian) else _rank(jacobian[live])
+    inverse = pseudo_inverse(matrix)
+    unknowns = inverse.rank
+    if live is not None and not live.all():
+        unknowns = pseudo_inverse(matrix.select(live)).rank
     m = noisy.size
     check_count(m, unknowns)
     variance = residual_variance(noisy, unknowns, loss)
     degrees = m - unknowns if offsets is None else len(offsets) - 2
+    count = matrix.shared.shape[1]
     slopes = loss.slopes(noisy)
     rise = float(slopes.mean())
     if not rise > 0:
-        return Covariance(np.diag(np.full(size, np.inf)), degrees, variance)
-
-    matrix = np.zeros((size, size))
-    if determined.any():
-        kept = v[: len(singular)]
-        inverse = (kept.T / singular**2) @ kept
-        lost = np.abs(v[len(singular) :]).max(axis=0, initial=0.0) > np.sqrt(_RANK_TOLERANCE)
-        if offsets is not None:
-            clusters = len(offsets) - 1
-            if clusters < 2:
-                raise ValueError("clustered errors need at least two trajectories")
-            scaled = jacobian[:, determined] / scale[determined]
-            products = scaled * loss.scores(residuals)[:, None]
-            sums = np.add.reduceat(products, offsets[:-1], axis=0)
-            middle = clusters / (clusters - 1) * (sums.T @ sums)
-            block = inverse @ middle @ inverse / rise**2
-        elif loss.robust:
-            scores = loss.scores(noisy)
-            factor = 1.0 + unknowns / m * float(slopes.var()) / rise**2
-            block = factor**2 * float(scores @ scores) / (m - unknowns) / rise**2 * inverse
-        else:
-            block = variance * inverse
-        block = block / np.outer(scale[determined], scale[determined])
-        block[lost, :] = 0.0
-        block[:, lost] = 0.0
-        block[lost, lost] = np.inf
-        matrix[np.ix_(determined, determined)] = block
-    matrix[~determined, ~determined] = np.inf
-    return Covariance(matrix, degrees, variance)
+        each = np.diag(np.full(count + matrix.own.shape[1], np.inf))
+        return Covariance(np.stack([each] * matrix.trajectories), count, degrees, variance)
+    if offsets is not None:
+        clusters = len(offsets) - 1
+        if clusters < 2:
+            raise ValueError("clustered errors need at least two trajectories")
+        blocks = inverse.clustered(loss.scores(residuals), offsets)
+        factor = clusters / (clusters - 1) / rise**2
+    elif loss.robust:
+        blocks, scores = inverse.independent(), loss.scores(noisy)
+        factor = (1.0 + unknowns / m * float(slopes.var()) / rise**2) ** 2
+        factor *= float(scores @ scores) / (m - unknowns) / rise**2
+    else:
+        blocks, factor = inverse.independent(), variance
+    with np.errstate(invalid="ignore"):
+        # Data without any noise leave a variance of 0, and what they do not determine stays so.
+        blocks = np.where(np.isinf(blocks), np.inf, factor * blocks)
+    return Covariance(blocks, count, degrees, variance)
 
 
-def _decomposed(jacobian: Array) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Return the singular values that are not lost to rounding, and all right singular vectors.
-
-    They are those of the columns that are not 0, scaled to unit norm, so that rank is judged free
-    of units; which columns these are, and their norms, come first.
-    """
-    scale = np.linalg.norm(jacobian, axis=0)
-    determined = scale > 0
-    if not determined.any():
-        return determined, scale, np.empty(0), np.empty((0, 0))
-    scaled = jacobian[:, determined] / scale[determined]
-    _, singular, v = np.linalg.svd(scaled, full_matrices=False)
-    return determined, scale, singular[singular > _RANK_TOLERANCE * singular[0]], v
-
-
-def _rank(jacobian: Array) -> int:
-    """Return how many unknowns the rows determine."""
-    return len(_decomposed(jacobian)[2])
+def pseudo_inverse(jacobian: ArrowMatrix) -> ArrowInverse:
+    """Return the pseudo-inverse of a Jacobian, with the tolerance by which intervals judge rank."""
+    return ArrowInverse(jacobian, _RANK_TOLERANCE)

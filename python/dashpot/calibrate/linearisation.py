@@ -17,12 +17,13 @@ The two last are zero where residuals are linear. They are added to the covarian
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.intervals import Covariance
+from dashpot.calibrate.arrow import ArrowMatrix, blocks_of
+from dashpot.calibrate.intervals import Covariance, pseudo_inverse
 from dashpot.calibrate.objective import Objective
 
 Array = NDArray[np.float64]
@@ -38,6 +39,8 @@ _MOST_REGIONS = 6
 _WIDEST = 0.1
 # A region where a simulation fails is narrowed by this factor, so often at most.
 _NARROWER = 4.0
+# Correlated parameters whose eigenvalues are below this fraction count as dependent in a draw.
+_DEPENDENT = 1e-12
 _MOST_FAILURES = 3
 
 
@@ -48,14 +51,14 @@ class Linearisation:
     Attributes
     ----------
     jacobian
-        (residual_count, size) derivative over the region.
+        Derivative over the region, (residual_count, size).
     center
         (residual_count,) what the linear model says of the region's centre.
     scatter
         (points, residual_count) departures of single points from the linear model.
     """
 
-    jacobian: Array
+    jacobian: ArrowMatrix
     center: Array
     scatter: Array
 
@@ -72,16 +75,15 @@ def linearise(
     point
         (size,) centre of the region, within the bounds.
     region
-        (size, size) covariance of the region; unknowns with zero rows stay as they are, and their
-        columns of the Jacobian are 0. Points outside the bounds are put on them.
+        (trajectories, p + s, p + s) covariance of the region, as `Covariance.blocks`; unknowns with
+        zero rows stay as they are, and their columns of the Jacobian are 0. Points outside the
+        bounds are put on them.
     rng
         Draws the points.
     """
     count, block = objective.parameters, objective.initial_size
     pairs = 2 * (count + block) + 8
-    values, vectors = np.linalg.eigh(region)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = rng.normal(size=(pairs, point.size)) @ root.T
+    draws = _draw(region, count, pairs, rng)
     lower, upper = objective.bounds()
     up, down = (np.clip(point + sign * draws, lower, upper) for sign in (1.0, -1.0))
     residuals = objective.residuals(np.concatenate([up, down]))
@@ -89,28 +91,53 @@ def linearise(
     middle = 0.5 * (residuals[:pairs] + residuals[pairs:])
     step, off = 0.5 * (up - down), 0.5 * (up + down) - point
 
-    jacobian = np.zeros((objective.residual_count, point.size))
-    for t in range(len(objective.offsets) - 1):
-        rows = slice(objective.offsets[t], objective.offsets[t + 1])
-        own = count + t * block
-        columns = np.concatenate([np.arange(count), np.arange(own, own + block)])
-        scale = np.sqrt(np.diag(region))[columns]
+    shared = np.zeros((objective.residual_count, count))
+    own = np.zeros((objective.residual_count, block))
+    jacobian = ArrowMatrix(shared, own, objective.offsets)
+    steps = blocks_of(jacobian, step)
+    for t in range(jacobian.trajectories):
+        scale = np.sqrt(np.diag(region[t]))
         moved = scale > 0
-        columns, scale = columns[moved], scale[moved]
-        solution = np.linalg.lstsq(step[:, columns] / scale, half[:, rows], rcond=None)[0]
-        jacobian[rows, columns] = (solution / scale[:, None]).T
-    middle -= off @ jacobian.T
+        rows = jacobian.rows(t)
+        columns = steps[:, t, moved] / scale[moved]
+        solution = np.zeros((count + block, rows.stop - rows.start))
+        solution[moved] = np.linalg.lstsq(columns, half[:, rows], rcond=None)[0]
+        solution[moved] /= scale[moved, None]
+        shared[rows], own[rows] = solution[:count].T, solution[count:].T
+    middle -= jacobian.apply(off)
     center = middle.mean(axis=0)
     # Regression leaves less than the scatter by its degrees of freedom.
-    odd = (half - step @ jacobian.T) * np.sqrt(pairs / (pairs - count - block))
+    odd = (half - jacobian.apply(step)) * np.sqrt(pairs / (pairs - count - block))
     return Linearisation(jacobian, center, np.concatenate([odd, middle - center]))
+
+
+def _draw(region: Array, count: int, number: int, rng: np.random.Generator) -> Array:
+    """Return normal draws (number, n) of the parameters, and of initial states given them."""
+    parameters = region[0, :count, :count]
+    scale = np.sqrt(np.diag(parameters))
+    scale[scale == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(parameters)
+    shared = rng.normal(size=(number, count)) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
+    trajectories, size = len(region), region.shape[1] - count
+    if size == 0:
+        return np.asarray(shared)
+    # How states follow the parameters, which may be as good as dependent.
+    standard = parameters / np.outer(scale, scale)
+    inverse = np.linalg.pinv(standard, rcond=_DEPENDENT, hermitian=True) / np.outer(scale, scale)
+    follow = region[:, count:, :count] @ inverse
+    rest = region[:, count:, count:] - follow @ region[:, :count, count:]
+    values, vectors = np.linalg.eigh(rest)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    noise = rng.normal(size=(number, trajectories, size))
+    own = np.einsum("tij,ntj->nti", root, noise) + np.einsum("tij,nj->nti", follow, shared)
+    return np.concatenate([shared, own.reshape(number, -1)], axis=1)
 
 
 def over_its_region(
     objective: Objective,
     point: Array,
     local: Covariance,
-    covariance: Callable[[Array], Covariance],
+    covariance: Callable[[ArrowMatrix], Covariance],
     slopes: Array | None,
     seed: int,
 ) -> tuple[Covariance, Array]:
@@ -153,7 +180,7 @@ def over_its_region(
         linear = covariance(model.jacobian)
         implied = _region(linear, 1.0, floor, count)
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.sqrt(np.diag(implied) / np.diag(region))[:count]
+            ratio = np.sqrt(np.diag(implied[0]) / np.diag(region[0]))[:count]
         ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
         same = ((ratio < _SAME_WIDTH) & (ratio > 1.0 / _SAME_WIDTH)).all()
         if same or regions == _MOST_REGIONS or failures:
@@ -165,18 +192,33 @@ def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Ar
     """Return the covariance of a region: wider than `estimated`, and neither too narrow nor wide.
 
     Unknowns of infinite variance stay as they are. Others have at least the standard deviation
-    `floor`, and the first `count` at most `_WIDEST`, others then moving along as they would.
+    `floor`, initial states beyond their following of the parameters. Those of the first `count` are
+    at most `_WIDEST`, others then moving along as they would.
     """
-    known = np.isfinite(np.diag(estimated.matrix))
-    region = np.where(np.outer(known, known), wider**2 * estimated.matrix, 0.0)
+    known = np.isfinite(_diagonal(estimated.blocks))
+    both = known[:, :, None] & known[:, None, :]
+    region = np.where(both, wider**2 * estimated.blocks, 0.0)
     for i in range(count):
-        if region[i, i] > _WIDEST**2:
-            along = region[i] / np.sqrt(region[i, i])
-            region -= (1.0 - _WIDEST**2 / region[i, i]) * np.outer(along, along)
-    deviation = np.sqrt(np.maximum(np.diag(region), 0.0))  # rounding may leave less
+        variance = region[0, i, i]
+        if variance > _WIDEST**2:
+            along = region[:, i] / np.sqrt(variance)
+            share = 1.0 - _WIDEST**2 / variance
+            region -= share * along[:, :, None] * along[:, None, :]
+    # Clustered errors hardly let initial states move for themselves, as a regression needs.
+    own = np.arange(count, region.shape[1])
+    region[:, own, own] += (
+        np.where(known[:, count:], floor[count:].reshape(len(region), -1), 0.0) ** 2
+    )
+    deviation = np.sqrt(np.maximum(_diagonal(region), 0.0))  # rounding may leave less
+    grown = np.ones_like(deviation)
     with np.errstate(divide="ignore"):
-        grown = np.where(known & (deviation > 0), np.maximum(1.0, floor / deviation), 1.0)
-    return np.asarray(region * np.outer(grown, grown))
+        grown[:, :count] = np.maximum(1.0, floor[:count] / deviation[:, :count])
+    grown[~(known & (deviation > 0))] = 1.0
+    return np.asarray(region * grown[:, :, None] * grown[:, None, :])
+
+
+def _diagonal(blocks: Array) -> Array:
+    return np.diagonal(blocks, axis1=1, axis2=2)
 
 
 def _with_departure(
@@ -187,19 +229,17 @@ def _with_departure(
     Departures e move the estimate by ``-(J^T J)^-1 J^T (slopes e)``: outliers, whose scores do not
     change with them, do not move it.
     """
-    known = np.isfinite(np.diag(linear.matrix))
+    errors = linear.standard_error
+    known = np.isfinite(errors)
     if not known.any():
-        return linear, np.zeros(len(linear.matrix))
-    jacobian = model.jacobian[:, known]
-    scale = np.linalg.norm(jacobian, axis=0)
+        return linear, np.zeros(len(errors))
     departures = np.concatenate([model.center[None], model.scatter])
     if slopes is not None:
         departures = departures * slopes
-    moves = np.linalg.lstsq(jacobian / scale, departures.T, rcond=None)[0].T / scale
-    pairs = len(model.scatter) // 2
-    added = np.outer(moves[0], moves[0]) + moves[1:].T @ moves[1:] / pairs
-    matrix = linear.matrix.copy()
-    matrix[np.ix_(known, known)] += added
-    share = np.zeros(len(matrix))
-    share[known] = np.sqrt(np.diag(added) / np.diag(linear.matrix)[known])
-    return Covariance(matrix, linear.degrees_of_freedom, linear.residual_variance), share
+    moves = np.where(known, pseudo_inverse(model.jacobian).solve(departures), 0.0)
+    moves[1:] /= np.sqrt(len(model.scatter) // 2)
+    each = blocks_of(model.jacobian, moves)
+    added = np.einsum("nti,ntj->tij", each, each)
+    share = np.zeros(len(errors))
+    share[known] = np.linalg.norm(moves, axis=0)[known] / errors[known]
+    return replace(linear, blocks=linear.blocks + added), share

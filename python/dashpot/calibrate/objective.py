@@ -8,14 +8,15 @@ the initial position (nv, a tangent vector as ``mj_integratePos`` takes it).
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot import _core
+from dashpot.calibrate.arrow import ArrowMatrix
+from dashpot.calibrate.candidates import Candidate, SimulationError, batch, failure_of
+from dashpot.calibrate.differences import derivatives_along
 from dashpot.calibrate.problem import Problem, body_id
 from dashpot.calibrate.setters import System, model_of
 
@@ -25,17 +26,9 @@ Array = NDArray[np.float64]
 # rounding, small against the measurement noise of any pose tracker.
 _VELOCITY_DIFFERENCE = 1e-5
 _POSE_DIFFERENCE = 1e-6
-# Where simulations fail on both sides of a point, differences are narrowed by this factor, so often
-# at most.
-_NARROWER = 4.0
-_MOST_FAILURES = 3
 # Residuals of a channel that carries noise reach this many standard deviations; of one that does
 # not, a rounding.
 _LIVE = 1e-6
-
-
-class SimulationError(ValueError):
-    """A candidate cannot be built or simulated; names the trajectory and its parameters."""
 
 
 class Objective:
@@ -157,12 +150,12 @@ class Objective:
                 try:
                     residuals[v] = self._simulate([candidate])[0]
                 except ValueError as error:
-                    failures[v] = self._failure(points[v], error)
+                    failures[v] = failure_of(self.values(points[v]), error)
         return residuals, [failures[v] for v in sorted(failures)]
 
     def jacobian(
         self, point: Array, *, widths: Array | None = None, base: Array | None = None
-    ) -> Array:
+    ) -> ArrowMatrix:
         """Return the Jacobian (residual_count, size) by finite differences in one batch.
 
         Perturbing one component of all trajectories' initial states takes one variant, since a
@@ -199,16 +192,11 @@ class Objective:
             columns = count + j + self.initial_size * np.arange(len(self._observed))
             steps[count + j, columns] = initial_steps[j]
         up, down = (np.clip(point + sign * steps, lower, upper) for sign in (1.0, -1.0))
-        derivatives = self._differences(point, up, down, base)
-        jacobian = np.zeros((self.residual_count, self.size))
-        for i in range(count):
-            jacobian[:, i] = derivatives[i]
-        for j in range(self.initial_size):
-            for t in range(len(self._observed)):
-                rows = slice(self.offsets[t], self.offsets[t + 1])
-                column = count + t * self.initial_size + j
-                jacobian[rows, column] = derivatives[count + j, rows]
-        return jacobian
+        derivatives = derivatives_along(
+            self.attempt, point, up, down if base is None else down[:count], base
+        )
+        shared, own = (np.ascontiguousarray(d.T) for d in np.split(derivatives, [count]))
+        return ArrowMatrix(shared, own, self.offsets)
 
     def differences(self) -> Array:
         """Return the half-widths (size,) of the differences that derivatives take by default."""
@@ -220,7 +208,7 @@ class Objective:
         candidates, failures = self._candidates(np.atleast_2d(point))
         if failures:
             raise failures[0]
-        variants, qpos, qvel = _batch(candidates.values())
+        variants, qpos, qvel = batch(candidates.values())
         flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
         result = []
         for t, trajectory in enumerate(self.problem.trajectories):
@@ -269,49 +257,7 @@ class Objective:
             rotation_weight=float(weight[3]),
         )
 
-    def _differences(self, point: Array, up: Array, down: Array, base: Array | None) -> Array:
-        """Return the derivatives (directions, residual_count) along ``up - down``.
-
-        They are central, but forward along the directions of initial states where `base` is known.
-        """
-        central = len(up) if base is None else self.parameters
-        residuals, failures = self.attempt(np.concatenate([up, down[:central]]))
-        plus, minus = residuals[: len(up)], residuals[len(up) :]
-        above, below = (np.abs(end - point).max(axis=1) for end in (up, down))
-        if base is not None:
-            minus = np.concatenate([minus, np.repeat(base[None], len(up) - central, axis=0)])
-            below[central:] = 0.0
-        if not failures:
-            return np.asarray((plus - minus) / (above + below)[:, None])
-        if base is None:
-            base = self.residuals(point)[0]
-        derivatives = np.empty_like(plus)
-        for k in range(len(up)):
-            above_works, below_works = np.isfinite(plus[k]).all(), np.isfinite(minus[k]).all()
-            if above_works and below_works:
-                derivatives[k] = (plus[k] - minus[k]) / (above[k] + below[k])
-            elif above_works and above[k] > 0.0:
-                derivatives[k] = (plus[k] - base) / above[k]
-            elif below_works and below[k] > 0.0:
-                derivatives[k] = (base - minus[k]) / below[k]
-            else:
-                derivatives[k] = self._narrow_difference(point, up[k], down[k], base)
-        return derivatives
-
-    def _narrow_difference(self, point: Array, up: Array, down: Array, base: Array) -> Array:
-        """Return the derivative along ``up - down``, both of which fail, from points nearer by."""
-        for _ in range(_MOST_FAILURES):
-            up, down = (point + (end - point) / _NARROWER for end in (up, down))
-            ends, failures = self.attempt(np.stack([up, down]))
-            for end, sign, residuals in ((up, 1.0, ends[0]), (down, -1.0, ends[1])):
-                distance = np.abs(end - point).max()
-                if distance > 0.0 and np.isfinite(residuals).all():
-                    return np.asarray(sign * (residuals - base) / distance)
-        raise failures[0]
-
-    def _candidates(
-        self, points: Array
-    ) -> tuple[dict[int, _Candidate], dict[int, SimulationError]]:
+    def _candidates(self, points: Array) -> tuple[dict[int, Candidate], dict[int, SimulationError]]:
         """Build the systems and initial states of points; say why where that fails.
 
         There is one system for each different set of parameters.
@@ -329,7 +275,7 @@ class Objective:
                 if self.problem.start_states is not None:
                     qpos, qvel = self.problem.initial_states(self._model, self.values(point))
             except ValueError as error:
-                failures[v] = self._failure(point, error)
+                failures[v] = failure_of(self.values(point), error)
                 continue
             systems[key] = system
             if self.initial_size:
@@ -339,44 +285,13 @@ class Objective:
                     qpos = qpos.copy()
                     for t, block in enumerate(blocks):
                         mujoco.mj_integratePos(self._model, qpos[t], block[nv:], 1.0)
-            candidates[v] = _Candidate(system, qpos, qvel)
+            candidates[v] = Candidate(system, qpos, qvel)
         self._systems = systems  # keeps models alive during the batch and for the next one
         return candidates, failures
 
-    def _simulate(self, candidates: Collection[_Candidate]) -> Array:
+    def _simulate(self, candidates: Collection[Candidate]) -> Array:
         """Return the residuals (candidates, residual_count); raise ValueError where one fails."""
         if not candidates:
             return np.empty((0, self.residual_count))
-        variants, qpos, qvel = _batch(candidates)
+        variants, qpos, qvel = batch(candidates)
         return np.asarray(_core.residuals(variants, self._observed, qpos, qvel, self.nthread))
-
-    def _failure(self, point: Array, error: ValueError) -> SimulationError:
-        values = ", ".join(f"{name} = {value:.6g}" for name, value in self.values(point).items())
-        # The core counts variants within its batch: there, the only one.
-        what = str(error).replace("variant 0, ", "", 1)
-        failure = SimulationError(f"{what}; with {values}")
-        failure.__cause__ = error
-        return failure
-
-
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A system and the initial states of the trajectories: qpos (trajectories, nq), and qvel."""
-
-    system: System
-    qpos: Array
-    qvel: Array
-
-
-def _batch(candidates: Collection[_Candidate]) -> tuple[list[tuple[int, Any]], Array, Array]:
-    """Return the variants of the core, qpos and qvel (variants, trajectories, nq or nv)."""
-    variants = [_variant(candidate.system) for candidate in candidates]
-    qpos = np.stack([candidate.qpos for candidate in candidates])
-    return variants, qpos, np.stack([candidate.qvel for candidate in candidates])
-
-
-def _variant(system: System) -> tuple[int, Any]:
-    """Address of the model and parameters of the engine, None for MuJoCo's own step."""
-    if isinstance(system, mujoco.MjModel):
-        return system._address, None
-    return system.model._address, system._parameters()

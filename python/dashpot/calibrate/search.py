@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize
 
+from dashpot.calibrate.arrow import ArrowMatrix
+from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective, SimulationError
+from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.trust_region import Minimum, minimise
 
 Array = NDArray[np.float64]
 # Relative changes at which least squares stops: of the cost, far below the half unit by which one
@@ -34,40 +37,6 @@ LATER_SIGMA = 0.07
 # standard deviation, or its points by less than this share of the ranges.
 _VALLEY_COST = 0.1
 _VALLEY_WIDTH = 3e-3
-
-
-class Budget:
-    """Simulated sets of trajectories that searches may still spend, and what they reached.
-
-    Derivatives count too. A search takes one step at least, and may overrun by one Jacobian.
-    """
-
-    def __init__(self, total: int, report: Callable[[int, float], None]) -> None:
-        self.spent = 0
-        self.history: list[float] = []
-        self._limit = total
-        self._report = report
-
-    @property
-    def left(self) -> int:
-        """Evaluations left in the present share."""
-        return max(0, self._limit - self.spent)
-
-    @contextmanager
-    def share(self, parts: int) -> Iterator[None]:
-        """Allow one of `parts` equal shares of what is left."""
-        limit = self._limit
-        self._limit = self.spent + self.left // parts
-        try:
-            yield
-        finally:
-            self._limit = limit
-
-    def note(self, evaluations: int, cost: float) -> None:
-        """Record evaluations and the lowest cost of the search that made them."""
-        self.spent += evaluations
-        self.history.append(cost)
-        self._report(self.spent, cost)
 
 
 class Search:
@@ -146,7 +115,7 @@ class Search:
             raise self._failure
         return points[valid], residuals[valid]
 
-    def jacobian(self, point: Array) -> Array:
+    def jacobian(self, point: Array) -> ArrowMatrix:
         """Return the Jacobian at `point`, reusing its residuals if they were the last evaluated."""
         before = self.objective.evaluations
         base = self._last[1] if np.array_equal(self._last[0], point) else None
@@ -189,13 +158,15 @@ def best_starts(search: Search, points: Array, keep: int) -> list[Array]:
 
 
 def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, Array]:
-    """Trust-region least squares (scipy, reflective, with bounds): return its end and residuals.
+    """Trust-region least squares with bounds: return its end and residuals.
 
-    A step to a point whose simulation fails is taken back, as one that raises the cost is.
+    Where initial states are given it is scipy's reflective method; where they are unknown, one that
+    makes use of their Jacobian's zeros. A step to a point whose simulation fails is taken back, as
+    one that raises the cost is.
     """
     objective = search.objective
     per_iteration = 2 * objective.parameters + objective.initial_size + 1
-    # scipy counts evaluations of the residuals; each usually comes with a Jacobian.
+    # Evaluations of the residuals are counted; each usually comes with a Jacobian.
     iterations = min(max(1, search.budget.left // per_iteration), most_iterations)
     lower, upper = objective.bounds()
     # The reflective method needs a start inside; a thousandth of the range is inside.
@@ -208,36 +179,71 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
         nonlocal began
         found = search.evaluate(point[None, :])[0] if began else search.evaluate_start(point)
         began = True
-        return np.append(found, _HOLD * (point - start))
+        return np.asarray(found)
 
+    find = _arrow_least_squares if objective.initial_size else _dense_least_squares
     try:
-        result = optimize.least_squares(
-            residuals,
-            start,
-            jac=lambda point: np.vstack([search.jacobian(point), _HOLD * np.eye(objective.size)]),
-            bounds=(lower, upper),
-            method="trf",
-            x_scale="jac",
-            loss=search.loss.name,
-            f_scale=search.loss.scale,
-            max_nfev=iterations,
-            ftol=_COST_TOLERANCE,
-            xtol=_STEP_TOLERANCE,
-            gtol=_GRADIENT_TOLERANCE,
-        )
+        end = find(search, residuals, start, (lower, upper), iterations)
     except SimulationError as error:
         if search.best_cost < before:
             search.converged, search.message = False, str(error)
         raise
-    if search.best_cost < before or np.array_equal(result.x, search.best_point):
-        search.converged = bool(result.status > 0)
+    if search.best_cost < before or np.array_equal(end.point, search.best_point):
+        search.converged = end.converged
         if search.converged:
-            search.message = str(result.message)
+            search.message = end.message
         elif iterations < most_iterations:
             search.message = _BUDGET_SPENT
         else:
             search.message = f"one local search takes {most_iterations} iterations at most"
-    return np.asarray(result.x), np.asarray(result.fun[: objective.residual_count])
+    return end.point, end.residuals
+
+
+def _arrow_least_squares(
+    search: Search,
+    residuals: Callable[[Array], Array],
+    start: Array,
+    bounds: tuple[Array, Array],
+    iterations: int,
+) -> Minimum:
+    lower, upper = (bound[: search.objective.parameters] for bound in bounds)
+    return minimise(
+        residuals,
+        search.jacobian,
+        start,
+        (lower, upper),
+        loss=search.loss,
+        hold=_HOLD,
+        most_evaluations=iterations,
+        cost_tolerance=_COST_TOLERANCE,
+        step_tolerance=_STEP_TOLERANCE,
+    )
+
+
+def _dense_least_squares(
+    search: Search,
+    residuals: Callable[[Array], Array],
+    start: Array,
+    bounds: tuple[Array, Array],
+    iterations: int,
+) -> Minimum:
+    hold = _HOLD * np.eye(start.size)
+    result = optimize.least_squares(
+        lambda point: np.append(residuals(point), _HOLD * (point - start)),
+        start,
+        jac=lambda point: np.vstack([search.jacobian(point).dense(), hold]),
+        bounds=bounds,
+        method="trf",
+        x_scale="jac",
+        loss=search.loss.name,
+        f_scale=search.loss.scale,
+        max_nfev=iterations,
+        ftol=_COST_TOLERANCE,
+        xtol=_STEP_TOLERANCE,
+        gtol=_GRADIENT_TOLERANCE,
+    )
+    found = np.asarray(result.fun[: -start.size])
+    return Minimum(np.asarray(result.x), found, bool(result.status > 0), str(result.message))
 
 
 def cma_es(

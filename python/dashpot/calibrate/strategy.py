@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.automatic import growing_windows
+from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective, SimulationError
+from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.search import (
     FIRST_SIGMA,
     LATER_SIGMA,
-    Budget,
     Search,
     best_starts,
     cma_es,
