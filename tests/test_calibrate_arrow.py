@@ -164,7 +164,10 @@ def test_a_minimum_is_the_one_of_the_problem_in_full(loss):
     np.testing.assert_array_equal(end.residuals, problem.residuals(end.point))
 
 
-@pytest.mark.parametrize("bounds", [([1.0, -1.0], [3.0, 1.0]), ([0.1, -1.0], [3.0, 0.3])])
+@pytest.mark.parametrize(
+    "bounds",
+    [([1.0, -1.0], [3.0, 1.0]), ([0.1, -1.0], [3.0, 0.3]), ([1.0, -1.0], [3.0, 0.2])],
+)
 def test_a_minimum_at_a_bound_is_that_of_the_others_there(bounds):
     bounds = np.array(bounds)
     seen = []

@@ -196,9 +196,9 @@ class _Linear:
         q, triangle = np.linalg.qr(own)
         follow = np.swapaxes(q, 1, 2) @ shared
         offset = np.einsum("tki,tk->ti", q, target)
-        rest = (shared - q @ follow).reshape(-1, shared.shape[2])
         left = (target - np.einsum("tki,ti->tk", q, offset)).reshape(-1)
         count = shared.shape[2]
+        rest = (shared - q @ follow).reshape(left.size, count)
         rest = np.concatenate([rest, self._hold * np.eye(count), np.diag(shared_damping[free])])
         left = np.concatenate([left, self._hold * shared_pull[free], np.zeros(count)])
         q_rest, triangle_rest = np.linalg.qr(rest)
