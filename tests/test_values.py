@@ -9,7 +9,7 @@ import pytest
 
 import dashpot
 from dashpot import compare
-from dashpot.tables import table_html
+from dashpot.tables import table_html, table_text
 
 XML = """<mujoco><worldbody>
   <geom name="floor" type="plane" size="5 5 .1"/>
@@ -91,6 +91,17 @@ def test_tables_are_shown_in_notebooks():
     shown = comparison._repr_html_()
     assert shown.startswith("<pre")
     assert "mujoco-default" in shown
+
+
+def test_tables_are_text_where_rich_sees_a_notebook(monkeypatch, capsys):
+    """There rich's consoles display what they print, whatever their file."""
+    from rich.table import Table
+
+    monkeypatch.setattr("rich.console._is_jupyter", lambda: True)
+    table = Table("a column")
+    assert "a column" in table_text(table)
+    assert "a column" in table_html(table)
+    assert capsys.readouterr().out == ""
 
 
 def test_tables_in_notebooks_are_escaped():

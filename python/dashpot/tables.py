@@ -18,7 +18,7 @@ def table_text(table: Table) -> str:
     from rich.console import Console
 
     text = io.StringIO()
-    Console(file=text, width=_WIDTH, color_system=None).print(table)
+    Console(file=text, width=_WIDTH, color_system=None, force_jupyter=False).print(table)
     return "\n".join(line.rstrip() for line in text.getvalue().splitlines())
 
 
