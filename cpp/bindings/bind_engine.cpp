@@ -14,8 +14,11 @@
 #include "dashpot/contacts.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/memory.hpp"
+#include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_features.hpp"
+#include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
 #include "model_lock.hpp"
 
 namespace py = pybind11;

@@ -4,7 +4,13 @@
 #include <utility>
 
 #include "dashpot/mocap_motion.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_contacts.hpp"
+#include "dashpot/mujoco_forces.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot {
 

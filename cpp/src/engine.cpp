@@ -6,7 +6,12 @@
 #include <string>
 
 #include "dashpot/comfree.hpp"
+#include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
+#include "dashpot/mujoco_features.hpp"
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_turning.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"

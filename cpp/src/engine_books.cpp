@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "dashpot/mujoco_forces.hpp"
+#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_state.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {

@@ -6,7 +6,10 @@
 #include <stdexcept>
 
 #include "dashpot/impact.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_contacts.hpp"
+#include "dashpot/mujoco_reach.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 #include "dashpot/pair_motion.hpp"
 #include "dashpot/query.hpp"
 

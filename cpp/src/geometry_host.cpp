@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot {
 

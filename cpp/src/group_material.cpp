@@ -5,8 +5,8 @@
 #include <limits>
 #include <stdexcept>
 
-#include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/solref.hpp"
 
 namespace dashpot {

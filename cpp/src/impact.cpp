@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "dashpot/geometry_host.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
 #include "dashpot/pair_motion.hpp"
 #include "dashpot/query.hpp"
 

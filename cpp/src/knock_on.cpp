@@ -1,10 +1,13 @@
 #include "dashpot/knock_on.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <tuple>
 
-#include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_partners.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_reach.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 #include "dashpot/query.hpp"
 
 namespace dashpot {

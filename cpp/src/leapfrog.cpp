@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
 
 namespace dashpot {
 

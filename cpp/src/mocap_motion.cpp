@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_constraints.hpp"
 
 namespace dashpot::host {
 

@@ -10,7 +10,8 @@
 #include <utility>
 
 #include "dashpot/mujoco_contact_parameters.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/prefetch.hpp"
 

@@ -1,5 +1,4 @@
-// Scalar constraints (equalities, dry friction, limits) as MuJoCo instantiates them. Part of the
-// mujoco_host room.
+#include "dashpot/mujoco_constraints.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -8,7 +7,8 @@
 #include <stdexcept>
 
 #include "dashpot/mocap_motion.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_jacobians.hpp"
+#include "dashpot/mujoco_trees.hpp"
 
 namespace dashpot::host {
 

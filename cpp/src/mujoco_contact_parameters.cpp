@@ -10,7 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_constraints.hpp"
 
 namespace dashpot::host {
 

@@ -1,4 +1,4 @@
-// Detection of contacts and limits. Part of the mujoco_host room.
+#include "dashpot/mujoco_contacts.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -6,10 +6,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "dashpot/mujoco_errors.hpp"
-#include "dashpot/mujoco_host.hpp"
-#include "dashpot/mujoco_narrowphase.hpp"
-#include "dashpot/mujoco_reach.hpp"
+#include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_jacobians.hpp"
 
 namespace dashpot::host {
 
@@ -69,165 +67,7 @@ bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInpu
          m->body_weldid[m->geom_bodyid[first]] == m->body_weldid[m->geom_bodyid[second]];
 }
 
-// The last degree of freedom that moves a geom against the world, -1 for none.
-int last_dof(const mjModel* m, int geom) {
-  const int body = m->body_weldid[m->geom_bodyid[geom]];
-  return m->body_dofnum[body] == 0 ? -1 : m->body_dofadr[body] + m->body_dofnum[body] - 1;
-}
-
-// Whether a single joint moves two geoms that are apart against each other and keeps their contact
-// as it is, along a line across its normal or about it, like links that face each other across the
-// axis between them: it cannot be loaded.
-bool keeps_its_gap(const mjModel* m, const mjData* d, const ContactInput& input) {
-  if (input.gap < 0.0 || input.is_of_flex()) return false;
-  const int dof1 = last_dof(m, input.geom[0]), dof2 = last_dof(m, input.geom[1]);
-  const auto follows = [&](int dof, int parent) {
-    return dof >= 0 && m->dof_parentid[dof] == parent;
-  };
-  if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
-  const int dof = follows(dof1, dof2) ? dof1 : dof2;
-  const mjtNum *axis = d->cdof + 6 * dof, *normal = input.frame.data(),
-               *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
-  mjtNum arm[3], velocity[3], off_axis[3];
-  mju_cross(off_axis, normal, axis);
-  if (mju_norm3(off_axis) > kDirection * mju_norm3(axis)) return false;
-  mju_sub3(arm, input.position.data(), centre);
-  mju_cross(velocity, axis, arm);
-  mju_addTo3(velocity, axis + 3);
-  return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
-}
-
-// Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
-constexpr int kIncluded = 0, kInGap = 1;
-
-// MuJoCo's constraint rows; false where they do not fit into the memory of the model.
-bool make_all_rows(const mjModel* m, mjData* d) {
-  const int lost = d->warning[mjWARN_CNSTRFULL].number;
-  mj_makeConstraint(m, d);
-  return d->warning[mjWARN_CNSTRFULL].number == lost;
-}
-
-// The same without those of contacts, which pass as beyond the margin meanwhile: the model's own
-// flag would be seen by whoever copies the model.
-bool make_rows_without_contacts(const mjModel* m, mjData* d) {
-  for (int i = 0; i < d->ncon; ++i) {
-    mjContact& contact = d->contact[i];
-    contact.efc_address = -1;
-    if (contact.exclude == kIncluded) contact.exclude = kInGap;
-  }
-  const bool fit = make_all_rows(m, d);
-  for (int i = 0; i < d->ncon; ++i)
-    if (d->contact[i].exclude == kInGap) d->contact[i].exclude = kIncluded;
-  return fit;
-}
-
-bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
-  if (of_contacts == ContactRows::kNone) return make_rows_without_contacts(m, d);
-  if (of_contacts == ContactRows::kRequired) return make_all_rows(m, d);
-  const size_t arena = d->parena;
-  try {
-    const ErrorGuard guard(d);
-    if (make_all_rows(m, d)) return true;
-  } catch (const StackOverflow&) {
-    d->ne = d->nf = d->nl = d->nefc = 0;
-    d->parena = arena;
-  }
-  return make_rows_without_contacts(m, d);
-}
-
-void collide_candidates(mjModel* m, mjData* d, Detection& detection) {
-  Narrowphase& narrowphase = detection.narrowphase;
-  narrowphase.find(m, d, detection.candidates.near(m, d, detection.buffers.reach));
-  narrowphase.write(m, d);
-}
-
-void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
-                 Detection& detection, std::vector<ContactInput>& contacts,
-                 std::vector<ConstraintInput>& constraints) {
-  {
-    FaceBuffers* const faces = detection.takes_faces ? &detection.faces : nullptr;
-    WidenedReach reach(m, d, acceleration, faces, detection.buffers);
-    const int lost = d->warning[mjWARN_CONTACTFULL].number;
-    detection.faces.surplus.clear();
-    if (CandidatePairs::cover(m, d))
-      collide_candidates(m, d, detection);
-    else
-      call_with_callbacks(mj_collision, m, d);
-    const bool contacts_fit = add_surplus(d, detection.faces.surplus);
-    for (int i = 0; i < d->ncon; ++i) {
-      mjContact& contact = d->contact[i];
-      // Here contacts beyond the margin may start in this step.
-      if (contact.exclude == kInGap) contact.exclude = kIncluded;
-      // Nor do contacts adhere there; force reports take adhesion off the contact's force.
-      if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
-    }
-    const bool rows_fit = make_rows(m, d, detection.contact_rows);
-    if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
-      throw std::runtime_error(
-          "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
-  }
-  read_contacts(m, d, contacts);
-  contacts.erase(
-      std::remove_if(contacts.begin(), contacts.end(),
-                     [&](const ContactInput& contact) { return keeps_its_gap(m, d, contact); }),
-      contacts.end());
-  drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
-                         contacts);
-  read_constraints(m, d, constraints);
-  d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
-  mj_referenceConstraint(m, d);
-}
-
 }  // namespace
-
-bool anything_reads_rows(const mjModel_* m) {
-  return m->nsensor > 0 || m->nplugin > 0 || m->nflex > 0;
-}
-
-void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
-            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
-  detection.buffers.forget_least();
-  detection.narrowphase.forget();
-  detection.faces.body_velocity = nullptr;
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
-  call_with_callbacks(mj_sensorPos, m, d);
-  call_with_callbacks(mj_sensorVel, m, d);
-  if (m->opt.enableflags & mjENBL_ENERGY) {
-    mj_energyPos(m, d);
-    mj_energyVel(m, d);
-  }
-}
-
-void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  const std::vector<double>& body_velocity, Detection& detection,
-                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
-  detection.faces.body_velocity = body_velocity.data();
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
-}
-
-MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                               Detection& detection, std::vector<ContactInput>& contacts,
-                               std::vector<ConstraintInput>& constraints)
-    : start_(m, d) {
-  const double half = 0.5 * m->opt.timestep;
-  std::vector<double> velocity(d->qvel, d->qvel + m->nv);
-  for (int i = 0; i < m->nv; ++i) velocity[i] += 0.5 * half * acceleration[i];
-  mj_integratePos(m, d->qpos, velocity.data(), half);
-  mj_fwdKinematics(m, d);
-  mj_makeM(m, d);
-  detection.narrowphase.forget();
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
-  detection.narrowphase.forget();  // for the start is where geoms will be asked for next
-}
-
-MiddleGeometry::Start::Start(const mjModel_* m, mjData_* d)
-    : model_(m), data_(d), position_(d->qpos, d->qpos + m->nq) {}
-
-MiddleGeometry::Start::~Start() {
-  std::copy(position_.begin(), position_.end(), data_->qpos);
-  mj_fwdKinematics(model_, data_);
-  mj_makeM(model_, data_);
-}
 
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts) {
   contacts.clear();

@@ -8,7 +8,8 @@
 
 #include <cmath>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_properties.hpp"
 
 namespace dashpot::host {
 
@@ -21,13 +22,9 @@ struct Acceleration {
 // Of a point (world) fixed to a body, while the generalized velocities are constant.
 Acceleration generalized_acceleration(const mjModel* m, const mjData* d, int body,
                                       const mjtNum* point) {
-  int ancestor = body;
-  while (ancestor > 0 && m->body_dofnum[ancestor] == 0) ancestor = m->body_parentid[ancestor];
   mjtNum spatial[6] = {};
-  if (ancestor > 0)
-    for (int dof = m->body_dofadr[ancestor] + m->body_dofnum[ancestor] - 1; dof >= 0;
-         dof = m->dof_parentid[dof])
-      for (int i = 0; i < 6; ++i) spatial[i] += d->cdof_dot[6 * dof + i] * d->qvel[dof];
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof])
+    for (int i = 0; i < 6; ++i) spatial[i] += d->cdof_dot[6 * dof + i] * d->qvel[dof];
   // From the spatial acceleration about the tree's centre of mass to that of the point itself.
   const mjtNum* rate = d->cvel + 6 * body;
   mjtNum arm[3], velocity[3], turn[3];

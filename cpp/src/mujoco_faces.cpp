@@ -2,11 +2,12 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
 #include "dashpot/face_manifold.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_contacts.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
 
 namespace dashpot::host {

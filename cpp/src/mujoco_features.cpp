@@ -1,4 +1,4 @@
-// Which MJCF features the engine honours, maps or refuses. Part of the mujoco_host room.
+#include "dashpot/mujoco_features.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -7,7 +7,10 @@
 #include <stdexcept>
 
 #include "dashpot/mocap_motion.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
 
 namespace dashpot::host {
 

@@ -1,12 +1,13 @@
-// Jacobian rows and velocities of contacts. Part of the mujoco_host room.
+#include "dashpot/mujoco_jacobians.hpp"
 
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
 
 #include "dashpot/mocap_motion.hpp"
-#include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
 
@@ -14,20 +15,10 @@ namespace {
 
 constexpr int kBodyRows = 6;  // coordinates of a free body that are not zero
 
-bool any_nonzero(const mjtNum* values) {
-  return std::any_of(values, values + 6, [](mjtNum value) { return value != 0.0; });
-}
-
-bool has_surface_motion(const mjModel* m, const ContactInput& input) {
-  return std::any_of(input.geom.begin(), input.geom.end(), [&](int geom) {
-    return geom >= 0 && any_nonzero(m->geom_surfacevel + 6 * geom);
-  });
-}
-
 bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   if (geom < 0) return false;
   const mjtNum* twist = mocap_twist(m, d, m->geom_bodyid[geom]);
-  return twist && any_nonzero(twist);
+  return twist && is_moving(twist);
 }
 
 // Where a contact acts on one of its bodies. In the middle between two bodies apart friction would
@@ -54,36 +45,6 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
       rate[3 + i] += sign * mju_dot3(frame + 3 * i, twist);
     }
   }
-}
-
-// What the surfaces of the geoms, moving by themselves, add to the rates of a contact's rows: to
-// sliding and spin, as in MuJoCo; not to the gap, nor to rolling.
-std::array<double, 6> surface_motion(const mjModel* m, const mjData* d, const ContactInput& input) {
-  mjtNum linear[3] = {}, angular[3] = {};
-  for (int side = 0; side < 2; ++side) {
-    const int geom = input.geom[side];
-    if (geom < 0) continue;
-    const mjtNum* own = m->geom_surfacevel + 6 * geom;
-    const mjtNum* rotation = d->geom_xmat + 9 * geom;
-    mjtNum v[3], w[3], arm[3], around[3];
-    mju_mulMatVec3(v, rotation, own);
-    mju_mulMatVec3(w, rotation, own + 3);
-    mju_sub3(arm, input.position.data(), d->geom_xpos + 3 * geom);
-    mju_cross(around, w, arm);
-    mju_addTo3(v, around);
-    mju_addToScl3(linear, v, side ? 1.0 : -1.0);
-    mju_addToScl3(angular, w, side ? 1.0 : -1.0);
-  }
-  const double* frame = input.frame.data();
-  return {
-      0.0, mju_dot3(frame + 3, linear), mju_dot3(frame + 6, linear), mju_dot3(frame, angular), 0.0,
-      0.0};
-}
-
-// Last degree of freedom that moves a body, -1 if none does.
-int last_dof(const mjModel* m, int body) {
-  while (body > 0 && m->body_dofnum[body] == 0) body = m->body_parentid[body];
-  return body > 0 ? m->body_dofadr[body] + m->body_dofnum[body] - 1 : -1;
 }
 
 // Appends the coordinates of a tree that move either geom of a contact; returns how many.
@@ -199,45 +160,6 @@ void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInpu
     const double ratio = friction[0] / friction[i - 1];
     typical[i] = typical[0] * ratio * ratio;
   }
-}
-
-void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const double* twist,
-                       const double* point, double* velocity) {
-  double arm[3];
-  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
-  mju_cross(velocity, twist, arm);
-  mju_addTo3(velocity, twist + 3);
-}
-
-void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
-                    double* velocity) {
-  velocity_of_point(m, d, body, d->cvel + 6 * body, point, velocity);
-  // A mocap body's own is in cvel, that of what hangs on it relative to it.
-  const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
-  if (!carrier) return;
-  mjtNum carried[3];
-  velocity_of_point(m, d, body, carrier, point, carried);
-  mju_addTo3(velocity, carried);
-}
-
-std::array<double, 3> contact_velocity(const mjModel_* m, const mjData_* d,
-                                       const ContactInput& input) {
-  if (input.is_of_flex()) {
-    const mjtNum* rate = d->efc_vel + d->contact[input.source].efc_address;
-    return {rate[0], input.dim > 1 ? rate[1] : 0.0, input.dim > 1 ? rate[2] : 0.0};
-  }
-  mjtNum relative[3] = {0, 0, 0};
-  for (int side = 0; side < 2; ++side) {
-    mjtNum velocity[3];
-    point_velocity(m, d, m->geom_bodyid[input.geom[side]], input.position.data(), velocity);
-    mju_addToScl3(relative, velocity, side ? 1.0 : -1.0);
-  }
-  std::array<double, 3> result;
-  mju_mulMatVec3(result.data(), input.frame.data(), relative);
-  if (!has_surface_motion(m, input)) return result;
-  const std::array<double, 6> surface_rate = surface_motion(m, d, input);
-  for (int i = 1; i < 3; ++i) result[i] += surface_rate[i];
-  return result;
 }
 
 }  // namespace dashpot::host

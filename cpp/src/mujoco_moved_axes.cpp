@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include "dashpot/mocap_motion.hpp"
+#include "dashpot/mujoco_properties.hpp"
 
 namespace dashpot::host {
 
@@ -45,10 +46,7 @@ void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, doubl
 
 void twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, double* twist) {
   mju_zero(twist, 6);
-  int last = body;
-  while (last > 0 && m->body_dofnum[last] == 0) last = m->body_parentid[last];
-  for (int dof = last > 0 ? m->body_dofadr[last] + m->body_dofnum[last] - 1 : -1; dof >= 0;
-       dof = m->dof_parentid[dof]) {
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
     mjtNum axis[6];
     axis_ahead(m, d, dof, time, axis);
     mju_addToScl(twist, axis, d->qvel[dof], 6);

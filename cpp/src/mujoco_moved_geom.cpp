@@ -1,8 +1,8 @@
 #include "dashpot/mujoco_moved_geom.hpp"
 
 #include "dashpot/mocap_motion.hpp"
-#include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
 

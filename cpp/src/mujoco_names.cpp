@@ -2,9 +2,17 @@
 
 #include <mujoco/mujoco.h>
 
-#include "dashpot/mujoco_host.hpp"
-
 namespace dashpot::host {
+
+std::string named(const mjModel_* m, int type, int id) {
+  const char* name = mj_id2name(m, type, id);
+  return name && *name ? "'" + std::string(name) + "'" : "#" + std::to_string(id);
+}
+
+std::string contact_side(const mjModel_* m, int geom) {
+  return geom < 0 ? "flex " + named(m, mjOBJ_FLEX, -1 - geom)
+                  : "geom " + named(m, mjOBJ_GEOM, geom);
+}
 
 std::string constraint_name(const mjModel_* m, const mjData_* d, const ConstraintInput& input) {
   const int id = d->efc_id[input.source];

@@ -7,7 +7,7 @@
 
 #include "dashpot/mujoco_collisions.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_contacts.hpp"
 #include "dashpot/prefetch.hpp"
 
 namespace dashpot::host {

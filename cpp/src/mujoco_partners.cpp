@@ -8,7 +8,7 @@
 
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_candidates.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
 
 namespace dashpot::host {
 

@@ -11,7 +11,8 @@
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
 
@@ -50,19 +51,6 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
 bool moves_and_collides(const mjModel* m, int geom) {
   const int body = m->geom_bodyid[geom];
   return (m->body_treeid[body] >= 0 || is_mocap(m, body)) && may_collide(m, geom);
-}
-
-void body_velocities(const mjModel* m, const mjData* d, const double* qvel,
-                     std::vector<double>& velocity) {
-  velocity.assign(6 * m->nbody, 0.0);
-  for (int body = 1; body < m->nbody; ++body) {
-    double* v = velocity.data() + 6 * body;
-    const double* parent = velocity.data() + 6 * m->body_parentid[body];
-    std::copy(parent, parent + 6, v);
-    if (m->body_mocapid[body] >= 0) std::copy_n(d->cvel + 6 * body, 6, v);
-    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
-      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
-  }
 }
 
 void ReachBuffers::forget_least() {

@@ -2,10 +2,12 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
 

@@ -1,5 +1,4 @@
-// Kinematic trees that single constraint rows couple by more than two. Part of the mujoco_host
-// room.
+#include "dashpot/mujoco_trees.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -7,8 +6,6 @@
 #include <cstdint>
 #include <set>
 #include <vector>
-
-#include "dashpot/mujoco_host.hpp"
 
 namespace dashpot::host {
 
@@ -82,6 +79,20 @@ int tree_count(const mjModel_* m) {
   int count = static_cast<int>(m->ntree);
   while (count > 0 && m->tree_dofnum[count - 1] == 0) --count;
   return count;
+}
+
+bool is_free_body(const mjModel_* m, int tree) {
+  const int joint = m->dof_jntid[m->tree_dofadr[tree]];
+  return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;
+}
+
+Trees make_trees(const mjModel_* m) {
+  Trees trees;
+  const int count = tree_count(m);
+  for (int i = 0; i < count; ++i)
+    trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i),
+                 m->dof_parentid + m->tree_dofadr[i]);
+  return trees;
 }
 
 int coupled_dof_count(const mjModel_* m) {

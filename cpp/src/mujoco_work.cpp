@@ -1,38 +1,4 @@
-// Work of the smooth forces over a step. Part of the mujoco_host room.
-//
-// A step solves (M + H D) dv = f dt + J'dp with f the smooth forces at its start, D what the
-// effective inertia has of dampers and actuators (mujoco_host.hpp) and p the impulses of the rows,
-// which may come at any time in it. So
-//
-//     v(t) = v0 + a t + u(t),    a = inv(M + H D) f,    u = inv(M + H D) J'p,
-//     change of v'M v / 2 = f'x + (work of the rows) - H (v1' D v1 - v0' D v0) / 2
-//
-// with x the displacement, the integral of v. Without rows x = H (v0 + v1) / 2, and of f = -D v0
-// these terms take H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
-//
-// Rows that change the velocity within a moment do the work of H D du beside that of M du, as if
-// H D were inertia; the terms above give that energy back. No damper does: it brakes at the
-// velocities that there are. So of a tree that rows moved, with g the damping force at v0,
-//
-//     dissipated = x' (D (w - v0) - g),    w = x / H + s (v1 - v0) / 2,
-//
-// w being the mean velocity and the implicit half step beyond it. Where rows act evenly over the
-// step, as dry friction does, s is 1 and nothing differs, since x = H (v0 + v1) / 2. An impact
-// leaves a mean velocity nearer to that before it or to that after it, by up to half of v1 - v0.
-// Twice that much s takes from v1 - v0, but nothing of what smooth forces change. With sizes in the
-// norm of D,
-//
-//     s = max(1 - 2 |x / H - (v0 + v1) / 2| / |v1 - v0|, H |a| / |v1 - v0|),    at most 1.
-//
-// What the rows dissipated changes by the difference; so it does by that of the work of actuators,
-// by the part of D that is theirs. An error of order H remains in steps with impacts, whose time
-// within the step is not known here; of a damper that would stop the motion within a step it can be
-// more than there is energy. But passive dampers dissipate no less than nothing, and no more than
-// what they and the rows took from the motion together.
-//
-// With RK4, D is half of the joint damping, so that dampers brake at the mean velocity: w - v0 is
-// 2 (x / H - v0). Instead of f stands the mean of the smooth forces at both ends of the step, that
-// of dampers without what D accounts for.
+#include "dashpot/mujoco_work.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -40,23 +6,14 @@
 #include <cmath>
 #include <numeric>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_effective_inertia.hpp"
+#include "dashpot/mujoco_forces.hpp"
 
 extern "C" void mjd_passive_vel(const mjModel* m, mjData* d);
 
 namespace dashpot::host {
 
 namespace {
-
-// Derivative of the damping force (c + c_1 |v| + c_2 v^2) v.
-double damping_derivative(double damping, const mjtNum* high_order, double velocity) {
-  double slope = damping, power = 1.0;
-  for (int i = 0; i < mjNPOLY; ++i) {
-    power *= std::abs(velocity);
-    slope += (i + 2) * high_order[i] * power;
-  }
-  return slope;
-}
 
 // u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
 // maps.
@@ -117,30 +74,7 @@ void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
   }
 }
 
-// Generalized force of the weight of the subtree that a degree of freedom moves.
-double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
-  const int body = m->dof_bodyid[dof];
-  mjtNum weight[3], arm[3], torque[3];
-  mju_scl3(weight, m->opt.gravity, m->body_subtreemass[body]);
-  // Axes are about the tree's centre of mass.
-  mju_sub3(arm, d->subtree_com + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
-  mju_cross(torque, arm, weight);
-  const mjtNum* axis = d->cdof + 6 * dof;
-  return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
-}
-
 }  // namespace
-
-double joint_damping(const mjModel_* m, int dof, double velocity) {
-  double damping =
-      damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);
-  const int actuator = m->jnt_actuatorid[m->dof_jntid[dof]];
-  if (actuator < 0) return damping;
-  const double gear = m->actuator_gear[6 * m->actuator_outadr[actuator]];
-  return damping + gear * gear *
-                       damping_derivative(m->actuator_damping[actuator],
-                                          m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
-}
 
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
@@ -279,39 +213,6 @@ void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& t
       lost += undamped_force_[i] * motion.displacement[i] -
               (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];
   }
-}
-
-double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
-
-double damping_force(const mjData_* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
-
-double driving_force(const mjData_* d, int dof) {
-  return d->qfrc_smooth[dof] + d->qfrc_bias[dof] - d->qfrc_spring[dof] - damping_force(d, dof);
-}
-
-double positional_force(const mjData_* d, int dof) {
-  return d->qfrc_spring[dof] + d->qfrc_gravcomp[dof] - d->qfrc_bias[dof];
-}
-
-double potential_force(const mjModel_* m, const mjData_* d, int dof) {
-  const double force = d->qfrc_spring[dof] + d->qfrc_gravcomp[dof];
-  if (m->opt.disableflags & mjDSBL_GRAVITY) return force;
-  return force + weight_of_subtree(m, d, dof);
-}
-
-void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {
-  mj_mulM(m, d, product, x);
-}
-
-double potential_work(const mjModel_* m, const mjData_* d, const double* displacement) {
-  const bool gravity = !(m->opt.disableflags & mjDSBL_GRAVITY);
-  double work = 0.0;
-  for (int i = 0; i < m->nv; ++i) {
-    if (displacement[i] == 0.0) continue;
-    work += d->qfrc_spring[i] * displacement[i];
-    if (gravity) work += weight_of_subtree(m, d, i) * displacement[i];
-  }
-  return work;
 }
 
 }  // namespace dashpot::host

@@ -5,7 +5,8 @@
 #include <limits>
 
 #include "dashpot/lanes.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_jacobians.hpp"
+#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/prefetch.hpp"
 #include "dashpot/row_stiffness.hpp"
 

@@ -7,8 +7,12 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
+#include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_trees.hpp"
 
 namespace dashpot::host {
 

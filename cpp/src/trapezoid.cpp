@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_forces.hpp"
+#include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
 
 namespace dashpot {
 

@@ -5,7 +5,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/mujoco_data_checks.hpp"
+#include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
 
 namespace dashpot {
 

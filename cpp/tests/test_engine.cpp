@@ -24,7 +24,8 @@
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/microstep.hpp"
-#include "dashpot/mujoco_host.hpp"
+#include "dashpot/mujoco_detection.hpp"
+#include "dashpot/mujoco_state.hpp"
 #include "dashpot/query.hpp"
 #include "dashpot/rollout.hpp"
 

@@ -1,4 +1,4 @@
-// How messages call what MuJoCo's rows come from. Part of the mujoco_host room.
+// How messages call MuJoCo's objects and what its rows come from. Part of the mujoco_host room.
 
 #pragma once
 
@@ -10,6 +10,11 @@ struct mjModel_;
 struct mjData_;
 
 namespace dashpot::host {
+
+// How messages call an object of MuJoCo's type `type`: its name in quotes, or # and its id.
+std::string named(const mjModel_* m, int type, int id);
+// The same for a side of a contact: a geom, or the flex -1 - geom.
+std::string contact_side(const mjModel_* m, int geom);
 
 // The joint, tendon or equality that a scalar constraint of the last detection comes from, and what
 // of it: "limit of joint 'knee'".

@@ -1,0 +1,31 @@
+// Scalar constraints (equalities, dry friction, limits) as MuJoCo instantiates them. Part of the
+// mujoco_host room.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Scalar constraints of the last detection, with the margins that the model sets.
+void read_constraints(const mjModel_* m, const mjData_* d,
+                      std::vector<ConstraintInput>& constraints);
+
+// Whether solref (2) and solimp (5) are MuJoCo's defaults.
+bool is_default_impedance(const double* solref, const double* solimp);
+
+// Number of scalar constraints of the model that carry memory.
+int constraint_memory_count(const mjModel_* m);
+
+// dJ/dt xi of a row of an equality of bodies, joints or tendons, in m/s^2 or rad/s^2: how fast its
+// rate changes while the motion coordinates keep theirs. Leaves out that spatial tendons turn.
+double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
+                           const Trees& trees);
+
+}  // namespace dashpot::host

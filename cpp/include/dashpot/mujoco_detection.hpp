@@ -1,0 +1,78 @@
+// Detection of contacts and limits. Part of the mujoco_host room.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/mujoco_candidates.hpp"
+#include "dashpot/mujoco_faces.hpp"
+#include "dashpot/mujoco_narrowphase.hpp"
+#include "dashpot/mujoco_reach.hpp"
+#include "dashpot/mujoco_seams.hpp"
+#include "dashpot/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// MuJoCo's rows of contacts, which its force queries read: none, left out where the memory of the
+// model is too small for them, or required.
+enum class ContactRows { kNone, kIfTheyFit, kRequired };
+
+// How to detect, and what detection keeps from step to step.
+struct Detection {
+  ContactRows contact_rows = ContactRows::kRequired;
+  bool takes_faces = true;  // see mujoco_collisions.hpp
+  FaceBuffers faces;
+  ReachBuffers buffers;
+  CandidatePairs candidates;
+  Narrowphase narrowphase;
+  SeamBuffers seams;
+};
+
+// Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
+// contacts of flexes. Callbacks cannot: but for those of sensors they are asked before detection.
+bool anything_reads_rows(const mjModel_* m);
+
+// Collision and limits with a reach that covers the motion of every body and joint in this step,
+// and MuJoCo's own constraint rows for what was found, those of contacts as `detection` asks. The
+// model's gaps and margins are widened during the call and restored. Throws std::runtime_error
+// where contacts or required rows exceed the memory of the model.
+// `acceleration` is the smooth generalized acceleration over the step (nv).
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+// The same once more in this step, with the reach that detection.buffers now ask for at least, and
+// with the points where `body_velocity` (6 by body, as in cvel) leads in place of the present one.
+void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                  const std::vector<double>& body_velocity, Detection& detection,
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+
+// While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
+// `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
+// in half of the model's time step. At its end, also where detection throws, positions, kinematics
+// and inertia are those of the present state again.
+class MiddleGeometry {
+ public:
+  MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                 Detection& detection, std::vector<ContactInput>& contacts,
+                 std::vector<ConstraintInput>& constraints);
+
+ private:
+  // The configuration when it was made, put back into `d` at its end.
+  class Start {
+   public:
+    Start(const mjModel_* m, mjData_* d);
+    ~Start();
+    Start(const Start&) = delete;
+    Start& operator=(const Start&) = delete;
+
+   private:
+    const mjModel_* model_;
+    mjData_* data_;
+    std::vector<double> position_;
+  };
+  Start start_;
+};
+
+}  // namespace dashpot::host

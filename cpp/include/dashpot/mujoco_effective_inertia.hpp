@@ -1,0 +1,35 @@
+// The inertia through which rows act: M + H D, with D by integrator. Part of the mujoco_host room.
+//
+//     Euler          joint damping, as MuJoCo's Euler treats it implicitly
+//     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
+//     implicit       the same; the derivative of the bias, which is not symmetric, is left out
+//     RK4            half of the joint damping: the trapezoidal rule, of second order.
+
+#pragma once
+
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Whether D comes from derivatives.
+bool takes_derivatives(const mjModel_* m);
+// Otherwise: the weight of joint damping in D.
+double joint_damping_weight(const mjModel_* m);
+// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
+// damping, N s/m or N m s/rad.
+double joint_damping(const mjModel_* m, int dof, double velocity);
+// Derivative of a damping force (c + c_1 |v| + c_2 v^2) v at v = `velocity`.
+double damping_derivative(double damping, const double* high_order, double velocity);
+
+// Computes the derivatives where they are needed.
+void prepare_effective_inertia(const mjModel_* m, mjData_* d);
+// Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
+// factor_inertia.
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees);
+// The smooth generalized acceleration of a tree through the effective inertia.
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
+
+}  // namespace dashpot::host

@@ -1,0 +1,30 @@
+// Smooth forces, inertia and energy that the last step computed. Part of the mujoco_host room.
+
+#pragma once
+
+#include <array>
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Smooth force on a degree of freedom at the start of the last step, N or N m: all of it; what
+// follows from positions and velocities alone: bias, springs and gravity compensation; that of
+// dampers and fluids; that of actuators, applied forces and gravity compensation.
+double smooth_force(const mjData_* d, int dof);
+double positional_force(const mjData_* d, int dof);
+double damping_force(const mjData_* d, int dof);
+double driving_force(const mjData_* d, int dof);
+// The part of these that has a potential, from gravity, springs and gravity compensation.
+double potential_force(const mjModel_* m, const mjData_* d, int dof);
+// M x in generalized coordinates (nv), with the inertia last computed.
+void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
+
+// Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
+double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
+
+// Kinetic and potential energy of the present state, J. Overwrites what the last step computed.
+std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d);
+
+}  // namespace dashpot::host

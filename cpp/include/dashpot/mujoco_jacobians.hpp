@@ -1,0 +1,32 @@
+// Jacobian rows of contacts and constraints. Part of the mujoco_host room.
+
+#pragma once
+
+#include <array>
+
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// The trees that a row of MuJoCo's constraint Jacobian reaches, -1 where fewer than two. Throws
+// std::invalid_argument if there are more.
+std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source);
+// Appends sparse rows for the group that was appended last, from `source` on in MuJoCo's.
+void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& trees, Rows& rows);
+// Appends the geometry or the sparse rows of a scalar constraint or contact, for the group that
+// was appended last.
+void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
+                     const Trees& trees, Rows& rows);
+void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                     const Trees& trees, Rows& rows);
+
+// MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
+void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);
+void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                          double* typical);
+
+}  // namespace dashpot::host

@@ -1,0 +1,26 @@
+// Kinematic trees, and those that single constraint rows couple. Part of the mujoco_host room.
+
+#pragma once
+
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+
+namespace dashpot::host {
+
+int tree_count(const mjModel_* m);  // without those joined to others
+// Trees that are one free body without children.
+bool is_free_body(const mjModel_* m, int tree);
+// The layout of trees in motion coordinates.
+Trees make_trees(const mjModel_* m);
+
+// Trees that a single row may couple by more than two (a tendon over three bodies, a flex) are
+// joined to one in the model, so that a row has at most two. Their number stays; the surplus ones
+// are empty and last. Changes nothing else that MuJoCo computes.
+void join_coupled_trees(mjModel_* m);
+// Most degrees of freedom that joining puts into one tree; 0 where nothing is to be joined.
+int coupled_dof_count(const mjModel_* m);
+// Beyond this the dense inverse inertia of one tree takes longer than everything else.
+inline constexpr int kMostCoupledDofs = 600;
+
+}  // namespace dashpot::host

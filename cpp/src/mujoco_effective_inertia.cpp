@@ -1,0 +1,130 @@
+#include "dashpot/mujoco_effective_inertia.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
+
+// Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
+// the smooth forces with respect to velocity, which mj_implicit itself starts from.
+extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
+
+namespace dashpot::host {
+
+namespace {
+
+// Whether the effective inertia of a tree is that of a rigid body alone: a free body without
+// armature, and without forces that the integrator treats implicitly.
+bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
+  if (!is_free_body(m, tree)) return false;
+  const int begin = m->tree_dofadr[tree];
+  for (int dof = begin; dof < begin + m->tree_dofnum[tree]; ++dof) {
+    if (m->dof_armature[dof] != 0.0) return false;
+    if (joint_damping_weight(m) > 0.0 && joint_damping(m, dof, d->qvel[dof]) != 0.0) return false;
+    if (takes_derivatives(m))
+      for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+        if (d->qDeriv[k] != 0.0) return false;
+  }
+  return std::all_of(m->tendon_armature, m->tendon_armature + m->ntendon,
+                     [](mjtNum armature) { return armature == 0.0; });
+}
+
+// In the form of Trees::inverse for free bodies.
+void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* inverse) {
+  const int body = m->dof_bodyid[m->tree_dofadr[tree]];
+  const mjtNum* rotation = d->ximat + 9 * body;
+  const mjtNum* moments = m->body_inertia + 3 * body;
+  for (int i = 0; i < 3; ++i) inverse[i] = 1.0 / m->body_mass[body];
+  inverse[3] = 0.0;
+  for (int j = 0; j < 3; ++j) {
+    double* column = inverse + 4 * (j + 1);
+    for (int i = 0; i < 3; ++i) {
+      column[i] = 0.0;
+      for (int axis = 0; axis < 3; ++axis)
+        column[i] += rotation[3 * i + axis] * rotation[3 * j + axis] / moments[axis];
+    }
+    column[3] = 0.0;
+  }
+}
+
+// Factor of the effective inertia, row-major and dof_count wide.
+void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double* factor) {
+  const Tree& t = trees.tree[tree];
+  const double h = m->opt.timestep;
+  const bool derived = takes_derivatives(m);
+  const double weight = joint_damping_weight(m);
+  std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
+      double& entry = factor[i * t.dof_count + m->M_colind[k] - t.dof_begin];
+      entry = d->M[k];
+      if (derived) entry -= h * d->qDeriv[m->mapD2M[k]];
+    }
+    if (weight > 0.0)
+      factor[i * t.dof_count + i] += weight * h * joint_damping(m, dof, d->qvel[dof]);
+  }
+  factor_inertia(trees, tree, factor);
+}
+
+}  // namespace
+
+bool takes_derivatives(const mjModel_* m) {
+  return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+}
+
+double joint_damping_weight(const mjModel_* m) {
+  if (takes_derivatives(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
+  if (is_runge_kutta(m)) return 0.5;
+  return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
+}
+
+double damping_derivative(double damping, const double* high_order, double velocity) {
+  double slope = damping, power = 1.0;
+  for (int i = 0; i < mjNPOLY; ++i) {
+    power *= std::abs(velocity);
+    slope += (i + 2) * high_order[i] * power;
+  }
+  return slope;
+}
+
+double joint_damping(const mjModel_* m, int dof, double velocity) {
+  double damping =
+      damping_derivative(m->dof_damping[dof], m->dof_dampingpoly + mjNPOLY * dof, velocity);
+  const int actuator = m->jnt_actuatorid[m->dof_jntid[dof]];
+  if (actuator < 0) return damping;
+  const double gear = m->actuator_gear[6 * m->actuator_outadr[actuator]];
+  return damping + gear * gear *
+                       damping_derivative(m->actuator_damping[actuator],
+                                          m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
+}
+
+void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
+  if (takes_derivatives(m)) mjd_smooth_vel(m, d, 0);
+}
+
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    Tree& t = trees.tree[index];
+    t.free_body = has_rigid_body_inertia(m, d, index);
+    if (t.free_body)
+      invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
+    else
+      factor_tree(m, d, trees, index, trees.factor.data() + t.inverse);
+  }
+}
+
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration) {
+  const Tree& t = trees.tree[tree];
+  if (t.free_body) {
+    std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
+    return;
+  }
+  std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
+  solve_inertia(trees, tree, trees.factor.data() + t.inverse, acceleration);
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,66 @@
+#include "dashpot/mujoco_forces.hpp"
+
+#include <mujoco/mujoco.h>
+
+namespace dashpot::host {
+
+namespace {
+
+// Generalized force of the weight of the subtree that a degree of freedom moves.
+double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
+  const int body = m->dof_bodyid[dof];
+  mjtNum weight[3], arm[3], torque[3];
+  mju_scl3(weight, m->opt.gravity, m->body_subtreemass[body]);
+  // Axes are about the tree's centre of mass.
+  mju_sub3(arm, d->subtree_com + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(torque, arm, weight);
+  const mjtNum* axis = d->cdof + 6 * dof;
+  return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
+}
+
+}  // namespace
+
+double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
+
+double damping_force(const mjData_* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+
+double driving_force(const mjData_* d, int dof) {
+  return d->qfrc_smooth[dof] + d->qfrc_bias[dof] - d->qfrc_spring[dof] - damping_force(d, dof);
+}
+
+double positional_force(const mjData_* d, int dof) {
+  return d->qfrc_spring[dof] + d->qfrc_gravcomp[dof] - d->qfrc_bias[dof];
+}
+
+double potential_force(const mjModel_* m, const mjData_* d, int dof) {
+  const double force = d->qfrc_spring[dof] + d->qfrc_gravcomp[dof];
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return force;
+  return force + weight_of_subtree(m, d, dof);
+}
+
+void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {
+  mj_mulM(m, d, product, x);
+}
+
+double potential_work(const mjModel_* m, const mjData_* d, const double* displacement) {
+  const bool gravity = !(m->opt.disableflags & mjDSBL_GRAVITY);
+  double work = 0.0;
+  for (int i = 0; i < m->nv; ++i) {
+    if (displacement[i] == 0.0) continue;
+    work += d->qfrc_spring[i] * displacement[i];
+    if (gravity) work += weight_of_subtree(m, d, i) * displacement[i];
+  }
+  return work;
+}
+
+std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d) {
+  d->flg_energypos = d->flg_energyvel = 0;
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_comVel(m, d);
+  mj_energyPos(m, d);
+  mj_energyVel(m, d);
+  return {d->energy[1], d->energy[0]};
+}
+
+}  // namespace dashpot::host

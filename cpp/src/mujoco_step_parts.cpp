@@ -1,0 +1,27 @@
+#include "dashpot/mujoco_step_parts.hpp"
+
+#include <mujoco/mujoco.h>
+
+namespace dashpot::host {
+
+StepParts::StepParts(mjModel_* m, mjData_* d)
+    : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}
+
+StepParts::~StepParts() {
+  if (!cut()) return;
+  model_->opt.timestep = timestep_;
+  if (finished_)
+    data_->time = end_;
+  else
+    mj_setState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+}
+
+void StepParts::set_length(double length) {
+  if (!cut()) {
+    start_.resize(mj_stateSize(model_, mjSTATE_INTEGRATION));
+    mj_getState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+  }
+  model_->opt.timestep = length;
+}
+
+}  // namespace dashpot::host
