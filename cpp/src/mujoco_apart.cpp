@@ -26,9 +26,10 @@ std::uint64_t key_of(const CandidatePair& pair) {
   return (static_cast<std::uint64_t>(pair.geom[0]) << 32) | static_cast<unsigned>(pair.geom[1]);
 }
 
-// Whether MuJoCo searches for the distance of two geoms, and climbs over the vertices of a mesh.
-// Without one a search takes no longer than all of this: heaps of ellipsoids step 10 % slower.
-bool is_searched(const mjModel* m, const CandidatePair& pair) {
+// Whether MuJoCo searches for the distance of two geoms, and climbs over the vertices of a mesh, so
+// that a distance known saves time. Without one a search takes no longer than all of this: heaps of
+// ellipsoids step 10 % slower.
+bool is_worth_keeping(const mjModel* m, const CandidatePair& pair) {
   const int type1 = m->geom_type[pair.geom[0]];
   return m->geom_type[pair.geom[1]] == mjGEOM_MESH && type1 != mjGEOM_PLANE &&
          type1 != mjGEOM_HFIELD;
@@ -64,7 +65,7 @@ PairsApart::Placement PairsApart::place(const mjModel_* m, const mjData_* d,
 
 bool PairsApart::are_apart(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
                            double within) {
-  if (!is_searched(m, pair)) return false;
+  if (!is_worth_keeping(m, pair)) return false;
   const auto found = known_.find(key_of(pair));
   if (found == known_.end() || found->second.distance <= within) return false;
   const Known& known = found->second;
@@ -79,7 +80,7 @@ bool PairsApart::are_apart(const mjModel_* m, const mjData_* d, const CandidateP
 
 void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePair& pair,
                                double within) {
-  if (!is_searched(m, pair)) return;
+  if (!is_worth_keeping(m, pair)) return;
   const double radius = std::min(m->geom_rbound[pair.geom[0]], m->geom_rbound[pair.geom[1]]);
   const double farthest = within + kLook * radius, worth = (1.0 + kStepsWorth) * within;
   if (!(kSure * farthest > worth)) return;

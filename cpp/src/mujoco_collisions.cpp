@@ -158,7 +158,7 @@ int in_one_point(double tolerance, const Collide& collide) {
 }
 
 // Whether MuJoCo searches for the nearest points of two extended geoms.
-bool is_searched(const mjModel* m, int geom1, int geom2) {
+bool are_nearest_points_searched(const mjModel* m, int geom1, int geom2) {
   const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
   if (type1 == mjGEOM_PLANE || (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX)) return false;
   return type1 != mjGEOM_CAPSULE || (type2 != mjGEOM_CAPSULE && type2 != mjGEOM_BOX);
@@ -178,8 +178,9 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   const auto collide = [&](mjtNum within, mjPreContact* found) {
     const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
     if (!face_buffers || may_adhere(m, geom1, geom2)) return ask();
-    const int count =
-        is_searched(m, geom1, geom2) ? in_one_point(search_tolerance(m, geom1), ask) : ask();
+    const int count = are_nearest_points_searched(m, geom1, geom2)
+                          ? in_one_point(search_tolerance(m, geom1), ask)
+                          : ask();
     if (count == 0) return count;
     const int of_faces =
         take_points_of_faces(m, d, geom1, geom2, within, *face_buffers, found, count);

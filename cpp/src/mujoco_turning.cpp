@@ -62,7 +62,7 @@ bool is_ball(const mjModel* m, int geom) {
 }
 
 // Contacts of a signed distance field are points of a search, which do not follow the pose.
-bool is_searched(const mjModel* m, int geom) { return m->geom_type[geom] == mjGEOM_SDF; }
+bool is_distance_field(const mjModel* m, int geom) { return m->geom_type[geom] == mjGEOM_SDF; }
 
 // Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
 bool has_corners(const mjModel* m, int geom) {
@@ -82,7 +82,7 @@ class TurningPair {
     for (int i = 0; i < 2; ++i) {
       Side& side = side_[i];
       side.geom = first_->geom[i];
-      if (side.geom < 0 || is_searched(model_, side.geom)) return false;
+      if (side.geom < 0 || is_distance_field(model_, side.geom)) return false;
       side.body = model_->geom_bodyid[side.geom];
     }
     const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
