@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/mujoco_hull_vertices.hpp"
 #include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot {
@@ -20,18 +21,10 @@ std::string geom_label(const mjModel* model, int geom) {
   return name && *name ? "geom '" + std::string(name) + "'" : "geom " + std::to_string(geom);
 }
 
-// The vertices of a mesh's convex hull; all of its vertices where the model holds no hull.
 Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
-  const float* vertex = model->mesh_vert + 3 * model->mesh_vertadr[mesh];
-  const int graph_address = model->mesh_graphadr[mesh];
-  // mesh_graph: numvert, numface, edge address per vertex, mesh vertex per hull vertex, ...
-  const int* graph = graph_address < 0 ? nullptr : model->mesh_graph + graph_address;
-  const int count = graph ? graph[0] : model->mesh_vertnum[mesh];
-  Eigen::Matrix3Xd vertices(3, count);
-  for (int i = 0; i < count; ++i) {
-    const float* v = vertex + 3 * (graph ? graph[2 + count + i] : i);
-    vertices.col(i) << v[0], v[1], v[2];
-  }
+  const host::HullVertices hull(model, mesh);
+  Eigen::Matrix3Xd vertices(3, hull.count());
+  for (int i = 0; i < hull.count(); ++i) vertices.col(i) = hull.at(i);
   return vertices;
 }
 
@@ -94,11 +87,14 @@ Shape geom_shape(const mjModel* model, int geom) {
   return shape;
 }
 
-Pose geom_pose(const mjModel* model, const mjData* data, int geom) {
+Pose unchecked_geom_pose(const mjData* data, int geom) {
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  Pose pose;
-  pose.position = Eigen::Map<const Eigen::Vector3d>(data->geom_xpos + 3 * geom);
-  pose.rotation = Eigen::Map<const RowMajor>(data->geom_xmat + 9 * geom);
+  return {Eigen::Map<const Eigen::Vector3d>(data->geom_xpos + 3 * geom),
+          Eigen::Map<const RowMajor>(data->geom_xmat + 9 * geom)};
+}
+
+Pose geom_pose(const mjModel* model, const mjData* data, int geom) {
+  const Pose pose = unchecked_geom_pose(data, geom);
   if (!pose.position.allFinite()) {
     throw std::invalid_argument("geom_xpos of " + geom_label(model, geom) + " is not finite");
   }

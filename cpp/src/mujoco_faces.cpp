@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "dashpot/face_manifold.hpp"
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_contacts.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
 
@@ -59,7 +60,7 @@ struct Side {
   Vector3d normal = Vector3d::Zero();
 
   Side(const mjModel* m, const mjData* d, int id)
-      : geom(id), type(m->geom_type[id]), pose(pose_of_geom(d, id)) {}
+      : geom(id), type(m->geom_type[id]), pose(unchecked_geom_pose(d, id)) {}
 
   // Whether there is any.
   bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
@@ -96,7 +97,7 @@ FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
   Side side(m, d, geom);
   if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
-  return dashpot::meet_plane(pose_of_geom(d, plane).position, normal, side.place(m, normal),
+  return dashpot::meet_plane(unchecked_geom_pose(d, plane).position, normal, side.place(m, normal),
                              margin);
 }
 
@@ -123,7 +124,8 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
 // Whether a geom lies with a round side across a direction.
 bool lies_on_side(const mjModel* m, const mjData* d, int geom, const Vector3d& direction) {
   return has_round_side(m->geom_type[geom]) &&
-         std::abs(pose_of_geom(d, geom).rotation.col(2).dot(direction)) < std::sin(kMostTilt);
+         std::abs(unchecked_geom_pose(d, geom).rotation.col(2).dot(direction)) <
+             std::sin(kMostTilt);
 }
 
 // None where what it lies on is no face.
@@ -135,7 +137,7 @@ FaceManifold meet_side(const mjModel* m, const mjData* d, int geom, int round,
     return {};
   const mjtNum* const size = m->geom_size + 3 * round;
   const PlacedFace line = place_side(size[0], size[1], m->geom_type[round] == mjGEOM_CAPSULE,
-                                     pose_of_geom(d, round), side.normal);
+                                     unchecked_geom_pose(d, round), side.normal);
   return meet_face(side.place(m, -side.normal), line, margin);
 }
 
@@ -165,12 +167,6 @@ FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
 }
 
 }  // namespace
-
-Pose pose_of_geom(const mjData_* d, int geom) {
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return {Eigen::Map<const Vector3d>(d->geom_xpos + 3 * geom),
-          Eigen::Map<const RowMajor>(d->geom_xmat + 9 * geom)};
-}
 
 bool has_faces(int type) {
   return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;

@@ -91,10 +91,8 @@ class Seams {
   // The point (world) of a geom that is farthest along a unit direction.
   Eigen::Vector3d support(int geom, const Eigen::Vector3d& direction) {
     const Shape& shape = buffers_.shapes.of(m_, geom);
-    using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    const Pose pose{Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom),
-                    Eigen::Map<const RowMajor>(d_->geom_xmat + 9 * geom)};
-    return core_support(shape, pose, direction) + sweep_radius(shape) * direction;
+    return core_support(shape, unchecked_geom_pose(d_, geom), direction) +
+           sweep_radius(shape) * direction;
   }
 
   // Velocity (m/s) along a direction of a geom's body at a point.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_faces.hpp"
 
 namespace dashpot::host {
@@ -37,10 +38,10 @@ struct Bar {
 };
 
 Bar round_side(const mjModel* m, const mjData* d, int geom) {
-  const mjtNum* const rotation = d->geom_xmat + 9 * geom;
+  const Pose pose = unchecked_geom_pose(d, geom);
   const double radius = m->geom_size[3 * geom];
-  return {Vector3d(d->geom_xpos + 3 * geom), Vector3d(rotation[2], rotation[5], rotation[8]),
-          radius, m->geom_size[3 * geom + 1], m->geom_type[geom] == mjGEOM_CAPSULE ? radius : 0.0};
+  return {pose.position, pose.rotation.col(2), radius, m->geom_size[3 * geom + 1],
+          m->geom_type[geom] == mjGEOM_CAPSULE ? radius : 0.0};
 }
 
 // The edge of a box or a mesh that touches a round side in all of the contacts found, the nearest

@@ -6,6 +6,16 @@
 
 namespace dashpot::host {
 
+namespace {
+
+int first_joint(const mjModel* m, const Tree& t) { return m->dof_jntid[t.dof_begin]; }
+
+int last_joint(const mjModel* m, const Tree& t) {
+  return m->dof_jntid[t.dof_begin + t.dof_count - 1];
+}
+
+}  // namespace
+
 const double* position(const mjData_* d) { return d->qpos; }
 const double* velocity(const mjData_* d) { return d->qvel; }
 
@@ -45,8 +55,7 @@ void add_velocity(mjData_* d, const Tree& t, const double* change) {
 }
 
 void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displacement) {
-  for (int joint = m->dof_jntid[t.dof_begin]; joint <= m->dof_jntid[t.dof_begin + t.dof_count - 1];
-       ++joint) {
+  for (int joint = first_joint(m, t); joint <= last_joint(m, t); ++joint) {
     double* q = d->qpos + m->jnt_qposadr[joint];
     const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
     switch (m->jnt_type[joint]) {
@@ -66,9 +75,8 @@ void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displ
 void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,
                 const double* displacement, const double* velocity) {
   std::copy_n(velocity, t.dof_count, d->qvel + t.dof_begin);
-  const int joint = m->dof_jntid[t.dof_begin],
-            next = m->dof_jntid[t.dof_begin + t.dof_count - 1] + 1;
-  const int begin = m->jnt_qposadr[joint];
+  const int next = last_joint(m, t) + 1;
+  const int begin = m->jnt_qposadr[first_joint(m, t)];
   const int end = next < m->njnt ? m->jnt_qposadr[next] : static_cast<int>(m->nq);
   std::copy(start_position + begin, start_position + end, d->qpos + begin);
   move_tree(m, d, t, displacement);

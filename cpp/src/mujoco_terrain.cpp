@@ -11,6 +11,7 @@
 #include "dashpot/face_manifold.hpp"
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_faces.hpp"
+#include "dashpot/mujoco_hull_vertices.hpp"
 #include "dashpot/terrain.hpp"
 
 namespace dashpot::host {
@@ -45,8 +46,8 @@ class TerrainContacts {
         buffers_(buffers),
         field_(height_field(m, m->geom_dataid[terrain])),
         terrain_(field_),
-        frame_(pose_of_geom(d, terrain)) {
-    const Pose world = pose_of_geom(d, geom);
+        frame_(unchecked_geom_pose(d, terrain)) {
+    const Pose world = unchecked_geom_pose(d, geom);
     pose_.position = to_local(world.position);
     pose_.rotation = frame_.rotation.transpose() * world.rotation;
   }
@@ -264,16 +265,11 @@ class TerrainContacts {
 
   // Vertices of the hull that are no higher than the highest ground about, and the margin.
   void add_vertices() {
-    const int mesh = m_->geom_dataid[geom_];
-    const float* const vertices = m_->mesh_vert + 3 * m_->mesh_vertadr[mesh];
-    const int* const graph =
-        m_->mesh_graphadr[mesh] < 0 ? nullptr : m_->mesh_graph + m_->mesh_graphadr[mesh];
-    const int count = graph ? graph[0] : m_->mesh_vertnum[mesh];
+    const HullVertices hull(m_, m_->geom_dataid[geom_]);
     const double highest = terrain_.highest_about(pose_.position, radius()) + margin_;
     const Vector3d down = pose_.rotation.row(2);
-    for (int i = 0; i < count; ++i) {
-      const float* const v = vertices + 3 * (graph ? graph[2 + count + i] : i);
-      const Vector3d vertex(v[0], v[1], v[2]);
+    for (int i = 0; i < hull.count(); ++i) {
+      const Vector3d vertex = hull.at(i);
       if (pose_.position.z() + down.dot(vertex) <= highest)
         add_point(pose_.position + pose_.rotation * vertex);
     }

@@ -34,38 +34,34 @@ constexpr int kBlock = 16;  // cells a side
 
 }  // namespace
 
-Prisms::Prisms(const HeightField& field)
-    : field_(field),
-      width_(2.0 * field.half_x / (field.columns - 1)),
-      depth_(2.0 * field.half_y / (field.rows - 1)) {}
+Prisms::Prisms(const HeightField& field) : field_(field), grid_(field) {}
 
-Vector3d Prisms::corner(int row, int column) const {
+Vector3d Prisms::finite_corner(int row, int column) const {
   const double height = field_.heights[row * field_.columns + column];
   if (!std::isfinite(height)) {
     throw std::invalid_argument(field_.label + ": the height of row " + std::to_string(row) +
                                 ", column " + std::to_string(column) + " is " +
                                 std::to_string(height));
   }
-  return {column * width_ - field_.half_x, row * depth_ - field_.half_y, field_.elevation * height};
+  return grid_.corner(row, column);
 }
 
 Prism Prisms::at(int row, int column, int half) const {
   Prism prism;
   prism.base = field_.base;
-  prism.top = {corner(row, column), corner(row + 1, column + 1),
-               half ? corner(row + 1, column) : corner(row, column + 1)};
+  const auto corners = HeightFieldGrid::corners(row, column, half);
+  for (int i = 0; i < 3; ++i) prism.top[i] = finite_corner(corners[i][0], corners[i][1]);
   return prism;
 }
 
 CellRange Prisms::cells(const AlignedBox3d& box) const {
-  const auto cell = [](double position, double size, int count) {
-    return static_cast<int>(std::clamp(std::floor(position / size), 0.0, count - 1.0));
+  const auto cell = [](double line, int count) {
+    return static_cast<int>(std::clamp(std::floor(line), 0.0, count - 1.0));
   };
-  const int rows = field_.rows - 1;
-  return {cell(box.min().y() + field_.half_y, depth_, rows),
-          cell(box.max().y() + field_.half_y, depth_, rows),
-          cell(box.min().x() + field_.half_x, width_, columns()),
-          cell(box.max().x() + field_.half_x, width_, columns())};
+  return {cell(grid_.row_at(box.min().y()), grid_.rows()),
+          cell(grid_.row_at(box.max().y()), grid_.rows()),
+          cell(grid_.column_at(box.min().x()), grid_.columns()),
+          cell(grid_.column_at(box.max().x()), grid_.columns())};
 }
 
 std::vector<CellRange> Prisms::blocks(const CellRange& range) {
@@ -96,15 +92,14 @@ AlignedBox3d Prisms::box(const CellRange& range) const {
     for (; i < count; ++i) highest[0] = heights[i] > highest[0] ? heights[i] : highest[0];
   }
   const double top = *std::max_element(highest, highest + kLanes);
-  return {Vector3d(range.first_column * width_ - field_.half_x,
-                   range.first_row * depth_ - field_.half_y, -field_.base),
-          Vector3d((range.last_column + 1) * width_ - field_.half_x,
-                   (range.last_row + 1) * depth_ - field_.half_y, field_.elevation * top)};
+  return {Vector3d(grid_.x(range.first_column), grid_.y(range.first_row), -field_.base),
+          Vector3d(grid_.x(range.last_column + 1), grid_.y(range.last_row + 1),
+                   field_.elevation * top)};
 }
 
 int Prisms::beneath(const Vector3d& point) const {
   const CellRange cell = cells(AlignedBox3d(point));
-  return 2 * (cell.first_row * columns() + cell.first_column);
+  return 2 * (cell.first_row * grid_.columns() + cell.first_column);
 }
 
 PlacedPrism::PlacedPrism(const Pose& field) : field_(field), hull_(std::make_shared<Hull>()) {

@@ -16,20 +16,12 @@ double TerrainTriangle::distance_to(int edge, const Vector3d& point) const {
   return (point - corner[edge]).cross(along).norm();
 }
 
-Terrain::Terrain(const HeightField& field)
-    : field_(field),
-      width_(2.0 * field.half_x / (field.columns - 1)),
-      depth_(2.0 * field.half_y / (field.rows - 1)) {}
-
-Vector3d Terrain::corner(int row, int column) const {
-  return {column * width_ - field_.half_x, row * depth_ - field_.half_y,
-          field_.elevation * field_.heights[row * field_.columns + column]};
-}
+Terrain::Terrain(const HeightField& field) : field_(field), grid_(field) {}
 
 TerrainTriangle Terrain::at(int row, int column, int half) const {
   TerrainTriangle triangle{row, column, half, {}, {}};
-  triangle.corner = {corner(row, column), corner(row + 1, column + 1),
-                     half ? corner(row + 1, column) : corner(row, column + 1)};
+  const auto corners = HeightFieldGrid::corners(row, column, half);
+  for (int i = 0; i < 3; ++i) triangle.corner[i] = grid_.corner(corners[i][0], corners[i][1]);
   triangle.normal = (triangle.corner[1] - triangle.corner[0])
                         .cross(triangle.corner[2] - triangle.corner[0])
                         .normalized();
@@ -38,9 +30,9 @@ TerrainTriangle Terrain::at(int row, int column, int half) const {
 }
 
 std::optional<TerrainTriangle> Terrain::beneath(const Vector3d& point) const {
-  const double x = (point.x() + field_.half_x) / width_, y = (point.y() + field_.half_y) / depth_;
+  const double x = grid_.column_at(point.x()), y = grid_.row_at(point.y());
   const double column = std::floor(x), row = std::floor(y);
-  if (!(column >= 0.0 && row >= 0.0 && column < field_.columns - 1 && row < field_.rows - 1))
+  if (!(column >= 0.0 && row >= 0.0 && column < grid_.columns() && row < grid_.rows()))
     return std::nullopt;
   return at(static_cast<int>(row), static_cast<int>(column), y - row > x - column ? 1 : 0);
 }
@@ -52,7 +44,7 @@ std::optional<TerrainTriangle> Terrain::across(const TerrainTriangle& triangle, 
   // Those of the half below the diagonal: the far side along x, the near one along y.
   int& beyond = (triangle.half == 0) == (edge == 1) ? column : row;
   beyond += step;
-  if (row < 0 || column < 0 || row > field_.rows - 2 || column > field_.columns - 2)
+  if (row < 0 || column < 0 || row >= grid_.rows() || column >= grid_.columns())
     return std::nullopt;
   return at(row, column, 1 - triangle.half);
 }

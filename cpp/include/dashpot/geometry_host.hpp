@@ -32,8 +32,10 @@ class GeomShapes {
   std::vector<std::optional<Shape>> shape_;  // by geom
 };
 
-// Its pose as the data's kinematics last left it (geom_xpos, geom_xmat), as mj_geomDistance has it.
-// Throws std::invalid_argument naming the geom where the pose is not finite.
+// The pose of a geom as the data's kinematics last left it (geom_xpos, geom_xmat), as
+// mj_geomDistance has it. The second one throws std::invalid_argument naming the geom where its
+// position is not finite, or its axes are no rotation.
+Pose unchecked_geom_pose(const mjData_* data, int geom);
 Pose geom_pose(const mjModel_* model, const mjData_* data, int geom);
 
 // The velocity of its body, at the body's centre of mass, as the data's kinematics last left it

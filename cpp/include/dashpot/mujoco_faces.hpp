@@ -34,8 +34,6 @@ struct FaceBuffers {
   const double* body_velocity = nullptr;  // see detect_again(); null: the present one
 };
 
-// Where a geom is.
-Pose pose_of_geom(const mjData_* d, int geom);
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.

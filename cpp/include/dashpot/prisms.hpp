@@ -8,7 +8,7 @@
 #include <memory>
 #include <vector>
 
-#include "dashpot/shape.hpp"
+#include "dashpot/height_field_grid.hpp"
 
 namespace dashpot {
 
@@ -31,7 +31,7 @@ class Prisms {
  public:
   explicit Prisms(const HeightField& field);
 
-  CellRange all() const { return {0, field_.rows - 2, 0, field_.columns - 2}; }
+  CellRange all() const { return {0, grid_.rows() - 1, 0, grid_.columns() - 1}; }
   // The cells that meet a box, looking down z; the nearest ones where it is beyond the rim.
   CellRange cells(const Eigen::AlignedBox3d& box) const;
   // A range in blocks of at most 16 x 16 cells.
@@ -42,13 +42,15 @@ class Prisms {
   // Index of a prism of the cell that holds a point or, beyond the rim, is nearest to it.
   int beneath(const Eigen::Vector3d& point) const;
   // Throws std::invalid_argument naming a height that is not finite.
-  Prism at(int index) const { return at(index / 2 / columns(), index / 2 % columns(), index % 2); }
+  Prism at(int index) const {
+    return at(index / 2 / grid_.columns(), index / 2 % grid_.columns(), index % 2);
+  }
   // Calls visit(index, prism) for every prism of a range. Throws as at().
   template <typename Visit>
   void visit(const CellRange& range, const Visit& visit) const {
     for (int row = range.first_row; row <= range.last_row; ++row) {
       for (int column = range.first_column; column <= range.last_column; ++column) {
-        const int index = 2 * (row * columns() + column);
+        const int index = 2 * (row * grid_.columns() + column);
         visit(index, at(row, column, 0));
         visit(index + 1, at(row, column, 1));
       }
@@ -56,15 +58,14 @@ class Prisms {
   }
 
   // Length (m) of the longer side of a cell.
-  double cell_size() const { return std::max(width_, depth_); }
+  double cell_size() const { return std::max(grid_.width(), grid_.depth()); }
 
  private:
-  int columns() const { return field_.columns - 1; }  // of cells
   Prism at(int row, int column, int half) const;
-  Eigen::Vector3d corner(int row, int column) const;
+  Eigen::Vector3d finite_corner(int row, int column) const;
 
   const HeightField& field_;
-  double width_ = 0.0, depth_ = 0.0;  // m, of a cell along x and y
+  HeightFieldGrid grid_;
 };
 
 // A prism as a convex hull, placed in the world. One object serves many prisms in turn.

@@ -6,7 +6,7 @@
 #include <array>
 #include <optional>
 
-#include "dashpot/shape.hpp"
+#include "dashpot/height_field_grid.hpp"
 
 namespace dashpot {
 
@@ -48,10 +48,9 @@ class Terrain {
 
  private:
   TerrainTriangle at(int row, int column, int half) const;
-  Eigen::Vector3d corner(int row, int column) const;
 
   const HeightField& field_;
-  double width_ = 0.0, depth_ = 0.0;  // m, of a cell along x and y
+  HeightFieldGrid grid_;
 };
 
 }  // namespace dashpot
