@@ -10,6 +10,13 @@ using Eigen::Vector3d;
 
 namespace {
 
+// Sine of the angle of two axes up to which they are parallel: their distance changes by no more
+// than this along them, relative to their length.
+constexpr double kParallel = 1e-10;
+// Distance of two axes, relative to the size of the pair, up to which they meet: what rounding
+// leaves of the difference of two points, so that its direction means nothing.
+constexpr double kMeeting = 1e-15;
+
 Distance plane_distance(const Pose& plane, const Shape& shape, const Pose& pose) {
   Distance result;
   result.normal = plane.rotation.col(2);
@@ -33,7 +40,7 @@ void closest_on_segments(const Vector3d& r, const Vector3d& a1, double h1, const
                          double h2, double& s, double& t) {
   const double b = a1.dot(a2), c = a1.dot(r), f = a2.dot(r);
   const double sine2 = a1.cross(a2).squaredNorm();
-  if (sine2 > 1e-20) {
+  if (sine2 > kParallel * kParallel) {
     s = std::clamp((b * f - c) / sine2, -h1, h1);
   } else {  // parallel: the middle of the stretch where they face each other
     const double centre = -c;
@@ -56,12 +63,12 @@ Distance line_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   const Vector3d apart = result.point2 - result.point1;
   result.distance = apart.norm();
   const double size = h1 + h2 + (pose2.position - pose1.position).norm();
-  if (result.distance > 1e-15 * size) {
+  if (result.distance > kMeeting * size) {
     result.normal = apart / result.distance;
     return result;
   }
   // The lines meet: the shortest way out is square to both.
-  if (h1 > 0.0 && h2 > 0.0 && a1.cross(a2).norm() > 1e-10) {
+  if (h1 > 0.0 && h2 > 0.0 && a1.cross(a2).norm() > kParallel) {
     result.normal = a1.cross(a2).normalized();
   } else if (h1 > 0.0 || h2 > 0.0) {
     result.normal = (h1 > 0.0 ? a1 : a2).unitOrthogonal();

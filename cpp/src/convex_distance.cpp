@@ -20,7 +20,14 @@ constexpr int kMaxProximalRounds = 64;
 constexpr double kRounding = 1e-15;
 constexpr double kMargin = 1e-3;
 constexpr double kStall = 1e-10;    // relative to the size: gap between the bounds of stalled GJK
-constexpr double kSettled = 1e-11;  // rad, between the directions of two rounds
+constexpr double kSettled = 1e-11;  // rad, of two rounds: ten times what directions are good to
+// Sine of a corner of a triangle, and triple product of a tetrahedron's edges to the product of
+// their lengths, below which it has no weights of its own: at 1e-16, the rounding of edges, they
+// are noise. From a hundredth of this to a hundred times as much distances agree to 1e-10 m.
+constexpr double kFlat = 1e-12;
+// rad, up to which the direction of the best bound stands for that between the closest points,
+// which has lost digits where these are near. Where the two differ by more the bound is an old one.
+constexpr double kSameDirection = 1e-6;
 
 struct Simplex {
   std::array<DifferencePoint, 4> vertex;
@@ -46,7 +53,7 @@ bool affine_weights(const Simplex& simplex, const int* index, int count, double*
     const Vector3d e2 = simplex.vertex[index[2]].difference - origin;
     const Vector3d normal = e1.cross(e2);
     const double area = normal.squaredNorm();
-    if (area <= 1e-24 * e1.squaredNorm() * e2.squaredNorm()) return false;
+    if (area <= kFlat * kFlat * e1.squaredNorm() * e2.squaredNorm()) return false;
     weight[1] = -normal.dot(origin.cross(e2)) / area;
     weight[2] = -normal.dot(e1.cross(origin)) / area;
     weight[0] = 1.0 - weight[1] - weight[2];
@@ -54,7 +61,7 @@ bool affine_weights(const Simplex& simplex, const int* index, int count, double*
     const Vector3d e2 = simplex.vertex[index[2]].difference - origin;
     const Vector3d e3 = simplex.vertex[index[3]].difference - origin;
     const double volume = e1.dot(e2.cross(e3));
-    if (std::abs(volume) <= 1e-12 * e1.norm() * e2.norm() * e3.norm()) return false;
+    if (std::abs(volume) <= kFlat * e1.norm() * e2.norm() * e3.norm()) return false;
     weight[1] = -origin.dot(e2.cross(e3)) / volume;
     weight[2] = -e1.dot(origin.cross(e3)) / volume;
     weight[3] = -e1.dot(e2.cross(origin)) / volume;
@@ -147,7 +154,7 @@ std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose
   }
   result.distance = upper;
   result.normal = nearest / upper;
-  if (lower > 0.0 && (normal - result.normal).norm() < 1e-6) result.normal = normal;
+  if (lower > 0.0 && (normal - result.normal).norm() < kSameDirection) result.normal = normal;
   return result;
 }
 

@@ -21,8 +21,13 @@ constexpr int kMaxRounds = 192;
 constexpr int kPatience = 48;
 constexpr double kImpatientTolerance = 1e-5;
 constexpr int kMaxFaces = 2 * (kMaxRounds + 4);  // of a closed polytope; more means a torn one
-constexpr double kTolerance = 1e-10;             // of the size of the pair
-constexpr double kFlat = 1e-12;                  // of the size of the pair: thinner is rounding
+// Of the size of the pair: how near bounds have to come, as in refinement, and what is so thin that
+// a ten-thousandth of it is rounding.
+constexpr double kTolerance = 1e-10;
+constexpr double kFlat = 1e-12;
+// Sine of a corner below which a face is a sliver without direction: its edges are rounded to
+// 1e-16. None at all or 1e-10 leaves depths as they are.
+constexpr double kSliver = 1e-14;
 
 struct Face {
   std::array<int, 3> vertex{};         // counter-clockwise from outside
@@ -107,7 +112,7 @@ class Polytope {
     const Vector3d edge1 = at(b) - at(a), edge2 = at(c) - at(a);
     const Vector3d normal = edge1.cross(edge2);
     const double area = normal.norm();
-    if (area > 1e-14 * edge1.norm() * edge2.norm()) {
+    if (area > kSliver * edge1.norm() * edge2.norm()) {
       face.normal = normal / area;
       face.offset = face.normal.dot(at(a));
     }

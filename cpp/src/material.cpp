@@ -178,12 +178,14 @@ double restitution_exponent(double zeta) {
 // sinh(eta) where cosh(eta) = zeta >= 1, without overflow.
 double hyperbolic_sine(double zeta) { return std::sqrt(zeta - 1.0) * std::sqrt(zeta + 1.0); }
 
+// Near critical damping the closed form cancels. Its expansion to first order is good to 1e-6 up to
+// here, and only sets the speed of convergence.
+constexpr double kNearCritical = 1e-3;
+
 // -d log(restitution) / d zeta.
 double restitution_slope(double zeta) {
-  // Near 1 the closed form cancels; its expansion to first order only sets the speed of
-  // convergence.
   const double beyond = zeta - 1.0;
-  if (std::fabs(beyond) < 1e-3) return 4.0 / 3.0 - 0.8 * beyond;
+  if (std::fabs(beyond) < kNearCritical) return 4.0 / 3.0 - 0.8 * beyond;
   if (zeta < 1.0) {
     const double sine = std::sqrt((1.0 - zeta) * (1.0 + zeta));
     return 2.0 * (std::acos(zeta) - zeta * sine) / (sine * sine * sine);

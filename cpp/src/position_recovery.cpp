@@ -9,9 +9,10 @@ namespace dashpot {
 
 namespace {
 
-constexpr int kMaxIterations = 20;    // of conjugate gradients; a loop of n rows takes n
-constexpr double kConverged = 1e-12;  // of the squared residual, relative
-constexpr double kSoftness = 0.01;    // of an equality's inverse mass, at least
+constexpr int kMaxIterations = 20;  // of conjugate gradients; a loop of n rows takes n
+// Of the squared residual, relative: a millionth of what recovers is left for the next step.
+constexpr double kConverged = 1e-12;
+constexpr double kSoftness = 0.01;  // of an equality's inverse mass, at least
 
 double dot(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0.0;

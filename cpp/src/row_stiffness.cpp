@@ -8,8 +8,10 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kRigidMaxRatio = 3;  // damping ratio standing for restitution 0 (e < 0.03)
-constexpr double kMaxRatio = 50;      // the same for SI stiffness (e < 1e-4)
+// Damping ratios that stand for restitution 0, of rigid contacts and of springs: a ratio z leaves
+// 1 / (4 z^2) of the speed, 0.03 and 1e-4. Rigid contacts have less, for theirs makes them soft.
+constexpr double kRigidInelastic = 3;
+constexpr double kInelastic = 50;
 
 // Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
 // equality may pass a singular configuration.
@@ -53,7 +55,7 @@ bool keeps_restitution(const GroupMaterial& given) {
 // The damping ratio that a rigid material's contact has alone.
 double damping_ratio(const RowGroup& c, const Material& material) {
   if (material.form != DampingForm::kRestitution) return material.damping;
-  const double ratio = std::min(restitution_to_damping_ratio(material.damping), kRigidMaxRatio);
+  const double ratio = std::min(restitution_to_damping_ratio(material.damping), kRigidInelastic);
   return ratio / std::sqrt(c.pressed);
 }
 
@@ -104,8 +106,9 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   rows.stiffness[n] = material.stiffness;
   const double damping =
       w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed) : 0.0;
-  rows.damping[n] =
-      std::isfinite(damping) ? damping : 2.0 * kMaxRatio * std::sqrt(material.stiffness / w_normal);
+  rows.damping[n] = std::isfinite(damping)
+                        ? damping
+                        : 2.0 * kInelastic * std::sqrt(material.stiffness / w_normal);
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
   const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };

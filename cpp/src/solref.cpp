@@ -15,8 +15,9 @@ constexpr double kMinimumImpedance = 1e-4;
 constexpr double kMaximumImpedance = 0.9999;
 constexpr double kMinimumValue = 1e-15;
 
-constexpr int kMaxRounds = 30;       // far more than it takes
-constexpr double kResolved = 1e-10;  // of the width
+constexpr int kMaxRounds = 30;  // far more than it takes
+// Of the width, over which impedance changes by less than 1: it is right to about as much.
+constexpr double kResolved = 1e-10;
 
 std::string text(double value) {
   std::ostringstream stream;
