@@ -120,12 +120,12 @@ class Engine:
         self,
         model: mujoco.MjModel,
         *,
-        law: str = "kelvin_voigt",
-        microsteps: int | Literal["auto"] = "auto",
-        max_microsteps: int = 64,
-        recovery_speed: float = 0.1,
-        mocap_timeconst: float = 0.02,
-        impact: Literal["none", "cut"] = "none",
+        law: str = EngineOptions.law,
+        microsteps: int | Literal["auto"] = EngineOptions.microsteps,
+        max_microsteps: int = EngineOptions.max_microsteps,
+        recovery_speed: float = EngineOptions.recovery_speed,
+        mocap_timeconst: float = EngineOptions.mocap_timeconst,
+        impact: Literal["none", "cut"] = EngineOptions.impact,
         rules: CombinationRules | None = None,
         comfree_stiffness: float | None = None,
         comfree_damping: float | None = None,
@@ -133,15 +133,15 @@ class Engine:
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
         self._options = EngineOptions(
-            law,
-            microsteps,
-            max_microsteps,
-            recovery_speed,
-            mocap_timeconst,
-            impact,
-            CombinationRules() if rules is None else rules,
-            comfree_stiffness,
-            comfree_damping,
+            law=law,
+            microsteps=microsteps,
+            max_microsteps=max_microsteps,
+            recovery_speed=recovery_speed,
+            mocap_timeconst=mocap_timeconst,
+            impact=impact,
+            rules=EngineOptions.rules if rules is None else rules,
+            comfree_stiffness=comfree_stiffness,
+            comfree_damping=comfree_damping,
         )
         _core.check_supported(model._address, _core.Law[law])
         self._model: mujoco.MjModel = copy.deepcopy(model)

@@ -10,29 +10,34 @@ from dashpot import _core
 from dashpot.checks import number, positive_count
 from dashpot.materials import CombinationRules
 
-_KELVIN_VOIGT_DEFAULTS: dict[str, object] = {
-    "microsteps": "auto",
-    "max_microsteps": 64,
-    "recovery_speed": 0.1,
-    "mocap_timeconst": 0.02,
-    "impact": "none",
-    "rules": CombinationRules(),
-}
+# Numbers that are defaults here are those of the C++ core.
+_CORE = _core.Options()
+_RULES = CombinationRules()
+
+_KELVIN_VOIGT_OPTIONS = (
+    "microsteps",
+    "max_microsteps",
+    "recovery_speed",
+    "mocap_timeconst",
+    "impact",
+    "rules",
+)
+_COMFREE_OPTIONS = ("comfree_stiffness", "comfree_damping")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EngineOptions:
-    """Validated options of an engine."""
+    """Validated options of an engine, with their defaults."""
 
-    law: str
-    microsteps: int | Literal["auto"]
-    max_microsteps: int
-    recovery_speed: float
-    mocap_timeconst: float
-    impact: str
-    rules: CombinationRules
-    comfree_stiffness: float | None
-    comfree_damping: float | None
+    law: str = "kelvin_voigt"
+    microsteps: int | Literal["auto"] = "auto"
+    max_microsteps: int = _CORE.max_microsteps
+    recovery_speed: float = _CORE.recovery_speed
+    mocap_timeconst: float = _CORE.mocap_timeconst
+    impact: Literal["none", "cut"] = "none"
+    rules: CombinationRules = _RULES
+    comfree_stiffness: float | None = None  # None: the core's
+    comfree_damping: float | None = None
 
     def __post_init__(self) -> None:
         laws = list(_core.Law.__members__)
@@ -69,14 +74,11 @@ class EngineOptions:
 
     def _check_owner(self) -> None:
         """Raise ValueError for an option of another law than the one chosen."""
-        owned: dict[str, dict[str, object]] = {
-            "kelvin_voigt": _KELVIN_VOIGT_DEFAULTS,
-            "comfree": {"comfree_stiffness": None, "comfree_damping": None},
-        }
-        for owner, defaults in owned.items():
-            for name, default in defaults.items():
+        owned = {"kelvin_voigt": _KELVIN_VOIGT_OPTIONS, "comfree": _COMFREE_OPTIONS}
+        for owner, names in owned.items():
+            for name in names:
                 value = getattr(self, name)
-                if owner != self.law and value != default:
+                if owner != self.law and value != getattr(EngineOptions, name):
                     raise ValueError(
                         f"{name} is {value!r}, but only law {owner!r} has it; law is {self.law!r}"
                     )
