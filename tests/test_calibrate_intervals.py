@@ -102,7 +102,13 @@ def statement(
     parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0), transform=transform)
     error = half_width / 1.96 if standard_error is None else standard_error
     return judge(
-        parameter, z, error, half_width, np.array(correlation), ("k", "d"), 0.95, **options
+        parameter,
+        z=z,
+        standard_error=error,
+        half_width=half_width,
+        correlation=np.array(correlation),
+        names=("k", "d"),
+        **{"confidence": 0.95, **options},
     )
 
 
@@ -135,8 +141,15 @@ def test_statements():
 )
 def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(value, reason):
     parameter = Parameter.material("ball", "restitution", start=0.5, bounds=(0.01, 0.99))
-    z = parameter.coordinate.to_search(value)
-    found = judge(parameter, z, 5e-3, 0.01, np.ones(1), ("restitution",), 0.95)
+    found = judge(
+        parameter,
+        z=parameter.coordinate.to_search(value),
+        standard_error=5e-3,
+        half_width=0.01,
+        correlation=np.ones(1),
+        names=("restitution",),
+        confidence=0.95,
+    )
     assert found.identified == (reason is None)
     assert reason is None or f"the estimate lies at its {reason}" in found.statement
 
@@ -144,11 +157,9 @@ def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(valu
 def test_statements_have_the_digits_that_they_need():
     good = statement(math.log(30.0), 1e-7)
     assert good.statement == "identified: 95% interval 29.999997 to 30.000003"
-    z, n = math.log(30.0), ("k",)
-    parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0))
-    sure = judge(parameter, z, 1e-3, 0.01, np.ones(1), n, 0.999).statement
+    sure = statement(math.log(30.0), 0.01, standard_error=1e-3, confidence=0.999).statement
     assert sure.startswith("identified: 99.9% interval")
-    exact = judge(parameter, z, 0.0, 0.0, np.ones(1), n, 0.95).statement
+    exact = statement(math.log(30.0), 0.0).statement
     assert exact == "identified: 95% interval 30 to 30"
 
 

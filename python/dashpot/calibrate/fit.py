@@ -271,16 +271,16 @@ def _result(
     estimates = tuple(
         judge(
             parameter,
-            float(point[i]),
-            float(estimated.standard_error[i]),
-            float(half_width[i]),
-            correlation[i],
-            problem.names,
-            confidence,
-            unfinished,
-            None if explained else estimated.residual_variance,
-            errors == "clustered",
-            float(departure[i]),
+            z=float(point[i]),
+            standard_error=float(estimated.standard_error[i]),
+            half_width=float(half_width[i]),
+            correlation=correlation[i],
+            names=problem.names,
+            confidence=confidence,
+            unfinished=unfinished,
+            unexplained=None if explained else estimated.residual_variance,
+            clustered=errors == "clustered",
+            nonlinearity=float(departure[i]),
         )
         for i, parameter in enumerate(problem.parameters)
     )

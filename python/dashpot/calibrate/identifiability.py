@@ -111,6 +111,7 @@ def interval_ends(lower: float, upper: float) -> tuple[str, str]:
 
 def judge(
     parameter: Parameter,
+    *,
     z: float,
     standard_error: float,
     half_width: float,
