@@ -167,8 +167,8 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   const std::vector<ContactInput> start = contacts;
   const std::vector<ConstraintInput> start_constraints = constraints;
   mocap.show(0.5 * length);
-  const host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
-                                    constraints);
+  host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
+                              constraints);
   drop_pairs(apart, contacts);
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);
@@ -176,6 +176,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   build_rows(d);
   give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
   mocap.show(0.0);
+  middle.leave();
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {

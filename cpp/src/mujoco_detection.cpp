@@ -162,6 +162,16 @@ MiddleGeometry::Start::Start(const mjModel_* m, mjData_* d)
     : model_(m), data_(d), position_(d->qpos, d->qpos + m->nq) {}
 
 MiddleGeometry::Start::~Start() {
+  if (restored_) return;
+  try {
+    const ErrorGuard guard(data_);
+    restore();
+  } catch (const MujocoError&) {  // what has brought us here is told
+  }
+}
+
+void MiddleGeometry::Start::restore() {
+  restored_ = true;
   std::copy(position_.begin(), position_.end(), data_->qpos);
   mj_fwdKinematics(model_, data_);
   mj_makeM(model_, data_);

@@ -25,6 +25,7 @@
 #include "dashpot/islands.hpp"
 #include "dashpot/microstep.hpp"
 #include "dashpot/mujoco_detection.hpp"
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/query.hpp"
 #include "dashpot/rollout.hpp"
@@ -291,6 +292,45 @@ void check_restored_middle() {
   mj_deleteModel(m);
 }
 
+// MuJoCo needs its stack for the kinematics of a spatial tendon. Where contacts and rows of the
+// middle have left none, coming back to the start is an error that can be caught, also while
+// another one is on its way.
+void check_return_from_the_middle_without_room() {
+  mjModel* m = compile(
+      "<mujoco><worldbody><site name='anchor'/><body pos='0 0 1'><freejoint/>"
+      "<geom size='.1'/><site name='end'/></body></worldbody>"
+      "<tendon><spatial><site site='anchor'/><site site='end'/></spatial></tendon></mujoco>");
+  mjData* d = mj_makeData(m);
+  mj_forward(m, d);
+  const std::vector<double> qpos(d->qpos, d->qpos + m->nq), still(m->nv, 0.0);
+  d->qvel[2] = 1.0;
+  dashpot::host::Detection detection;
+  std::vector<dashpot::ContactInput> contacts;
+  std::vector<dashpot::ConstraintInput> constraints;
+  bool leaving_throws = false, first_error_is_told = false;
+  for (const bool leaves : {true, false}) {
+    const dashpot::host::ErrorGuard guard(d);
+    try {
+      dashpot::host::MiddleGeometry middle(m, d, still, detection, contacts, constraints);
+      d->parena = d->narena - d->pstack;
+      if (leaves) middle.leave();
+      throw std::runtime_error("first");
+    } catch (const dashpot::host::StackOverflow&) {
+      leaving_throws = leaves;
+    } catch (const std::runtime_error&) {
+      first_error_is_told = !leaves;
+    }
+    check(std::equal(qpos.begin(), qpos.end(), d->qpos), "positions come back without room");
+    mj_resetData(m, d);
+    mj_forward(m, d);
+    d->qvel[2] = 1.0;
+  }
+  check(leaving_throws, "kinematics without room are an error");
+  check(first_error_is_told, "an error within the middle outlives the way back");
+  mj_deleteData(d);
+  mj_deleteModel(m);
+}
+
 // Prisms on top of each other: with more sides than faces keep corners, or with more points than
 // MuJoCo has room for.
 std::string stack_of_prisms(int sides, const std::string& memory) {
@@ -403,6 +443,7 @@ int main() {
   check_queries(m);
   check_height_field();
   check_restored_middle();
+  check_return_from_the_middle_without_room();
   check_prisms();
   check_forces_that_are_no_numbers();
   mj_deleteModel(m);

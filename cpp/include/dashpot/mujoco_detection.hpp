@@ -50,16 +50,20 @@ void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& accelerati
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
-// in half of the model's time step. At its end, also where detection throws, positions, kinematics
-// and inertia are those of the present state again.
+// in half of the model's time step. leave() brings back positions, kinematics and inertia of the
+// present state. Without it, as where detection or anything else throws, its end brings back the
+// positions, and the others as far as MuJoCo finds room for them: the next step finds them anew.
 class MiddleGeometry {
  public:
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints);
 
+  // Throws what MuJoCo throws.
+  void leave() { start_.restore(); }
+
  private:
-  // The configuration when it was made, put back into `d` at its end.
+  // The configuration when it was made.
   class Start {
    public:
     Start(const mjModel_* m, mjData_* d);
@@ -67,10 +71,13 @@ class MiddleGeometry {
     Start(const Start&) = delete;
     Start& operator=(const Start&) = delete;
 
+    void restore();
+
    private:
     const mjModel_* model_;
     mjData_* data_;
     std::vector<double> position_;
+    bool restored_ = false;
   };
   Start start_;
 };
