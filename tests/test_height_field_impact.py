@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import dashpot
-from dashpot.query import distance, time_of_impact
+from dashpot.query import distance, time_of_impact, times_of_impact
 from free_flight import Motion, launch
 from height_field_scenes import (
     COLUMNS,
@@ -107,6 +107,19 @@ def test_flight_over_and_past_the_field_does_not_hit():
     overlapping = time_of_impact(model, data, "hills", "box", horizon=1.0)
     assert (overlapping.hit, overlapping.time) == (True, 0.0)
     assert overlapping.distance == distance(model, data, "hills", "box").distance
+
+
+def test_a_spin_too_long_to_follow_is_an_error_that_names_the_geoms():
+    """A box spins above a pit, within the bounds of the field: 1e12 radians without an impact."""
+    heights = np.ones((ROWS, COLUMNS))
+    heights[2:5, 1:4] = 0.0
+    model, data = make_model(heights, pose="")
+    launch(model, data, "box", (0, 0, 0.12), None, (0, 0, 0), (0, 0, 1e6))
+    assert not time_of_impact(model, data, "hills", "box", horizon=1e-3).hit
+    with pytest.raises(RuntimeError, match=r"geom 'hills' and geom 'box': .* no decision"):
+        time_of_impact(model, data, "hills", "box", horizon=1e6)
+    with pytest.raises(RuntimeError, match=r"geom 'box' and geom 'hills': .* no decision"):
+        times_of_impact(model, "box", "hills", data.qpos, data.qvel, horizon=1e6)
 
 
 def test_fast_ball_does_not_pass_a_thin_height_field():

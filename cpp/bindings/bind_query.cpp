@@ -31,16 +31,12 @@ py::tuple to_tuple(const Distance& d) {
   return py::make_tuple(d.distance, to_tuple(d.point1), to_tuple(d.point2), to_tuple(d.normal));
 }
 
-py::tuple geom_distance(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
-                        int geom2) {
+py::tuple distance_now(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
+                       int geom2) {
   Distance result;
   {
     py::gil_scoped_release release;
-    const auto* model = model_at(model_address);
-    const auto* data = data_at(data_address);
-    const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
-    const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
-    result = distance(shape1, pose1, shape2, pose2);
+    result = geom_distance(model_at(model_address), data_at(data_address), geom1, geom2);
   }
   return to_tuple(result);
 }
@@ -96,17 +92,13 @@ py::tuple times_of_impact_at(std::uintptr_t model_address, int geom1, int geom2,
       hit, time, to_arrays(n, [&](py::ssize_t i) -> const Distance& { return found[i].at; }));
 }
 
-py::tuple geom_time_of_impact(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
-                              int geom2, double horizon) {
+py::tuple time_of_impact_now(std::uintptr_t model_address, std::uintptr_t data_address, int geom1,
+                             int geom2, double horizon) {
   TimeOfImpact result;
   {
     py::gil_scoped_release release;
-    const auto* model = model_at(model_address);
-    const auto* data = data_at(data_address);
-    const Shape shape1 = geom_shape(model, geom1), shape2 = geom_shape(model, geom2);
-    const Pose pose1 = geom_pose(model, data, geom1), pose2 = geom_pose(model, data, geom2);
-    result = time_of_impact(shape1, pose1, geom_motion(model, data, geom1), shape2, pose2,
-                            geom_motion(model, data, geom2), horizon);
+    result =
+        geom_time_of_impact(model_at(model_address), data_at(data_address), geom1, geom2, horizon);
   }
   return py::make_tuple(result.hit, result.time, to_tuple(result.at), result.evaluations);
 }
@@ -130,7 +122,7 @@ py::list close_geoms(std::uintptr_t model_address, std::uintptr_t data_address, 
 }  // namespace
 
 void bind_query(py::module_& module) {
-  module.def("geom_distance", &geom_distance, py::arg("model_address"), py::arg("data_address"),
+  module.def("geom_distance", &distance_now, py::arg("model_address"), py::arg("data_address"),
              py::arg("geom1"), py::arg("geom2"),
              "Signed distance of two geoms as (distance, point1, point2, normal). The addresses "
              "are those of a live MjModel and MjData; geom ids in range.");
@@ -138,7 +130,7 @@ void bind_query(py::module_& module) {
              py::arg("geom2"), py::arg("qpos"), py::arg("nthread"),
              "Signed distances at configurations qpos (n, nq) as arrays (distance, point1, point2, "
              "normal), GIL released.");
-  module.def("geom_time_of_impact", &geom_time_of_impact, py::arg("model_address"),
+  module.def("geom_time_of_impact", &time_of_impact_now, py::arg("model_address"),
              py::arg("data_address"), py::arg("geom1"), py::arg("geom2"), py::arg("horizon"),
              "First contact of two geoms along their present velocities as (hit, time, distance "
              "tuple, distances computed).");

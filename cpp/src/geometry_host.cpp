@@ -10,16 +10,16 @@
 #include <string>
 
 #include "dashpot/mujoco_hull_vertices.hpp"
+#include "dashpot/mujoco_names.hpp"
 #include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot {
 
 namespace {
 
-std::string geom_label(const mjModel* model, int geom) {
-  const char* name = mj_id2name(model, mjOBJ_GEOM, geom);
-  return name && *name ? "geom '" + std::string(name) + "'" : "geom " + std::to_string(geom);
-}
+// How far the axes of a geom may be from orthonormal: single precision leaves 1e-7. What no
+// kinematics have set is zero.
+constexpr double kOrthonormal = 1e-6;
 
 Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
   const host::HullVertices hull(model, mesh);
@@ -44,7 +44,7 @@ HeightField height_field(const mjModel* model, int id) {
 }
 
 Shape geom_shape(const mjModel* model, int geom) {
-  const std::string label = geom_label(model, geom);
+  const std::string label = host::contact_side(model, geom);
   const double* size = model->geom_size + 3 * geom;
   Shape shape;
   shape.size << size[0], size[1], size[2];
@@ -96,11 +96,12 @@ Pose unchecked_geom_pose(const mjData* data, int geom) {
 Pose geom_pose(const mjModel* model, const mjData* data, int geom) {
   const Pose pose = unchecked_geom_pose(data, geom);
   if (!pose.position.allFinite()) {
-    throw std::invalid_argument("geom_xpos of " + geom_label(model, geom) + " is not finite");
+    throw std::invalid_argument("geom_xpos of " + host::contact_side(model, geom) +
+                                " is not finite");
   }
   const Eigen::Matrix3d gram = pose.rotation.transpose() * pose.rotation;
-  if (!gram.isIdentity(1e-6)) {  // zero before the first mj_forward
-    throw std::invalid_argument("geom_xmat of " + geom_label(model, geom) +
+  if (!gram.isIdentity(kOrthonormal)) {
+    throw std::invalid_argument("geom_xmat of " + host::contact_side(model, geom) +
                                 " is not a rotation; call mujoco.mj_forward first");
   }
   return pose;
@@ -115,7 +116,7 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
   motion.angular = Eigen::Map<const Eigen::Vector3d>(velocity);
   motion.linear = Eigen::Map<const Eigen::Vector3d>(velocity + 3);
   if (!motion.centre.allFinite() || !motion.angular.allFinite() || !motion.linear.allFinite()) {
-    throw std::invalid_argument("the velocity of the body of " + geom_label(model, geom) +
+    throw std::invalid_argument("the velocity of the body of " + host::contact_side(model, geom) +
                                 " is not finite");
   }
   return motion;

@@ -3,9 +3,9 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <functional>
 #include <limits>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -198,7 +198,11 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
       kTouchingGap * (core_extent(shape) + sweep_radius(shape) + whole.diagonal().norm());
   TimeOfImpact result;
   std::vector<Candidate> candidates;
-  while (result.time < horizon) {
+  for (int windows = 0; result.time < horizon; ++windows) {
+    if (result.evaluations + windows > kMostDistancesToField)
+      throw UndecidedImpact("time of impact: no decision in " +
+                            std::to_string(kMostDistancesToField) +
+                            " distances and parts of the way");
     const Pose field_now = advance(field_pose, field_motion, result.time);
     const Pose now = advance(pose, motion, result.time);
     const Pose local = relative_pose(field_now, now);

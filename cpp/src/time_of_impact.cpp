@@ -28,9 +28,8 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr int kMaxAdvances = 10000;
-constexpr int kMaxRootRounds = 40;
-constexpr int kPatience = 16;  // advances along fixed directions before these may turn
+constexpr int kMostRootRounds = 40;  // far more than it takes
+constexpr int kPatience = 16;        // advances along fixed directions before these may turn
 
 double extent(const Shape& shape) {
   return shape.type == ShapeType::kPlane ? 0.0 : core_extent(shape) + sweep_radius(shape);
@@ -65,7 +64,7 @@ double safe_time(const Clearance& clearance, double longest, double touching) {
   const double aim = 0.5 * enough;
   double safe_weight = safe_clearance - aim, unsafe_weight = unsafe_clearance - aim;
   int last_side = 0;
-  for (int round = 0; round < kMaxRootRounds && safe_clearance > enough; ++round) {  // Illinois
+  for (int round = 0; round < kMostRootRounds && safe_clearance > enough; ++round) {  // Illinois
     const double tau = safe + (unsafe - safe) * safe_weight / (safe_weight - unsafe_weight);
     if (!(tau > safe && tau < unsafe)) break;
     const double value = clearance(tau);
@@ -121,7 +120,7 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
   const bool has_plane = shape1.type == ShapeType::kPlane || shape2.type == ShapeType::kPlane;
 
   TimeOfImpact result;
-  for (; result.evaluations < kMaxAdvances;) {
+  for (; result.evaluations < kMostDistances;) {
     const auto place = [&](MovingShape& body, const Pose& pose, const Motion& motion) {
       body.pose = advance(pose, motion, result.time);
       body.motion.centre = motion.centre + result.time * motion.linear;
@@ -160,8 +159,8 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
     }
     result.time = safe == remaining ? horizon : result.time + safe;
   }
-  throw std::runtime_error("time of impact: no convergence in " + std::to_string(kMaxAdvances) +
-                           " distances");
+  throw UndecidedImpact("time of impact: no decision in " + std::to_string(kMostDistances) +
+                        " distances");
 }
 
 }  // namespace dashpot

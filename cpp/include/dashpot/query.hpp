@@ -3,6 +3,8 @@
 
 #pragma once
 
+#include <stdexcept>
+
 #include "dashpot/convex_distance.hpp"
 #include "dashpot/shape.hpp"
 
@@ -30,6 +32,17 @@ bool are_farther_apart(const Shape& shape1, const Pose& pose1, const Shape& shap
 // Gap that counts as contact, relative to the size of the bounded shapes of a pair.
 constexpr double kTouchingGap = 1e-9;
 
+// Distances that a search for a first contact may compute: it takes tens, and more only where
+// shapes hover about kTouchingGap apart. With a height field, where every prism near the shape is
+// searched for, as many as this and parts of the way that are looked at.
+constexpr int kMostDistances = 10000;
+constexpr int kMostDistancesToField = 1000000;
+
+// No first contact was found, and none excluded, in so many distances.
+struct UndecidedImpact : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
 // First contact of two moving shapes.
 struct TimeOfImpact {
   bool hit = false;     // false: apart over the whole horizon
@@ -41,7 +54,7 @@ struct TimeOfImpact {
 // Conservative advancement: `time` is never after the first contact, and precedes it by no more
 // than the shapes need to close kTouchingGap. Shapes that touch or
 // overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument as distance(),
-// and for a plane that turns.
+// and for a plane that turns; UndecidedImpact.
 // With `margin` (m, >= 0), the time at which the distance has fallen to it takes the place of the
 // first contact.
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,

@@ -111,7 +111,9 @@ def time_of_impact(
         As `distance`; also a `horizon` that is not positive and finite, a velocity that is not
         finite, a plane on a turning body.
     RuntimeError
-        No decision in 10,000 distances: the geoms hover about 1e-9 of their size apart.
+        No decision in 10,000 distances: the geoms hover about 1e-9 of their size apart. With a
+        height field, none in 1,000,000 distances and parts of the way: it turns by hundreds of
+        thousands of radians, or passes as many cells, near the field. The message names the geoms.
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.geom_pair(model, data, geom1, geom2)
