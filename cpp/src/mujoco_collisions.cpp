@@ -3,10 +3,10 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cmath>
 
+#include "dashpot/mujoco_coming.hpp"
 #include "dashpot/mujoco_faces.hpp"
-#include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/mujoco_flat_cylinder.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
 #include "dashpot/mujoco_terrain.hpp"
 
@@ -27,30 +27,13 @@ constexpr double kFastReach = 0.05;
 constexpr double kFastReachOfMesh = 0.0005;
 // Types whose pairs meet in more than one point.
 constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
-// Cosine between the normals of such a point and of the contact found: convex bodies meet along
-// one.
-constexpr double kAlike = 0.85;
 // Cosine between the normals of a face and of a contact on it.
 constexpr double kOfFace = 0.999999;
-// Part of such a point's depth that a contact known nearby goes in by where it stands for it.
-constexpr double kAsDeep = 0.8;
-// Part of the radius up to which a contact moves along a rim or around a side in a step, as that of
-// what rolls.
-constexpr double kAlongRound = 0.5;
-// Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
-// radii above it.
-constexpr double kFlat = 1e-6;
-constexpr double kSearchTolerance = 1e-9;              // m, of the distance that a search ends with
-const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
+constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search ends with
 
 thread_local mjModel* replaced = nullptr;  // the model whose collisions are
 thread_local FaceBuffers* face_buffers = nullptr;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
-
-// A column of a rotation matrix.
-void column_of(const mjtNum* rotation, int column, mjtNum* out) {
-  for (int i = 0; i < 3; ++i) out[i] = rotation[3 * i + column];
-}
 
 // Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
 bool may_adhere(const mjModel* m, int geom1, int geom2) {
@@ -62,73 +45,6 @@ bool may_adhere(const mjModel* m, int geom1, int geom2) {
 mjtNum half_width(const mjModel* m, int geom) {
   const mjtNum* half = m->geom_aabb + 6 * geom + 3;
   return std::min({half[0], half[1], half[2]});
-}
-
-// Least radius of round sides and rims of two geoms, as far as the other one reaches; 0 where
-// neither has any.
-mjtNum round_radius(const mjModel* m, int geom1, int geom2) {
-  mjtNum least = 0.0;
-  for (int geom : {geom1, geom2}) {
-    if (!has_round_side(m->geom_type[geom])) continue;
-    const mjtNum reach = m->geom_rbound[geom == geom1 ? geom2 : geom1];
-    const mjtNum radius = std::min(m->geom_size[3 * geom], reach);
-    least = least > 0.0 ? std::min(least, radius) : radius;
-  }
-  return least;
-}
-
-// Gap that a contact will have at the end of the step.
-mjtNum gap_at_end(const mjPreContact& contact, const MovedGeom& moved1, const MovedGeom& moved2) {
-  mjtNum end1[3], end2[3], way[3];
-  mju_copy3(end1, contact.pos);
-  mju_copy3(end2, contact.pos);
-  moved1.move_on(end1);
-  moved2.move_on(end2);
-  mju_sub3(way, end2, end1);
-  return contact.dist + mju_dot3(way, contact.normal);
-}
-
-// Adds points that are apart now and overlap at the end of the step, at the velocities of its
-// start, or those that its impacts are known to lead to, to the `count` contacts known, where none
-// of these stands for them, up to `most`; returns how many there are then. `collide` finds contacts
-// at a margin.
-template <typename Collide>
-int add_coming(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum margin, int most,
-               const Collide& collide, mjPreContact* contact, int count) {
-  if (count == 0 || count >= most) return count;
-  const int known = count;
-  const mjtNum along_round = kAlongRound * round_radius(m, geom1, geom2);
-  mjPreContact end[mjMAXCONPAIR];
-  const mjtNum* const velocity = face_buffers ? face_buffers->body_velocity : nullptr;
-  const MovedGeom moved1(m, d, geom1, m->opt.timestep, Spin::kOfShape, velocity);
-  const MovedGeom moved2(m, d, geom2, m->opt.timestep, Spin::kOfShape, velocity);
-  // No error of MuJoCo jumps past their destructors: this needs no more memory than the first time.
-  const int end_count = collide(0.0, end);
-  for (int i = 0; i < end_count && count < most; ++i) {
-    if (mju_dot3(end[i].normal, contact[0].normal) < kAlike) continue;
-    mjtNum surface1[3], surface2[3], apart[3];
-    mju_addScl3(surface1, end[i].pos, end[i].normal, -0.5 * end[i].dist);
-    mju_addScl3(surface2, end[i].pos, end[i].normal, 0.5 * end[i].dist);
-    moved1.move_back(surface1);
-    moved2.move_back(surface2);
-    mju_sub3(apart, surface2, surface1);
-    mjPreContact& c = contact[count];
-    c.dist = mju_dot3(apart, end[i].normal);
-    if (c.dist <= 0.0 || c.dist > margin) continue;
-    mju_add3(c.pos, surface1, surface2);
-    mju_scl3(c.pos, c.pos, 0.5);
-    // Two contacts at one place would be twice as stiff and damped. Near: as far as geoms may move.
-    const auto stands_for_it = [&](const mjPreContact& of_start) {
-      const mjtNum way = mju_dist3(of_start.pos, c.pos);
-      return way < along_round ||
-             (way < margin && gap_at_end(of_start, moved1, moved2) < kAsDeep * end[i].dist);
-    };
-    if (std::any_of(contact, contact + known, stands_for_it)) continue;
-    mju_copy3(c.normal, end[i].normal);
-    mju_zero3(c.tangent);
-    ++count;
-  }
-  return count;
 }
 
 // Whether a mesh touches a face of the other geom.
@@ -201,7 +117,13 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
   if (margin <= kFastReach * width &&
       !(count == 1 && has_corner_on_face(m, d, geom1, geom2, contact[0])))
     return count;
-  return add_coming(m, d, geom1, geom2, margin, most, collide, contact, count);
+  if (count == 0 || count >= most) return count;
+  const ComingContacts coming(m, d, geom1, geom2,
+                              face_buffers ? face_buffers->body_velocity : nullptr);
+  mjPreContact end[mjMAXCONPAIR];
+  // No error of MuJoCo jumps past the way back: this needs no more memory than the first time.
+  const int end_count = collide(0.0, end);
+  return coming.add(end, end_count, margin, most, contact, count);
 }
 
 int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
@@ -243,35 +165,9 @@ int collide_on_terrain(const mjModel* m, mjData* d, mjPreContact* contact, int t
 
 int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
                           int cylinder, mjtNum margin) {
-  if (m != replaced) return collide_cylinder(m, d, contact, plane, cylinder, margin);
-  const mjtNum* rotation = d->geom_xmat + 9 * cylinder;
-  const mjtNum radius = m->geom_size[3 * cylinder], half_length = m->geom_size[3 * cylinder + 1];
-  mjtNum normal[3], axis[3], tilt[3], centre[3];
-  column_of(d->geom_xmat + 9 * plane, 2, normal);
-  column_of(rotation, 2, axis);
-  mju_cross(tilt, axis, normal);
-  if (mju_norm3(tilt) >= kFlat) return collide_cylinder(m, d, contact, plane, cylinder, margin);
-  mju_sub3(centre, d->geom_xpos + 3 * cylinder, d->geom_xpos + 3 * plane);
-  // The cap that faces the plane.
-  const mjtNum to_cap = mju_dot3(axis, normal) > 0 ? -half_length : half_length;
-  int count = 0;
-  for (int point = 0; point < 3; ++point) {
-    mjtNum arm[3], position[3];
-    const mjtNum cosine = point == 0 ? 1.0 : kThirdTurn[0];
-    const mjtNum sine = point == 0 ? 0.0 : (point == 1 ? kThirdTurn[1] : -kThirdTurn[1]);
-    for (int i = 0; i < 3; ++i)
-      arm[i] = to_cap * axis[i] + radius * (cosine * rotation[3 * i] + sine * rotation[3 * i + 1]);
-    mju_add3(position, centre, arm);
-    const mjtNum distance = mju_dot3(position, normal);
-    if (distance > margin) continue;
-    mjPreContact& c = contact[count++];
-    c.dist = distance;
-    mju_add3(c.pos, d->geom_xpos + 3 * cylinder, arm);
-    mju_addToScl3(c.pos, normal, -0.5 * distance);
-    mju_copy3(c.normal, normal);
-    mju_zero3(c.tangent);
-  }
-  return count;
+  return m == replaced && stands_flat(d, plane, cylinder)
+             ? touch_with_cap(m, d, plane, cylinder, margin, contact)
+             : collide_cylinder(m, d, contact, plane, cylinder, margin);
 }
 
 // Once in a process.

@@ -9,10 +9,8 @@
 // these points, see face_manifold.hpp; but for the complementarity-free law, which is published
 // with what MuJoCo finds.
 //
-// Capsules, cylinders, boxes and meshes: MuJoCo finds the nearest points and, of shapes that face
-// each other, others at about the same distance. Of a body that turns fast another one may come
-// faster. Where geoms move far in a step, points that overlap at its end, at the velocities of its
-// start, are contacts too, with the gap that they have now.
+// Capsules, cylinders, boxes and meshes: where geoms move far in a step, points that overlap at its
+// end are contacts too (mujoco_coming.hpp).
 //
 // Shapes whose nearest points MuJoCo searches for, all but spheres, planes and the pairs of
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model
@@ -21,14 +19,10 @@
 // of that, but with capsules, whose segment inside is apart from what they touch. Then MuJoCo clips
 // faces against each other for more points, which need not be those that touch: of capsules on
 // hulls of 60 corners every third normal is off, by up to 0.8 rad. Here the nearest points stay
-// unless geoms lie flat (mujoco_faces.hpp) or side by side (mujoco_side_by_side.hpp). Points on
-// height fields are those of mujoco_terrain.hpp.
+// unless geoms lie flat (mujoco_faces.hpp) or side by side (mujoco_side_by_side.hpp).
 //
-// Cylinder on plane: MuJoCo takes the lowest direction of the rim from the difference of nearly
-// equal vectors. Of a cylinder that stands flat, tilted by a, distances are off by about 1e-16 / a
-// radii: 90 um of a disc of 10 cm at 1e-12 rad, 57 mm at 1e-15. And its points jump about the rim
-// as a tilt of any size turns. Below a tilt that tells distances apart by a millionth of the
-// radius, three points that are fixed to the cylinder stand for its rim.
+// Points on height fields are those of mujoco_terrain.hpp, those of cylinders that stand flat on
+// planes those of mujoco_flat_cylinder.hpp.
 
 #pragma once
 
