@@ -49,6 +49,29 @@ def test_parallel_and_crossed_capsules():
     np.testing.assert_allclose(np.abs(crossed.normal), (1, 0, 0), atol=1e-15)
 
 
+@pytest.mark.parametrize("apart", [1e-15, 1e-13, 1e-10, 1e-7])
+def test_axes_of_capsules_that_nearly_meet_are_square_to_the_normal(apart):
+    """The normal of axes that cross, whatever rounding leaves of the way between them.
+
+    Near the origin that is 1e-16 m: where the way is longer than 1e-8 of the size its direction is
+    good to 1e-8 rad.
+    """
+    model, data = scene(geom("a", "capsule", "0.1 0.5"), geom("b", "capsule", "0.2 0.5"))
+    rng = np.random.default_rng(15)
+    for _ in range(50):
+        turn = Rotation.random(random_state=rng)
+        second = turn * Rotation.from_euler("x", rng.uniform(0.1, 3.0))
+        normal = turn.as_matrix()[:, 0]
+        place(model, data, "a", turn.apply((0, 0, rng.uniform(-0.4, 0.4))), turn.as_matrix())
+        along = second.apply((0, 0, rng.uniform(-0.4, 0.4)))
+        place(model, data, "b", along + apart * normal, second.as_matrix())
+        found = distance(model, data, "a", "b")
+        assert found.distance == pytest.approx(apart - 0.3, abs=1e-14)
+        assert abs(found.normal @ normal) == pytest.approx(1.0, abs=1e-15)
+        np.testing.assert_allclose(np.cross(found.normal, normal), 0.0, atol=2e-8)
+        assert apart < 1e-12 or found.normal @ normal > 0.0
+
+
 @pytest.mark.parametrize(
     ("offset", "expected", "normal"),
     [

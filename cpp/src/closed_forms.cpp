@@ -16,6 +16,10 @@ constexpr double kParallel = 1e-10;
 // Distance of two axes, relative to the size of the pair, up to which they meet: what rounding
 // leaves of the difference of two points, so that its direction means nothing.
 constexpr double kMeeting = 1e-15;
+// The same of axes that cross, up to which the direction square to both stands for that of the
+// difference: it gives away no more than this, and the other one is only good to 1e-16 / 1e-8
+// there. Up to the sine of their angle, where that is less: then rounding takes more from it.
+constexpr double kCrossing = 1e-8;
 
 Distance plane_distance(const Pose& plane, const Shape& shape, const Pose& pose) {
   Distance result;
@@ -63,13 +67,12 @@ Distance line_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   const Vector3d apart = result.point2 - result.point1;
   result.distance = apart.norm();
   const double size = h1 + h2 + (pose2.position - pose1.position).norm();
-  if (result.distance > kMeeting * size) {
+  const Vector3d across = a1.cross(a2);
+  const double sine = h1 > 0.0 && h2 > 0.0 ? across.norm() : 0.0;
+  if (sine > kParallel && result.distance <= std::min(kCrossing, sine) * size) {
+    result.normal = across / (across.dot(apart) < 0.0 ? -sine : sine);
+  } else if (result.distance > kMeeting * size) {
     result.normal = apart / result.distance;
-    return result;
-  }
-  // The lines meet: the shortest way out is square to both.
-  if (h1 > 0.0 && h2 > 0.0 && a1.cross(a2).norm() > kParallel) {
-    result.normal = a1.cross(a2).normalized();
   } else if (h1 > 0.0 || h2 > 0.0) {
     result.normal = (h1 > 0.0 ? a1 : a2).unitOrthogonal();
   }

@@ -20,7 +20,8 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kTurn = 0.25;  // rad, that a window of time allows
+// rad, that a window of time allows: turning adds a quarter of the shape's arm to what it sweeps.
+constexpr double kTurn = 0.25;
 
 // The pose of a shape seen from the frame of another.
 Pose relative_pose(const Pose& frame, const Pose& pose) {
@@ -94,7 +95,9 @@ class Directions {
 
  private:
   static constexpr int kKept = 8;
-  static constexpr double kSame = 1e-3;  // rad
+  // rad, up to which directions are the same: they prove distances that differ by a thousandth of
+  // the sizes at most.
+  static constexpr double kSame = 1e-3;
   Lowest lowest_of_;
   std::array<Vector3d, kKept> normal_;
   std::array<double, kKept> lowest_{};
