@@ -6,6 +6,8 @@ namespace dashpot::host {
 
 namespace {
 
+double damping_force(const mjData* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+
 // Generalized force of the weight of the subtree that a degree of freedom moves.
 double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
   const int body = m->dof_bodyid[dof];
@@ -22,10 +24,15 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
 
 double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
 
-double damping_force(const mjData_* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force) {
+  force.resize(m->nv);
+  for (int i = 0; i < m->nv; ++i) force[i] = damping_force(d, i);
+}
 
-double driving_force(const mjData_* d, int dof) {
-  return d->qfrc_smooth[dof] + d->qfrc_bias[dof] - d->qfrc_spring[dof] - damping_force(d, dof);
+void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force) {
+  force.resize(m->nv);
+  for (int i = 0; i < m->nv; ++i)
+    force[i] = d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping_force(d, i);
 }
 
 double positional_force(const mjData_* d, int dof) {

@@ -108,10 +108,10 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
 }
 
 void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion) {
-  for (auto* array : {&undamped_force_, &driving_force_, &damping_force_}) array->resize(m->nv);
+  damping_forces(m, d, damping_force_);
+  driving_forces(m, d, driving_force_);
+  undamped_force_.resize(m->nv);
   for (int i = 0; i < m->nv; ++i) {
-    damping_force_[i] = damping_force(d, i);
-    driving_force_[i] = driving_force(d, i);
     undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
     if (!motion.end || !(*motion.integrated)[m->dof_treeid[i]]) continue;
     const SmoothForces& end = *motion.end;

@@ -190,14 +190,10 @@ void RungeKutta::check_mean_slope(const mjModel* m) const {
 }
 
 void RungeKutta::read_end(const mjModel* m, const mjData* d) {
-  for (auto* array : {&end_.all, &end_.driving, &end_.damping, &end_.velocity})
-    array->resize(m->nv);
-  for (int i = 0; i < m->nv; ++i) {
-    end_.all[i] = d->qfrc_smooth[i];
-    end_.driving[i] = driving_force(d, i);
-    end_.damping[i] = damping_force(d, i);
-    end_.velocity[i] = d->qvel[i];
-  }
+  end_.all.assign(d->qfrc_smooth, d->qfrc_smooth + m->nv);
+  driving_forces(m, d, end_.driving);
+  damping_forces(m, d, end_.damping);
+  end_.velocity.assign(d->qvel, d->qvel + m->nv);
 }
 
 }  // namespace dashpot::host

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <vector>
 
 struct mjModel_;
 struct mjData_;
@@ -10,14 +11,15 @@ struct mjData_;
 namespace dashpot::host {
 
 // Smooth force on a degree of freedom at the start of the last step, N or N m: all of it; what
-// follows from positions and velocities alone: bias, springs and gravity compensation; that of
-// dampers and fluids; that of actuators, applied forces and gravity compensation.
+// follows from positions and velocities alone: bias, springs and gravity compensation; the part of
+// this that has a potential, from gravity, springs and gravity compensation.
 double smooth_force(const mjData_* d, int dof);
 double positional_force(const mjData_* d, int dof);
-double damping_force(const mjData_* d, int dof);
-double driving_force(const mjData_* d, int dof);
-// The part of these that has a potential, from gravity, springs and gravity compensation.
 double potential_force(const mjModel_* m, const mjData_* d, int dof);
+// Those of all degrees of freedom (nv): of dampers and fluids; of actuators, applied forces and
+// gravity compensation.
+void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
+void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 // M x in generalized coordinates (nv), with the inertia last computed.
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
 

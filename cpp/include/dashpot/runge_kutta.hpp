@@ -27,7 +27,7 @@ bool is_runge_kutta(const mjModel_* m);
 // Generalized forces and velocities (nv each), N or N m, m/s or rad/s.
 struct SmoothForces {
   std::vector<double> all;
-  std::vector<double> driving;  // see driving_force in mujoco_forces.hpp
+  std::vector<double> driving;  // see driving_forces in mujoco_forces.hpp
   std::vector<double> damping;  // of dampers and fluids
   std::vector<double> velocity;
 };
