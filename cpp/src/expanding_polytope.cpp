@@ -15,6 +15,7 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Of 60,000 random pairs of decimetres, twice as many rounds change depths by 2e-6 m at most.
 constexpr int kMaxRounds = 192;
 // Where a whole ring of directions is equally near, rounds go into all of it. A looser tolerance
 // then does, for refinement to start from.
