@@ -48,9 +48,32 @@ def test_formatters_are_the_same_in_ci_and_before_commits() -> None:
         assert only(rf"/{hook}\n +rev: v(.+)", hooks) == only(rf'"{tool}==(.+)"', tools)
 
 
-@pytest.mark.parametrize("link", re.findall(r"\]\((?!http)([^)]+)\)", read("README.md")))
-def test_readme_links_to_files_that_exist(link: str) -> None:
-    assert (ROOT / link).exists()
+PAGES = ("README.md", "benchmarks/README.md", "docs/method.md")
+LINKS = [
+    (page, link) for page in PAGES for link in re.findall(r"\]\((?!http)([^)]+)\)", read(page))
+]
+
+
+@pytest.mark.parametrize(("page", "link"), LINKS)
+def test_pages_link_to_files_that_exist(page: str, link: str) -> None:
+    assert ((ROOT / page).parent / link).exists()
+
+
+def test_method_has_the_constants_of_the_source() -> None:
+    method = read("docs/method.md")
+    islands = read("cpp/include/dashpot/islands.hpp")
+    stiffness = read("cpp/include/dashpot/row_stiffness.hpp")
+    motion = read("cpp/include/dashpot/lane_motion.hpp")
+
+    def constant(name: str, source: str) -> float:
+        return float(only(rf"{name} = ([0-9.e-]+);", source))
+
+    assert float(only(r"\\theta = ([0-9.]+)", method)) == constant("kResolution", islands)
+    assert int(only(r"n \\ge ([0-9]+)\$", method)) == constant("kMinimumMicrosteps", islands)
+    longest = float(only(r"h\$ at most\n([0-9.]+) ms", method))
+    assert longest == pytest.approx(1e3 * constant("kRigidMicrostep", stiffness))
+    recovery = float(only(r"within ([0-9]+) ms", method.replace("\n", " ")))
+    assert recovery == pytest.approx(1e3 * constant("kLeastRecoveryTime", motion))
 
 
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
