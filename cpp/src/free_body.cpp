@@ -270,25 +270,29 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
   return body;
 }
 
-double energy_gain(const FreeMotion& motion, double step, const FreeBody& end) {
+double energy_gain(const FreeMotion& motion, const Vector6& displacement, const FreeBody& end) {
   const FreeBody& start = motion.start;
-  const auto rotation_energy = [](const FreeBody& body) {
-    const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
-    return 0.5 * body.inertia.dot(local.cwiseProduct(local));
-  };
   const Eigen::Vector3d omega = end.orientation * end.velocity.tail<3>();
   const Eigen::Vector3d arm = end.orientation * end.offset;
   const Eigen::Vector3d centre_velocity = end.velocity.head<3>() + omega.cross(arm);
   const Eigen::Vector3d way = end.origin + arm - start.origin - start.orientation * start.offset;
+  const double translation =
+      0.5 * start.mass * (centre_velocity.squaredNorm() - motion.centre_velocity.squaredNorm()) -
+      start.mass * motion.centre_acceleration.dot(way);
+  const auto rotation_energy = [&](const Eigen::Vector3d& local) {
+    return 0.5 * start.inertia.dot(local.cwiseProduct(local));
+  };
+  // Without contact the smooth torque does the work that the rotation gains.
+  const double smooth = rotation_energy(motion.end.orientation.conjugate() *
+                                        angular_velocity(motion.end, start.inertia));
+  const double rotation =
+      rotation_energy(start.principal.conjugate() * end.velocity.tail<3>()) - smooth;
   const Eigen::Vector3d alpha = start.orientation * start.acceleration.tail<3>();
   const Eigen::Quaterniond principal = start.orientation * start.principal;
   const Eigen::Vector3d torque =
       momentum_of(principal, start.inertia, alpha) +
       motion.angular_velocity.cross(momentum_of(principal, start.inertia, motion.angular_velocity));
-  const double translation =
-      0.5 * start.mass * (centre_velocity.squaredNorm() - motion.centre_velocity.squaredNorm());
-  return translation - start.mass * motion.centre_acceleration.dot(way) + rotation_energy(end) -
-         rotation_energy(start) - 0.5 * step * torque.dot(motion.angular_velocity + omega);
+  return translation + rotation - torque.dot(displacement.tail<3>());
 }
 
 double brake_rotation(FreeBody& body, double energy) {

@@ -235,7 +235,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm()) > kFarTurn;
   if (by_rows.touched && (by_rows.from_middle || turns_far)) {
     const double unpaid = turns_far ? by_rows.unpaid : 0.0;
-    const double excess = energy_gain(motion, length, end) - contact_work(index, length, data);
+    const double excess = energy_gain(motion, shift, end) - contact_work(index, length, data);
     double taken = 0.0;
     if (excess + unpaid > 0.0) taken = brake_rotation(end, excess + unpaid);
     withheld = std::clamp(taken - excess, 0.0, unpaid);

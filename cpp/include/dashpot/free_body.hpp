@@ -75,10 +75,9 @@ Vector6 mean_acceleration(const FreeMotion& motion, double step);
 FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6& velocity_change,
                             const Vector6& displacement);
 
-// Kinetic energy (J) that the motion from `motion.start` to `end` gained beyond the work of the
-// smooth load. Exact under a force; under a torque the turn is taken from the mean angular
-// velocity.
-double energy_gain(const FreeMotion& motion, double step, const FreeBody& end);
+// Kinetic energy (J) that the motion from `motion.start` to `end`, which contacts moved and turned
+// by `displacement`, gained beyond the work of the smooth load.
+double energy_gain(const FreeMotion& motion, const Vector6& displacement, const FreeBody& end);
 
 // Takes `energy` (J) out of the body's rotation, or all that is there. Returns what it took.
 double brake_rotation(FreeBody& body, double energy);
