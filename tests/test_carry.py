@@ -69,3 +69,28 @@ def test_a_box_stays_in_its_place_on_a_tray_that_turns_and_moves(tray):
             places.append(rotation.T @ (data.xpos[box] - data.xpos[carrier]))
     # 14 rad of turn; second order in the 8e-3 rad of a step.
     assert np.linalg.norm(np.array(places) - places[0], axis=1).max() < 1e-3 * place
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+def test_a_small_box_stays_far_out_on_a_turntable(timestep):
+    """A tenth of the friction limit; the box goes 0.4 to 1 of its half-width in a step."""
+    radius, speed = 1.0, 0.9
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <body name="table" pos="0 0 .5"><joint axis="0 0 1"/>
+            <geom type="cylinder" size="1.5 .02" mass="100" friction=".9"/></body>
+          <body name="box" pos="{radius} 0 .53"><freejoint/>
+            <geom type="box" size=".01 .01 .01" mass=".1" friction=".9"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[:] = [speed, 0.0, radius * speed, 0.0, 0.0, 0.0, speed]
+    engine.step(data, nstep=round(2.0 / timestep))
+    position, turn = data.qpos[1:3], data.qpos[0]
+    place = [
+        np.cos(turn) * position[0] + np.sin(turn) * position[1],
+        np.cos(turn) * position[1] - np.sin(turn) * position[0],
+    ]
+    # The springs of friction give by micrometres while they take up the load.
+    assert np.hypot(place[0] - radius, place[1]) < 1e-5

@@ -89,7 +89,7 @@ class TurningPair {
     if (on_plane && is_ball(model_, side_[1].geom)) return false;
     for (int i = 0; i < 2; ++i) find_motion(first_->tree[i], trees, motion, side_[i]);
     mju_sub3(relative_, side_[1].linear, side_[0].linear);
-    const double way = 2.0 * time_ * mju_norm3(relative_);
+    const double way = 2.0 * time_ * speed_along();
     const double turn =
         2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
     if (is_still(turn, way)) return false;
@@ -109,6 +109,8 @@ class TurningPair {
     const bool corners = has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
     bool any = false;
     for (ContactInput* contact = first_; contact != last_; ++contact) {
+      // At a seam the middle may be beyond the edge, where the other geom's face goes on.
+      if (contact->is_at_seam()) continue;
       const MiddleContact* const same = nearest(*contact);
       if (!same || nearest(*same) != contact) continue;
       const double far = corners ? 2.0 * way_ : kFarPoint * size();
@@ -142,6 +144,23 @@ class TurningPair {
       if (model_->geom_rbound[side.geom] > 0.0)
         least = std::min<double>(least, model_->geom_rbound[side.geom]);
     return least;
+  }
+
+  // How fast (m/s) the centre of the smaller geom moves on the body of the other: not at all where
+  // both turn as one, however far from each other the centres of mass of the bodies are.
+  double speed_along() const {
+    const double radius[2] = {model_->geom_rbound[side_[0].geom],
+                              model_->geom_rbound[side_[1].geom]};
+    const int smaller = radius[1] == 0.0 || (radius[0] > 0.0 && radius[0] < radius[1]) ? 0 : 1;
+    const mjtNum* centre = data_->geom_xpos + 3 * side_[smaller].geom;
+    mjtNum velocity[2][3];
+    for (int i = 0; i < 2; ++i) {
+      mjtNum arm[3];
+      mju_sub3(arm, centre, data_->xipos + 3 * side_[i].body);
+      mju_cross(velocity[i], side_[i].angular, arm);
+      mju_addTo3(velocity[i], side_[i].linear);
+    }
+    return mju_dist3(velocity[0], velocity[1]);
   }
 
   // The farthest that any two points of the geoms move along each other.
