@@ -183,6 +183,32 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
     distance[nearest] = away;
     matches[index].nearest = nearest;
   }
+  match_at_seams(contacts, rows, slots, heir, matches);
+}
+
+// What a geom rolls on to remembers what it left, by the place on that geom, geom 1 of both.
+void Memory::match_at_seams(const std::vector<ContactInput>& contacts, const Rows& rows,
+                            const SlotsByPair& slots, std::vector<int>& heir,
+                            std::vector<Match>& matches) const {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact || matches[index].nearest >= 0) continue;
+    const ContactInput& input = contacts[c.input];
+    if (!input.is_at_seam() || input.gap >= 0.0) continue;
+    int& nearest = matches[index].nearest;
+    double least = std::numeric_limits<double>::infinity();
+    const auto visit = [&](int slot) {
+      const double* values = contact_storage(slot);
+      matches[index].load += values[kSlotCompression] * values[kSlotStiffness];
+      const double away = squared_distance(values + kSlotPosition, input.local_position[0].data());
+      if (heir[slot] >= 0 || away >= least) return;
+      least = away;
+      nearest = slot;
+    };
+    for (int other : input.takes_over)
+      if (other >= 0) slots.for_each(pair_key(input.geom[0], other), visit);
+    if (nearest >= 0) heir[nearest] = static_cast<int>(index);
+  }
 }
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts,

@@ -39,11 +39,25 @@ double inner_radius(const mjModel* m, int geom) {
   }
 }
 
+// Whether a contact is that of a geom without flat faces and one with.
+bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
+  if (contact.is_of_flex()) return false;
+  const int round = m->geom_type[contact.geom[0]], other = m->geom_type[contact.geom[1]];
+  return (round == mjGEOM_SPHERE || round == mjGEOM_CAPSULE || round == mjGEOM_ELLIPSOID ||
+          round == mjGEOM_CYLINDER) &&
+         (other == mjGEOM_BOX || other == mjGEOM_MESH);
+}
+
 class Seams {
  public:
-  Seams(const mjModel* m, const mjData* d, FaceBuffers& faces, SeamBuffers& buffers,
-        const std::vector<ContactInput>& contacts)
-      : m_(m), d_(d), faces_(faces), buffers_(buffers), contacts_(contacts) {
+  Seams(const mjModel* m, const mjData* d, const std::vector<double>& start_reach,
+        FaceBuffers& faces, SeamBuffers& buffers, const std::vector<ContactInput>& contacts)
+      : m_(m),
+        d_(d),
+        start_reach_(start_reach),
+        faces_(faces),
+        buffers_(buffers),
+        contacts_(contacts) {
     buffers.first.assign(m->nbody, -1);
     buffers.next.resize(2 * contacts.size());
     for (size_t i = 0; i < contacts.size(); ++i)
@@ -58,6 +72,23 @@ class Seams {
   double tolerance(const ContactInput& contact) const {
     const double radius = contact_radius(m_, contact);
     return std::isinf(radius) ? 0.0 : kTolerance * radius;
+  }
+
+  // The contact that a round geom has in the place of this one, but deeper, with another geom of
+  // the same body that is flush with the one here; -1 where there is none.
+  int successor(size_t index) {
+    const ContactInput& contact = contacts_[index];
+    if (!may_roll_over_a_seam(m_, contact)) return -1;
+    const int geom = contact.geom[0], other = contact.geom[1];
+    int deepest = -1;
+    for (int at = buffers_.first[body_of(contact, 0)]; at >= 0; at = buffers_.next[at]) {
+      const ContactInput& rest = contacts_[at / 2];
+      const bool of_geom = at % 2 == 0 && rest.geom[0] == geom && rest.geom[1] != other;
+      if (!of_geom || rest.gap >= 0.0 || !is_fixed_to(rest.geom[1], other)) continue;
+      if (!is_before(at / 2, deepest >= 0 ? deepest : index)) continue;
+      if (are_in_one_place(contact, rest) && is_flush(other, rest)) deepest = at / 2;
+    }
+    return deepest;
   }
 
   bool is_at_seam(const ContactInput& contact) {
@@ -78,6 +109,32 @@ class Seams {
   }
 
  private:
+  // With geoms of other bodies a contact at the seam is one that bears its part.
+  bool is_fixed_to(int geom, int other) const {
+    return m_->body_weldid[m_->geom_bodyid[geom]] == m_->body_weldid[m_->geom_bodyid[other]];
+  }
+
+  // Whether one of two contacts is deeper, or as deep and the first.
+  bool is_before(size_t a, size_t b) const {
+    return contacts_[a].gap != contacts_[b].gap ? contacts_[a].gap < contacts_[b].gap : a < b;
+  }
+
+  // A round geom of radius r that overlaps by s does so within sqrt(2 r s) of its lowest point.
+  bool are_in_one_place(const ContactInput& contact, const ContactInput& rest) const {
+    const Eigen::Map<const Eigen::Vector3d> a(contact.position.data()), b(rest.position.data());
+    const double lens = std::sqrt(2.0 * m_->geom_rbound[rest.geom[0]] * -rest.gap);
+    const double way = start_reach_[rest.geom[0]] + start_reach_[rest.geom[1]];
+    return (a - b).norm() <= kDepths * (lens + way);
+  }
+
+  // Whether the face of a geom along the normal of what geom 0 rests on is no higher than that.
+  bool is_flush(int geom, const ContactInput& rest) {
+    const Eigen::Vector3d up = -Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
+    if (!has_face_along(m_, d_, geom, up, kSameNormal, faces_)) return false;
+    const double overlap = up.dot(support(geom, up) - support(rest.geom[0], -up));
+    return overlap <= kDepths * -rest.gap + tolerance(rest);
+  }
+
   int body_of(const ContactInput& contact, int side) const {
     return m_->geom_bodyid[contact.geom[side]];
   }
@@ -127,10 +184,31 @@ class Seams {
 
   const mjModel* m_;
   const mjData* d_;
+  const std::vector<double>& start_reach_;
   FaceBuffers& faces_;
   SeamBuffers& buffers_;
   const std::vector<ContactInput>& contacts_;
 };
+
+// Where a round geom has left a tile over its edge, with all of its contacts from `first` to `last`
+// that touch, others take them over. A line across a seam stays on both sides.
+void hand_over(Seams& seams, size_t first, size_t last, SeamBuffers& buffers,
+               std::vector<ContactInput>& contacts) {
+  std::vector<int>& successor = buffers.successor;
+  successor.clear();
+  for (size_t i = first; i < last; ++i) {
+    successor.push_back(seams.successor(i));
+    if (successor.back() < 0 && contacts[i].gap < 0.0) return;
+  }
+  for (size_t i = first; i < last; ++i) {
+    if (successor[i - first] < 0) continue;
+    auto& others = contacts[successor[i - first]].takes_over;
+    const auto end = std::find(others.begin(), others.end(), -1);
+    if (end != others.end() && std::find(others.begin(), end, contacts[i].geom[1]) == end)
+      *end = contacts[i].geom[1];
+    buffers.at_seam[i] = 1;
+  }
+}
 
 }  // namespace
 
@@ -141,14 +219,23 @@ void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
     return !c.is_of_flex() && start_reach[c.geom[0]] + start_reach[c.geom[1]] >
                                   std::max(c.gap, kMotion * contact_radius(m, c));
   };
-  if (std::none_of(contacts.begin(), contacts.end(), moves)) return;
-  Seams seams(m, d, faces, buffers, contacts);
+  const auto is_of_round_geom = [&](const ContactInput& c) { return may_roll_over_a_seam(m, c); };
+  if (std::none_of(contacts.begin(), contacts.end(), moves) &&
+      std::none_of(contacts.begin(), contacts.end(), is_of_round_geom))
+    return;
+  Seams seams(m, d, start_reach, faces, buffers, contacts);
   // Those to be dropped are found before any is: each may be what another body rests on.
   size_t kept = 0;
   std::vector<char>& at_seam = buffers.at_seam;
   at_seam.resize(contacts.size());
   for (size_t i = 0; i < contacts.size(); ++i)
     at_seam[i] = moves(contacts[i]) && seams.is_at_seam(contacts[i]);
+  // Contacts of a pair come one after the other.
+  for (size_t first = 0, last; first < contacts.size(); first = last) {
+    last = first + 1;
+    while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
+    hand_over(seams, first, last, buffers, contacts);
+  }
   for (size_t i = 0; i < contacts.size(); ++i)
     if (!at_seam[i]) {
       if (kept != i) contacts[kept] = contacts[i];

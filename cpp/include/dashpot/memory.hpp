@@ -133,6 +133,9 @@ class Memory {
   bool starts() const;  // no step was taken yet
   // The nearest remembered point, and the square of its distance (m^2).
   std::pair<int, double> nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
+  void match_at_seams(const std::vector<ContactInput>& contacts, const Rows& rows,
+                      const SlotsByPair& slots, std::vector<int>& heir,
+                      std::vector<Match>& matches) const;
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,

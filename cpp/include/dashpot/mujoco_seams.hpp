@@ -9,6 +9,12 @@
 //
 //     o = max of m x over the other - min of m x over the geom,
 //     o + H max(0, rate at which o grows) <= 1.5 s + tolerance .
+//
+// What rolls over a seam is for a while in touch with the face of one tile and the edge of the
+// other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
+// without the compression of the one behind: a ball of 1e3 N/m jumped by most of its radius. Of
+// balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
+// contact stays, and takes over what the other remembers (ContactInput::takes_over).
 
 #pragma once
 
@@ -27,11 +33,12 @@ namespace dashpot::host {
 struct SeamBuffers {
   std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
   std::vector<char> at_seam;     // by contact
+  std::vector<int> successor;    // by contact of a pair
   GeomShapes shapes;
 };
 
-// Drops such contacts of geoms that come nearer. `start_reach` (m): how far each geom can move in
-// the step with the velocities of its start.
+// Drops the first kind of contacts of geoms that come nearer, and the second kind of all.
+// `start_reach` (m): how far each geom can move in the step with the velocities of its start.
 void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
                             const std::vector<double>& start_reach, FaceBuffers& faces,
                             SeamBuffers& buffers, std::vector<ContactInput>& contacts);

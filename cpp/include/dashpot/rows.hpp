@@ -24,9 +24,11 @@ inline constexpr double kDirection = 1e-5;  // rad, to which collision knows a c
 
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
-  int source = 0;                    // index in the list of detected contacts
-  std::array<int, 2> geom{};         // ids; -1 - id for a flex
-  std::array<int, 2> tree{-1, -1};   // trees of the two bodies, -1 for static ones
+  int source = 0;                   // index in the list of detected contacts
+  std::array<int, 2> geom{};        // ids; -1 - id for a flex
+  std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
+  // Geoms whose contacts with geom 1 at a seam it takes over, else -1.
+  std::array<int, 3> takes_over{-1, -1, -1};
   int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m, distance less margin
   double margin = 0.0;               // m
@@ -48,6 +50,7 @@ struct ContactInput {
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 
+  bool is_at_seam() const { return takes_over[0] >= 0; }
   bool is_of_flex() const { return geom[0] < 0 || geom[1] < 0; }
 };
 
