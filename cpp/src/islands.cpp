@@ -39,6 +39,17 @@ std::array<std::array<double, kMaxRows>, 2> split_between_trees(const Rows& rows
   return split;
 }
 
+// Whether a rigid contact of an island of few groups is hit. A model's own solref is resolved
+// unless it is stiffer than rigid ones.
+bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
+            const std::vector<char>& hits) {
+  return island.group.end() - island.group.begin() <= kFewGroups &&
+         std::any_of(island.group.begin(), island.group.end(), [&](int index) {
+           const GroupMaterial& given = materials[index];
+           return hits[index] && given.rigid() && !given.from_solref;
+         });
+}
+
 }  // namespace
 
 const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
@@ -91,7 +102,8 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   const std::vector<SagTime>& sag_time, double step, const Options& options) {
+                   const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double step,
+                   const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
@@ -110,6 +122,16 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     // Rounding up must not add a micro-step for the last bit of a quotient.
     island.microsteps = static_cast<int>(
         std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - kRounding)));
+    const double rigid_microstep = step / island.microsteps;
+    const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
+    if (options.microsteps == 0 && finer > 1 && is_hit(island, materials, hits)) {
+      island.microsteps *= finer;
+      // Enough for friction as for normals: nothing is taken from one for the other.
+      for (int tree : island.tree) {
+        RigidCoupling& own = bounds_[tree].coupling;
+        own = {own.stiffness, own.stiffness, own.stiffness};
+      }
+    }
     island.duration = step / island.microsteps;
     const bool resolves_si = fits(island.duration, si_microstep);
     if (!resolves_si) measure(island, rows, trees, materials, true);
@@ -117,7 +139,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
       const RowGroup& c = rows.group[index];
       if (resolves_si && !materials[index].rigid()) continue;
       if (!fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
-                           island.duration))
+                           {island.duration, rigid_microstep}))
         island.clipped += c.dim;
     }
   }

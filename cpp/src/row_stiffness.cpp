@@ -125,11 +125,14 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
 }
 
 bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
-                     const RigidCoupling& coupling, const SagTime& sag_time, double h) {
+                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidMicrostep& microstep) {
   const Material& material = given.material;
   const bool is_limited = !given.rigid() || given.from_solref;
   const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
-  const double resolved = stiffest_rigid(coupling.stiffness) / (h * h);
+  const double h = microstep.duration;
+  const double resolved =
+      stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
   const double stiffest = is_limited ? std::min(resolved, asked.stiffness) : resolved;
   const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular

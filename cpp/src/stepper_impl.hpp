@@ -85,6 +85,7 @@ struct Stepper::Impl {
   std::vector<GroupMaterial> materials;  // per group
   std::vector<Match> matches;            // per group
   std::vector<SagTime> sag_time;         // per group
+  std::vector<char> hits;                // per group
   Rows rows;
   RowData data;
   PressedTogether pressed_together;

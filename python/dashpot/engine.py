@@ -58,7 +58,8 @@ class Engine:
         MuJoCo's integrator.
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
-        stiffness present, at least 13, and at most 0.25 ms long for rigid contacts.
+        stiffness present, at least 13, and at most 0.25 ms long for rigid contacts; up to three
+        times as many in an island of few groups of rows whose rigid contacts are hit.
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
         are lowered, and counted in ``StepStats.clipped``: such contacts are softer. Stiffness goes

@@ -56,10 +56,16 @@ double stiffest_rigid(double bound);
 // stiffness that gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
+// A micro-step (s), and one as long or longer whose resolution stiffness is limited by.
+struct RigidMicrostep {
+  double duration = 0.0, of_stiffness = 0.0;
+};
+
 // Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
-// micro-steps of `h` (s) resolve. Returns whether nothing that was given was lowered.
+// micro-steps resolve. Returns whether nothing that was given was lowered.
 bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& given,
-                     const RigidCoupling& coupling, const SagTime& sag_time, double h);
+                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidMicrostep& microstep);
 
 // Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
 // light one and as damped as their restitution says at the stiffness that weights need. Rows of a
