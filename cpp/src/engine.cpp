@@ -199,7 +199,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   Memory view = memory(d);
   view.match(contacts, rows, matches);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
-  find_hits(rows, contacts, data, length, hits);
+  find_hits(rows, islands.all(), contacts, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   islands.plan(rows, motion.trees(), materials, sag_time, hits, length, parameters.options);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length,

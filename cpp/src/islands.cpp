@@ -39,15 +39,13 @@ std::array<std::array<double, kMaxRows>, 2> split_between_trees(const Rows& rows
   return split;
 }
 
-// Whether a rigid contact of an island of few groups is hit. A model's own solref is resolved
-// unless it is stiffer than rigid ones.
+// Whether a rigid contact is hit. A model's own solref is resolved unless it is stiffer than rigid.
 bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
             const std::vector<char>& hits) {
-  return island.group.end() - island.group.begin() <= kFewGroups &&
-         std::any_of(island.group.begin(), island.group.end(), [&](int index) {
-           const GroupMaterial& given = materials[index];
-           return hits[index] && given.rigid() && !given.from_solref;
-         });
+  return std::any_of(island.group.begin(), island.group.end(), [&](int index) {
+    const GroupMaterial& given = materials[index];
+    return hits[index] && given.rigid() && !given.from_solref;
+  });
 }
 
 }  // namespace

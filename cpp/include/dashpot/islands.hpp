@@ -45,6 +45,7 @@ struct Island {
   int microsteps = 1;
   double duration = 0.0;  // h, s
   int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
+  bool has_few_groups() const { return group.last - group.first <= kFewGroups; }
 };
 
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.

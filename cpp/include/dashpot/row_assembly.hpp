@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "dashpot/group_material.hpp"
+#include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/row_stiffness.hpp"
@@ -30,8 +31,10 @@ void find_sag_times(const mjModel_* model, const Rows& rows,
 // Gap rate (m/s) from which on a contact is hit rather than pressed, where that is more than smooth
 // forces make in two steps.
 inline constexpr double kHitSpeed = 0.05;
-// For Islands::plan, by group: contacts that touch in a step of `step` (s) and are hit, or fly off.
-void find_hits(const Rows& rows, const std::vector<ContactInput>& contacts, const RowData& data,
-               double step, std::vector<char>& hits);
+// For Islands::plan, by group: contacts of islands of few groups that touch in a step of `step` (s)
+// and are hit, or fly off.
+void find_hits(const Rows& rows, const std::vector<Island>& islands,
+               const std::vector<ContactInput>& contacts, const RowData& data, double step,
+               std::vector<char>& hits);
 
 }  // namespace dashpot
