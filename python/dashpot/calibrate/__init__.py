@@ -20,13 +20,19 @@ Four throws of a ball, with time (s), position (m) and quaternion (scalar first)
                       initial_state="pose_and_velocity")
     result = fit(problem)
     print(result, result.values, result.noise_explains)
+
+Another throw, of which the first 0.1 s tell how it started; what follows is predicted::
+
+    (prediction,) = result.predict([throw], head=0.1)
+    print(prediction.position_error, prediction.rotation_error)
 """
 
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.identifiability import Estimate
 from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.prediction import Prediction, predict
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.trajectory import Trajectory
 
-__all__ = ["Estimate", "Fit", "Parameter", "Problem", "Trajectory", "fit"]
+__all__ = ["Estimate", "Fit", "Parameter", "Prediction", "Problem", "Trajectory", "fit", "predict"]

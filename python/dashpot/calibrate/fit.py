@@ -303,6 +303,7 @@ def _result(
         seconds=seconds,
         method=method,
         loss=search.loss.name,
+        loss_scale=search.loss.scale,
         errors=errors,
         confidence=confidence,
         converged=search.converged,

@@ -2,12 +2,13 @@
 
 A point of the search is the vector of the parameters' search coordinates, followed, where initial
 states are estimated, by one block per trajectory: velocity (nv) and, if wanted, displacement of
-the initial position (nv, a tangent vector as ``mj_integratePos`` takes it).
+the initial position (nv, a tangent vector as ``mj_integratePos`` takes it). Where parameters are
+held at given values, points have these blocks alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import mujoco
 import numpy as np
@@ -34,15 +35,20 @@ _LIVE = 1e-6
 class Objective:
     """Weighted residuals as a function of points, many points in one parallel batch."""
 
-    def __init__(self, problem: Problem, *, nthread: int = 0) -> None:
+    def __init__(
+        self, problem: Problem, *, nthread: int = 0, held: Mapping[str, float] | None = None
+    ) -> None:
         self.problem = problem
         self.nthread = nthread
-        self.coordinates = [p.coordinate for p in problem.parameters]
+        self._held = held
+        #: Parameters that points hold.
+        self.unknown = problem.parameters if held is None else ()
+        self.coordinates = [p.coordinate for p in self.unknown]
         self.evaluations = 0
         self._systems: dict[bytes, System] = {}
-        model = model_of(problem.build(problem.start))
+        model = model_of(problem.build(problem.start if held is None else held))
         self._model = model
-        self._qpos, self._qvel = problem.initial_states(model)
+        self._qpos, self._qvel = problem.initial_states(model, held)
         self._observed = [self._observe(i, model) for i in range(len(problem.trajectories))]
         counts = [observed.residuals for observed in self._observed]
         #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
@@ -50,7 +56,7 @@ class Objective:
 
     @property
     def parameters(self) -> int:
-        """Number of parameters."""
+        """Number of parameters that points hold."""
         return len(self.coordinates)
 
     @property
@@ -97,7 +103,7 @@ class Objective:
     def start(self) -> Array:
         """Return the point where the search starts."""
         point = np.zeros(self.size)
-        for i, parameter in enumerate(self.problem.parameters):
+        for i, parameter in enumerate(self.unknown):
             point[i] = self.coordinates[i].to_search(parameter.start)
         if self.initial_size:
             blocks = point[self.parameters :].reshape(len(self._observed), self.initial_size)
@@ -114,11 +120,11 @@ class Objective:
 
     def values(self, point: Array) -> dict[str, float]:
         """Return the parameters' values at a point, by name."""
+        if self._held is not None:
+            return dict(self._held)
         return {
             parameter.name: coordinate.to_value(float(z))
-            for parameter, coordinate, z in zip(
-                self.problem.parameters, self.coordinates, point, strict=False
-            )
+            for parameter, coordinate, z in zip(self.unknown, self.coordinates, point, strict=False)
         }
 
     def residuals(self, points: Array) -> Array:
@@ -182,7 +188,7 @@ class Objective:
         """
         count = self.parameters
         if widths is None:
-            widths = np.array([p.difference for p in self.problem.parameters])
+            widths = np.array([p.difference for p in self.unknown])
         lower, upper = self.bounds()
         directions = count + self.initial_size
         steps = np.zeros((directions, self.size))
@@ -200,22 +206,38 @@ class Objective:
 
     def differences(self) -> Array:
         """Return the half-widths (size,) of the differences that derivatives take by default."""
-        own = np.array([p.difference for p in self.problem.parameters])
+        own = np.array([p.difference for p in self.unknown])
         return np.concatenate([own, np.tile(self._initial_differences(), len(self._observed))])
 
     def poses(self, point: Array) -> list[tuple[Array, Array]]:
-        """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory."""
+        """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory.
+
+        Raises
+        ------
+        SimulationError
+            As `residuals` does.
+        """
         candidates, failures = self._candidates(np.atleast_2d(point))
         if failures:
             raise failures[0]
         variants, qpos, qvel = batch(candidates.values())
-        flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
+        try:
+            flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
+        except ValueError as error:
+            raise failure_of(self.values(point), error) from error
         result = []
         for t, trajectory in enumerate(self.problem.trajectories):
             rows = flat[self.offsets[t] // 6 : self.offsets[t + 1] // 6]
             poses = rows.reshape(-1, len(trajectory.bodies), 7)
             result.append((poses[..., :3].copy(), poses[..., 3:].copy()))
         return result
+
+    def initial_states(self, point: Array) -> tuple[Array, Array]:
+        """Return qpos (trajectories, nq) and qvel (trajectories, nv) of the starts at a point."""
+        candidates, failures = self._candidates(np.atleast_2d(point))
+        if failures:
+            raise failures[0]
+        return candidates[0].qpos, candidates[0].qvel
 
     def initial_estimates(self, point: Array) -> tuple[Array | None, Array | None]:
         """Return estimated initial velocity and displacement (trajectories, nv), None if given."""

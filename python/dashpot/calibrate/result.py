@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +16,11 @@ from dashpot.calibrate.identifiability import (
     noise_explains,
     percent,
 )
+from dashpot.calibrate.losses import LossName
+from dashpot.calibrate.prediction import Prediction, predict, predictions
 from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.trajectory import Trajectory
+from dashpot.checks import thread_count
 from dashpot.tables import table_html, table_text
 
 Array = NDArray[np.float64]
@@ -51,7 +56,7 @@ class Fit:
         Simulated sets of all trajectories, those for derivatives and intervals included.
     seconds
         Wall time of the fit.
-    method, loss, errors, confidence
+    method, loss, loss_scale, errors, confidence
         How it was made; ``errors`` is "independent" or "clustered".
     converged
         Whether the search ended by its own criterion rather than by the budget; where not, no
@@ -72,7 +77,8 @@ class Fit:
     evaluations: int
     seconds: float
     method: str
-    loss: str
+    loss: LossName
+    loss_scale: float
     errors: str
     confidence: float
     converged: bool
@@ -122,6 +128,49 @@ class Fit:
         return noise_explains(
             self.residual_variance, self.live_residuals, robust=self.loss != "linear"
         )
+
+    def predict(
+        self,
+        trajectories: Sequence[Trajectory] | None = None,
+        *,
+        head: float | None = None,
+        nthread: int | None = None,
+    ) -> tuple[Prediction, ...]:
+        """Simulate trajectories to their ends with the estimates, and compare.
+
+        Parameters
+        ----------
+        trajectories
+            Others than those fitted, each from the state that it carries, or that is fitted to its
+            `head` with the estimates held: see `dashpot.calibrate.predict`. None: those fitted,
+            from the initial states that the fit estimates; within the problem's window their
+            errors are its residuals, unweighted.
+        head
+            Seconds of each of `trajectories`, > 0, to which its initial state is fitted, with the
+            loss of the fit.
+        nthread
+            Number of threads, >= 1. None: one per core. The result does not depend on it.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `dashpot.calibrate.predict`; and for a `head` without `trajectories`.
+        """
+        if trajectories is not None:
+            return predict(
+                self.problem,
+                self.values,
+                trajectories,
+                head=head,
+                loss=self.loss,
+                loss_scale=self.loss_scale,
+                nthread=nthread,
+            )
+        if head is not None:
+            raise ValueError("head is for other trajectories; the fit has the states of its own")
+        parts = [p for p in (self.initial_velocity, self.initial_displacement) if p is not None]
+        states = np.concatenate(parts, axis=1).reshape(-1) if parts else np.empty(0)
+        return predictions(self.problem, self.values, states, thread_count(nthread))
 
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.
@@ -199,6 +248,7 @@ class Fit:
             "seconds": self.seconds,
             "method": self.method,
             "loss": self.loss,
+            "loss_scale": self.loss_scale,
             "errors": self.errors,
             "confidence": self.confidence,
             "converged": self.converged,

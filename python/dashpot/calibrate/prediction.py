@@ -1,0 +1,194 @@
+"""Simulate trajectories with given parameter values, and compare."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import get_args
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.intervals import check_count
+from dashpot.calibrate.losses import Loss, LossName
+from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.search import Search, least_squares
+from dashpot.calibrate.trajectory import Trajectory
+from dashpot.checks import number, positive_number, thread_count
+
+Array = NDArray[np.float64]
+
+# Of the search for initial states, whose cost is smooth before contact and takes a few.
+_MOST_ITERATIONS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a model says of one trajectory: poses at all of its frames, errors beside.
+
+    Attributes
+    ----------
+    trajectory
+        What was observed; times and bodies are its own.
+    position
+        (frames, bodies, 3) simulated origin of the body frame in the world, m.
+    quaternion
+        (frames, bodies, 4) simulated orientation body to world, scalar first.
+    position_error
+        (frames, bodies, 3) simulated less observed position in the world, m.
+    rotation_error
+        (frames, bodies, 3) rotation vector of ``R_observed^T R_simulated``, rad.
+    initial_qpos
+        (nq,) where the simulation started.
+    initial_qvel
+        (nv,)
+    """
+
+    trajectory: Trajectory
+    position: Array = field(repr=False)
+    quaternion: Array = field(repr=False)
+    position_error: Array = field(repr=False)
+    rotation_error: Array = field(repr=False)
+    initial_qpos: Array = field(repr=False)
+    initial_qvel: Array = field(repr=False)
+
+
+def predict(
+    problem: Problem,
+    values: Mapping[str, float],
+    trajectories: Sequence[Trajectory] | None = None,
+    *,
+    head: float | None = None,
+    loss: LossName = "linear",
+    loss_scale: float = 1.0,
+    nthread: int | None = None,
+) -> tuple[Prediction, ...]:
+    """Simulate trajectories to their ends with `values`, as a fit does, and compare.
+
+    A simulation starts somewhere. Without `head` it starts in the state that the trajectory carries
+    (or that ``start_states`` gives), as with ``initial_state="given"``. Where the problem estimates
+    initial states and none is known, say how many seconds of a trajectory tell it: the initial
+    state is then fitted to this `head`, parameters being held, and what comes after is predicted.
+    A head that ends before the first contact is independent of contact parameters. Its noise makes
+    an error of the start, which grows with time and is part of the errors returned.
+
+    Parameters
+    ----------
+    problem
+        What moves, and how steps, noise and initial states are. Its ``window`` does not count.
+    values
+        All parameters by name.
+    trajectories
+        Any of the model, fitted or not. None: those of the problem.
+    head
+        Seconds from the first frame, > 0, to which initial states are fitted. Only with
+        ``initial_state="velocity"`` or ``"pose_and_velocity"``.
+    loss, loss_scale
+        Of that fit, as in `dashpot.calibrate.fit`.
+    nthread
+        Number of threads, >= 1. None: one per core. The result does not depend on it.
+
+    Raises
+    ------
+    TypeError
+        If an argument is not of its type.
+    ValueError
+        Naming the parameter, trajectory or option; where a trajectory carries no ``initial_qvel``
+        and there is no `head`; and where a simulation fails.
+    """
+    if not isinstance(problem, Problem):
+        raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
+    if loss not in get_args(LossName):
+        raise ValueError(f"loss must be one of {', '.join(get_args(LossName))}, got {loss!r}")
+    chosen_loss = Loss(loss, positive_number("loss_scale", loss_scale))
+    threads = thread_count(nthread)
+    held = {name: number(f"parameter '{name}'", value) for name, value in values.items()}
+    estimated = problem.initial_state != "given"
+    if head is not None:
+        head = positive_number("head", head)
+        if not estimated:
+            raise ValueError(
+                "head needs a problem that estimates initial states, with initial_state="
+                "'velocity' or 'pose_and_velocity'"
+            )
+    if trajectories is not None:
+        if problem.start_states is not None:
+            raise ValueError(
+                "start_states gives the initial states of the problem's own trajectories; make a "
+                "Problem of the others, with theirs"
+            )
+        problem = replace(problem, trajectories=trajectories)
+    if head is None and estimated:
+        for trajectory in problem.trajectories:
+            if trajectory.initial_qvel is None:
+                raise ValueError(
+                    f"trajectory '{trajectory.name}' has no initial_qvel; give it, or a head to "
+                    "estimate its initial state from"
+                )
+        problem = replace(problem, initial_state="given")
+    noisy = problem.noisy_starts()
+    if noisy:
+        others = f" and {len(noisy) - 1} more" if len(noisy) > 1 else ""
+        warnings.warn(
+            f"trajectory '{noisy[0]}'{others}: no initial_qpos, so that the simulation starts at "
+            "the first observed pose as if that had no noise; give it, or a head with "
+            "initial_state='pose_and_velocity'",
+            stacklevel=2,
+        )
+    states = np.empty(0)
+    if head is not None:
+        states = _initial_states(problem.with_window(head), held, chosen_loss, threads)
+    return predictions(problem, held, states, threads)
+
+
+def predictions(
+    problem: Problem, values: Mapping[str, float], states: Array, nthread: int
+) -> tuple[Prediction, ...]:
+    """Return what `values` predict of a problem's trajectories, from unknowns of their `states`.
+
+    These are as in points of the search (`dashpot.calibrate.objective`): velocity and displacement
+    by trajectory, none where they are given.
+    """
+    objective = Objective(problem.with_window(None), nthread=nthread, held=values)
+    qpos, qvel = objective.initial_states(states)
+    result = []
+    for t, (position, quaternion) in enumerate(objective.poses(states)):
+        trajectory = problem.trajectories[t]
+        turn = np.empty_like(position)
+        for frame, body in np.ndindex(turn.shape[:2]):
+            mujoco.mju_subQuat(
+                turn[frame, body], quaternion[frame, body], trajectory.quaternion[frame, body]
+            )
+        result.append(
+            Prediction(
+                trajectory=trajectory,
+                position=position,
+                quaternion=quaternion,
+                position_error=position - trajectory.position,
+                rotation_error=turn,
+                initial_qpos=qpos[t].copy(),
+                initial_qvel=qvel[t].copy(),
+            )
+        )
+    return tuple(result)
+
+
+def _initial_states(heads: Problem, values: Mapping[str, float], loss: Loss, nthread: int) -> Array:
+    """Return the unknowns of the initial states that fit the heads of trajectories best."""
+    objective = Objective(heads, nthread=nthread, held=values)
+    check_count(objective.measured_count, objective.size)
+    # Each iteration takes a point and its Jacobian.
+    budget = Budget(_MOST_ITERATIONS * (objective.initial_size + 1), lambda *_: None)
+    search = Search(objective, loss, budget)
+    least_squares(search, objective.start(), _MOST_ITERATIONS)
+    if not search.converged:
+        warnings.warn(
+            f"the search for initial states ended before it converged ({search.message}); a head "
+            "that ends before the first contact is easier",
+            stacklevel=3,
+        )
+    return search.best_point
