@@ -141,6 +141,10 @@ class Parameter:
             ``tangential_damping_ratio``. What is not varied stays as the engine's material has it;
             a problem refuses geoms without one whose softness is the model's ``solref``, unless
             their stiffness is varied too.
+            Beside an unknown stiffness ask for ``restitution`` or ``damping_ratio`` rather than
+            ``damping``. Motions show how much a bounce returns, which at one damping in N s/m
+            depends on the stiffness too: data that a search fits with ease in restitution may end
+            it in a bad valley in N s/m, from a start a third off.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution).
@@ -213,6 +217,8 @@ class Parameter:
             tendon, actuator or degree of freedom: ``body_mass``, ``body_inertia``, ``body_ipos``,
             ``geom_friction``, ``geom_solref``, ``geom_size``, ``dof_damping``,
             ``dof_frictionloss`` ...
+            Moving the centre of mass (``body_ipos``) of a body that MuJoCo compiled as simple, its
+            frame being that of its inertia, needs ``simple="false"`` of the body in the MJCF.
         elements
             Name or id of the body, geom ... whose row is set, or several; of the joint, for all of
             its degrees of freedom.
