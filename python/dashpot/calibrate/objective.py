@@ -100,14 +100,22 @@ class Objective:
             live[rows] = np.tile((channels >= _LIVE).any(axis=0), len(channels))
         return live if live.any() else self._measured()
 
-    def start(self) -> Array:
-        """Return the point where the search starts."""
+    def start(self, *, robust: bool = False) -> Array:
+        """Return the point where the search starts; with `robust`, outliers do not lead it astray.
+
+        Velocities are then from `Problem.robust_guesses`, and displacements, which else are 0.
+        """
         point = np.zeros(self.size)
         for i, parameter in enumerate(self.unknown):
             point[i] = self.coordinates[i].to_search(parameter.start)
         if self.initial_size:
             blocks = point[self.parameters :].reshape(len(self._observed), self.initial_size)
-            blocks[:, : self._model.nv] = self._qvel
+            nv = int(self._model.nv)
+            blocks[:, :nv] = self._qvel
+            if robust:
+                velocity, displacement = self.problem.robust_guesses(self._model, self._qvel)
+                blocks[:, :nv] = velocity
+                blocks[:, nv:] = displacement[:, : self.initial_size - nv]
         return point
 
     def bounds(self) -> tuple[Array, Array]:

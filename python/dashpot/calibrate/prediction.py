@@ -184,7 +184,7 @@ def _initial_states(heads: Problem, values: Mapping[str, float], loss: Loss, nth
     # Each iteration takes a point and its Jacobian.
     budget = Budget(_MOST_ITERATIONS * (objective.initial_size + 1), lambda *_: None)
     search = Search(objective, loss, budget)
-    least_squares(search, objective.start(), _MOST_ITERATIONS)
+    least_squares(search, objective.start(robust=loss.robust), _MOST_ITERATIONS)
     if not search.converged:
         warnings.warn(
             f"the search for initial states ended before it converged ({search.message}); a head "

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.clock import gravity_of, in_milliseconds
+from dashpot.calibrate.first_guess import free_bodies, free_joint, initial_state, robust_guess
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
@@ -22,9 +23,6 @@ from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 Builder: TypeAlias = Callable[[Mapping[str, float]], System]
-# Frames from which the search starts an initial velocity.
-_START_FRAMES = 5
-
 StartStates: TypeAlias = Callable[[Mapping[str, float]], tuple[Array, Array]]
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
@@ -211,8 +209,23 @@ class Problem:
         qpos = np.empty((count, model.nq))
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
-            qpos[i], qvel[i] = _initial_state(trajectory, model, np.isfinite(self.sigma))
+            qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
         return qpos, qvel
+
+    def robust_guesses(self, model: mujoco.MjModel, qvel: Array) -> tuple[Array, Array]:
+        """Return velocities and displacements (trajectories, nv) to start an estimation with.
+
+        Outliers in the first frames do not lead them astray, as they do those of
+        `initial_states`, of which `qvel` (trajectories, nv) are the velocities.
+        """
+        guesses = [
+            robust_guess(
+                t if self.window is None else t.head(self.window), model, self.sigma, given
+            )
+            for t, given in zip(self.trajectories, qvel, strict=True)
+        ]
+        velocity, displacement = zip(*guesses, strict=True)
+        return np.array(velocity), np.array(displacement)
 
     def noisy_starts(self) -> tuple[str, ...]:
         """Return the trajectories whose simulation starts at their first observed pose.
@@ -226,10 +239,7 @@ class Problem:
         return tuple(
             trajectory.name
             for trajectory in self.trajectories
-            if trajectory.initial_qpos is None
-            and any(
-                _free_joint(model, model.body(body).id) is not None for body in trajectory.bodies
-            )
+            if trajectory.initial_qpos is None and free_bodies(trajectory, model)
         )
 
     def slow_falls(self) -> tuple[str, ...]:
@@ -238,7 +248,7 @@ class Problem:
         found = []
         for trajectory in self.trajectories:
             ids = [model.body(body).id for body in trajectory.bodies]
-            free = [i for i, body in enumerate(ids) if _free_joint(model, body) is not None]
+            free = [i for i, body in enumerate(ids) if free_joint(model, body) is not None]
             if in_milliseconds(trajectory, free, gravity_of(model), self.sigma[:3]):
                 found.append(trajectory.name)
         return tuple(found)
@@ -348,47 +358,3 @@ def _check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> No
                     f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
                 )
             setter_of[target] = parameter.name
-
-
-def _free_joint(model: mujoco.MjModel, body: int) -> int | None:
-    joint = int(model.body_jntadr[body])
-    if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
-        return joint
-    return None
-
-
-def _initial_state(
-    trajectory: Trajectory, model: mujoco.MjModel, measured: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    """Return the initial state of a trajectory; missing parts come from its first frames.
-
-    Velocities are least-squares fits over `_START_FRAMES` frames in free fall with a constant
-    rotation rate: a start for their estimation. What of (x, y, z, rotations) was not `measured`
-    starts as the model has it, at rest.
-    """
-    qpos = np.array(model.qpos0)
-    qvel = np.zeros(model.nv)
-    if trajectory.initial_qpos is not None:
-        qpos[:] = trajectory.initial_qpos
-    if trajectory.initial_qvel is not None:
-        qvel[:] = trajectory.initial_qvel
-    for i, body in enumerate(trajectory.bodies):
-        joint = _free_joint(model, model.body(body).id)
-        if joint is None:
-            continue
-        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        position, quaternion = trajectory.position[:, i], trajectory.quaternion[:, i]
-        if trajectory.initial_qpos is None:
-            qpos[q : q + 3] = np.where(measured[:3], position[0], qpos[q : q + 3])
-            if measured[3]:
-                qpos[q + 3 : q + 7] = quaternion[0]
-        if trajectory.initial_qvel is None:
-            frames = min(_START_FRAMES, trajectory.frames)
-            t = trajectory.time[:frames] - trajectory.time[0]
-            turn = np.zeros((frames, 3))
-            for k in range(frames):
-                mujoco.mju_subQuat(turn[k], quaternion[k], quaternion[0])
-            fall = position[:frames] - 0.5 * gravity_of(model) * t[:, None] ** 2
-            slope = np.polynomial.polynomial.polyfit(t, np.hstack([fall, turn]), 1)[1]
-            qvel[v : v + 6] = np.where(measured, slope, 0.0)
-    return qpos, qvel

@@ -53,7 +53,7 @@ def run_searches(
 ) -> Search:
     """Run the searches that the options ask for; return that of the last window."""
     searches = [Search(objective, loss, budget) for objective in objectives]
-    begin = objectives[0].start()
+    begin = objectives[0].start(robust=loss.robust)
     keep = local_searches if method == "least_squares" else 1
     points = spread_starts(searches[0], begin, starts, seed, keep)
     if method == "least_squares":
@@ -78,7 +78,7 @@ def run_automatic(
     not explain its end; what they leave goes to the best end if it has not converged.
     """
     final = Search(objective, loss, budget)
-    begin = objective.start()
+    begin = objective.start(robust=loss.robust)
     if method == "least_squares":
         with budget.share(_FIRST_SHARE), _going_on(final):
             least_squares(final, begin, _MOST_ITERATIONS)

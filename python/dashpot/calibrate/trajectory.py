@@ -47,7 +47,7 @@ class Trajectory:
     initial_qvel
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
-        from the first five frames.
+        from the first five frames (with a robust loss from as many as fly freely, outliers aside).
     control
         (n - 1, nu) controls held constant between successive frames. None: zero.
 
