@@ -5,10 +5,14 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from scipy import stats
 
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Problem, fit
+from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.search import Search
 
 TRUTH = {"stiffness": 1e4, "damping": 20.0, "sliding_friction": 0.3}
 VELOCITIES = (SIDEWAYS, np.array([0.7, -0.3, -0.5, 1.0, -2.0, 0.5]))
@@ -84,3 +88,33 @@ def test_an_outlier_among_the_first_frames_does_not_ruin_a_robust_fit(frame, los
     for name, value in TRUTH.items():
         # 4.5 standard errors: one of three is further off once in 50,000.
         assert abs(result[name].value - value) < 4.5 * result[name].standard_error
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy", "arctan"])
+def test_searches_judge_what_lies_within_noise_beside_a_tenth_of_outliers(loss):
+    objective = Objective(problem_of([]))
+    search = Search(objective, Loss(loss), Budget(10, lambda *_: None))
+    count = objective.residual_count
+    normal = stats.norm.ppf((np.random.default_rng(9).permutation(count) + 0.5) / count)
+
+    def explained(share, noise):
+        outlying = np.where(np.arange(count) < share * count, 40.0, 0.0)
+        return search.explained(noise * normal + outlying, 3.0)
+
+    # Costs of 1173 degrees of freedom have limits 7 to 10 % above their means; noise 15 % larger
+    # makes 14 to 25 % more.
+    assert [explained(share, 1.0) for share in (0.0, 0.03, 0.09, 0.11)] == [True] * 3 + [False]
+    assert [explained(share, 1.15) for share in (0.0, 0.03, 0.09)] == [False] * 3
+    linear = Search(objective, Loss(), Budget(10, lambda *_: None))
+    assert linear.explained(normal, 3.0)
+    assert not linear.explained(np.append(normal[1:], 40.0), 3.0)
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
+def test_outliers_that_a_loss_is_for_send_no_search_to_further_starts(loss):
+    rng = np.random.default_rng(5)
+    problem = problem_of(rng.choice(100, 5, replace=False))
+    alone, result = fit(problem, loss=loss, starts=0), fit(problem, loss=loss)
+    assert result.converged
+    assert all(estimate.identified for estimate in result.estimates)
+    assert result.evaluations == alone.evaluations

@@ -95,7 +95,8 @@ def fit(
     loss
         ``"linear"`` or a robust loss of `scipy.optimize.least_squares`, for data with outliers.
         What the noise explains is then read off the smaller 70 % of the residuals (see
-        `Fit.residual_variance`).
+        `Fit.residual_variance`); searches go on to further starts where more than a tenth of the
+        residuals are beyond four standard deviations, or noise does not explain the others.
     loss_scale
         Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
     windows

@@ -29,6 +29,12 @@ _HOLD = 1e-4
 _GRADIENT_TOLERANCE = float(np.finfo(np.float64).eps)
 _BUDGET_SPENT = "the budget of evaluations is spent"
 
+# Residuals from so many standard deviations on are outliers to a robust loss (of normal noise one
+# in 16,000), and the largest share of them beside which noise can explain the others, that which
+# `identifiability.noise_explains` allows.
+_OUTLYING = 4.0
+_MOST_OUTLIERS = 0.1
+
 # First standard deviation of CMA-ES as a share of the ranges: from a start that says little, and
 # from the estimate of a shorter window.
 FIRST_SIGMA = 0.2
@@ -58,14 +64,23 @@ class Search:
         """Whether normal noise of the stated size explains the cost of residuals.
 
         Twice the cost is then about the number of degrees of freedom times the mean loss of unit
-        normal noise, to within so many of its standard deviations. Outliers are no such noise: a
-        search looks for a better end in vain then, and `Fit.noise_explains` judges more leniently.
+        normal noise, to within so many of its standard deviations. Robust losses are for data with
+        outliers: up to a tenth of the residuals may be far off, and the others are judged alone.
+        A bad valley that leaves noise and no more in nine tenths of the residuals is not told from
+        these, nor is it by the loss.
         """
-        live = int(np.count_nonzero(self.objective.live(residuals)))
-        degrees = max(1, live - self.objective.size)
+        noisy = residuals[self.objective.live(residuals)]
+        if not np.isfinite(noisy).all():
+            return False
+        if self.loss.robust:
+            near = noisy[np.abs(noisy) < _OUTLYING]
+            if len(near) < (1.0 - _MOST_OUTLIERS) * len(noisy):
+                return False
+            noisy = near
+        degrees = max(1, len(noisy) - self.objective.size)
         mean, variance = self.loss.normal_moments()
         limit = degrees * mean + deviations * np.sqrt(degrees * variance)
-        return bool(2.0 * self.costs(residuals) < limit)
+        return bool(self.loss.values(noisy).sum() < limit)
 
     def best_explained(self, deviations: float) -> bool:
         """Whether noise explains the best point so far, as `explained` says."""
