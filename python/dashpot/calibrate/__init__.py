@@ -3,7 +3,8 @@
 State what moves, what is unknown and what was observed in a `Problem`; `fit` estimates, gives
 intervals, and says for each parameter whether the data identify it.
 
-Four throws of a ball, with time (s), position (m) and quaternion (scalar first) of every frame::
+Five throws of a ball, with time (s), position (m) and quaternion (scalar first) of every frame, of
+which four are fitted and one is predicted::
 
     from dashpot.calibrate import Parameter, Problem, Trajectory, fit
 
@@ -16,14 +17,13 @@ Four throws of a ball, with time (s), position (m) and quaternion (scalar first)
         Parameter.pair("ball", "floor", "restitution", start=0.5, bounds=(0.01, 0.99)),
         Parameter.pair("ball", "floor", "sliding_friction", start=0.3, bounds=(0.01, 2.0)),
     ]
-    problem = Problem(engine, unknown, throws, position_sigma=2e-4, rotation_sigma=2e-3,
+    problem = Problem(engine, unknown, throws[:4], position_sigma=2e-4, rotation_sigma=2e-3,
                       initial_state="pose_and_velocity")
     result = fit(problem)
     print(result, result.values, result.noise_explains)
 
-Another throw, of which the first 0.1 s tell how it started; what follows is predicted::
-
-    (prediction,) = result.predict([throw], head=0.1)
+    # The first 0.1 s of the fifth tell how it started; what follows is predicted.
+    (prediction,) = result.predict(throws[4:], head=0.1)
     print(prediction.position_error, prediction.rotation_error)
 """
 
