@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
-from dashpot.calibrate import Problem, fit
+from dashpot.calibrate import Problem, fit, predict
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
@@ -118,3 +118,17 @@ def test_outliers_that_a_loss_is_for_send_no_search_to_further_starts(loss):
     assert result.converged
     assert all(estimate.identified for estimate in result.estimates)
     assert result.evaluations == alone.evaluations
+
+
+@pytest.mark.parametrize("loss", ["huber", "cauchy"])
+def test_an_outlier_in_a_head_does_not_move_a_robust_start(loss):
+    """The first throw flies for 69 ms: 13 frames up to 60 ms, whose first is 2 cm off."""
+    problem = problem_of([0])
+    off = {}
+    for name in ("linear", loss):
+        prediction = predict(problem, TRUTH, problem.trajectories[:1], head=0.06, loss=name)[0]
+        off[name] = np.abs(prediction.initial_qvel[:3] - SIDEWAYS[:3]).max()
+    # 12 frames tell 0.1 mm to 0.1 mm / (0.005 s sqrt(143)), 1.7 mm/s, and Huber's score of the
+    # outlier counts as that of one standard deviation; least squares takes it for 200.
+    assert off[loss] < 4 * 1.7e-3
+    assert off["linear"] > 10 * 1.7e-3

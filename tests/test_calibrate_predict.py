@@ -131,6 +131,8 @@ def test_bad_values_and_starts_of_others_are_named():
     problem = problem_of([throw])
     with pytest.raises(ValueError, match="values must be given for exactly stiffness, damping"):
         predict(problem, {"stiffness": 1e4})
+    with pytest.raises(TypeError, match="values must be a mapping from names to values, got 3"):
+        predict(problem, 3)
     with pytest.raises(TypeError, match="parameter 'damping' must be a number, got 'soft'"):
         predict(problem, {**TRUTH, "damping": "soft"})
     with pytest.raises(ValueError, match="parameter 'damping' = -1"):

@@ -102,6 +102,8 @@ def predict(
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
+    if not isinstance(values, Mapping):
+        raise TypeError(f"values must be a mapping from names to values, got {values!r}")
     if loss not in get_args(LossName):
         raise ValueError(f"loss must be one of {', '.join(get_args(LossName))}, got {loss!r}")
     chosen_loss = Loss(loss, positive_number("loss_scale", loss_scale))
