@@ -161,7 +161,7 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
   heir.assign(contact_count(), -1);
   distance.assign(contact_count(), std::numeric_limits<double>::infinity());
   double load = 0.0;
-  bool first = true;
+  bool first = true, any_at_seam = false;
   std::uint64_t last_pair = 0;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
@@ -175,6 +175,7 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
       first = false;
     }
     matches[index].load = load;
+    any_at_seam = any_at_seam || input.is_at_seam();
     if (input.gap >= 0.0) continue;
     const auto [nearest, away] = nearest_contact(input, slots);
     if (nearest < 0 || !(away < distance[nearest])) continue;
@@ -183,7 +184,7 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
     distance[nearest] = away;
     matches[index].nearest = nearest;
   }
-  match_at_seams(contacts, rows, slots, heir, matches);
+  if (any_at_seam) match_at_seams(contacts, rows, slots, heir, matches);
 }
 
 // What a geom rolls on to remembers what it left, by the place on that geom, geom 1 of both.

@@ -39,9 +39,12 @@ double inner_radius(const mjModel* m, int geom) {
   }
 }
 
-// Whether a contact is that of a geom without flat faces and one with.
+// Whether a contact is that of a round geom and a tile: of a geom without flat faces, and of one
+// with on a body that may have others beside it.
 bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
   if (contact.is_of_flex()) return false;
+  const int body = m->geom_bodyid[contact.geom[1]], held_by = m->body_weldid[body];
+  if (held_by == body && held_by != 0 && m->body_geomnum[body] == 1) return false;
   const int round = m->geom_type[contact.geom[0]], other = m->geom_type[contact.geom[1]];
   return (round == mjGEOM_SPHERE || round == mjGEOM_CAPSULE || round == mjGEOM_ELLIPSOID ||
           round == mjGEOM_CYLINDER) &&
