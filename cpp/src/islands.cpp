@@ -50,6 +50,25 @@ bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
 
 }  // namespace
 
+void find_hits(const Rows& rows, const std::vector<Island>& islands,
+               const std::vector<ContactInput>& contacts, const RowData& data, double step,
+               std::vector<char>& hits) {
+  hits.assign(rows.group.size(), 0);
+  const auto is_hit = [&](const RowGroup& c) {
+    if (c.kind != RowKind::kContact) return false;
+    double rate[kMaxRows], load[kMaxRows];
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
+    const double change = load[0] * step;
+    const double way = step * std::min(rate[0], rate[0] + 0.5 * change);
+    return contacts[c.input].gap + std::min(way, 0.0) < 0.0 &&
+           std::abs(rate[0]) > std::max(kHitSpeed, 2.0 * std::abs(change));
+  };
+  for (const Island& island : islands)
+    if (island.has_few_groups())
+      for (int index : island.group) hits[index] = is_hit(rows.group[index]);
+}
+
 const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
   const int tree_count = static_cast<int>(trees.tree.size());
   root_.resize(tree_count);

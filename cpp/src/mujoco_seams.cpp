@@ -122,7 +122,8 @@ class Seams {
     return contacts_[a].gap != contacts_[b].gap ? contacts_[a].gap < contacts_[b].gap : a < b;
   }
 
-  // A round geom of radius r that overlaps by s does so within sqrt(2 r s) of its lowest point.
+  // A round geom of radius r that overlaps by s does so within sqrt(2 r s) of its lowest point;
+  // half as much again is for depths that differ, as above.
   bool are_in_one_place(const ContactInput& contact, const ContactInput& rest) const {
     const Eigen::Map<const Eigen::Vector3d> a(contact.position.data()), b(rest.position.data());
     const double lens = std::sqrt(2.0 * m_->geom_rbound[rest.geom[0]] * -rest.gap);

@@ -15,6 +15,7 @@
 #include "dashpot/coupled_sum.hpp"
 #include "dashpot/group_material.hpp"
 #include "dashpot/parameters.hpp"
+#include "dashpot/row_data.hpp"
 #include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
 
@@ -47,6 +48,15 @@ struct Island {
   int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
   bool has_few_groups() const { return group.last - group.first <= kFewGroups; }
 };
+
+// Gap rate (m/s) from which on a contact is hit rather than pressed, where that is more than smooth
+// forces make in two steps.
+inline constexpr double kHitSpeed = 0.05;
+// For Islands::plan, by group: contacts of islands of few groups that touch in a step of `step` (s)
+// and are hit, or fly off.
+void find_hits(const Rows& rows, const std::vector<Island>& islands,
+               const std::vector<ContactInput>& contacts, const RowData& data, double step,
+               std::vector<char>& hits);
 
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.
 class Islands {

@@ -5,9 +5,7 @@
 #include <vector>
 
 #include "dashpot/group_material.hpp"
-#include "dashpot/islands.hpp"
 #include "dashpot/memory.hpp"
-#include "dashpot/row_data.hpp"
 #include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/tree_motion.hpp"
@@ -27,14 +25,5 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
                     const double* velocity, double step, std::vector<SagTime>& sag_time);
-
-// Gap rate (m/s) from which on a contact is hit rather than pressed, where that is more than smooth
-// forces make in two steps.
-inline constexpr double kHitSpeed = 0.05;
-// For Islands::plan, by group: contacts of islands of few groups that touch in a step of `step` (s)
-// and are hit, or fly off.
-void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts, const RowData& data, double step,
-               std::vector<char>& hits);
 
 }  // namespace dashpot
