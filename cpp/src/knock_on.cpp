@@ -42,8 +42,13 @@ void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
 void KnockOn::find_known(const std::vector<ContactInput>& contacts,
                          const std::vector<double>& end_gap) {
   known_.clear();
+  const auto is_of_far_geom = [&](const ContactInput& c) {
+    return !c.is_of_flex() && std::any_of(c.geom.begin(), c.geom.end(), [&](int geom) {
+      return std::binary_search(far_.begin(), far_.end(), geom);
+    });
+  };
   for (size_t i = 0; i < contacts.size(); ++i)
-    if (!contacts[i].is_of_flex())
+    if (is_of_far_geom(contacts[i]))
       known_.push_back(
           {sorted(contacts[i].geom[0], contacts[i].geom[1]), end_gap[i], &contacts[i]});
   std::sort(known_.begin(), known_.end(), [](const Known& a, const Known& b) {

@@ -95,9 +95,12 @@ class Seams {
   }
 
   bool is_at_seam(const ContactInput& contact) {
+    const bool may_pass[2] = {may_pass_over(contact, 0), may_pass_over(contact, 1)};
+    if (!may_pass[0] && !may_pass[1]) return false;
     const double way = -m_->opt.timestep * contact_velocity(m_, d_, contact)[0];
     if (way <= std::max(contact.gap, kMotion * contact_radius(m_, contact))) return false;
     for (int side = 0; side < 2; ++side) {
+      if (!may_pass[side]) continue;
       const int body = body_of(contact, side), other = body_of(contact, 1 - side);
       // What all the world's contacts are with is not looked through for each of them: of what
       // rests on a static body, only the body of the other geom can be at a seam with itself.
@@ -143,6 +146,11 @@ class Seams {
     return m_->geom_bodyid[contact.geom[side]];
   }
 
+  // Whether there may be a face beneath the geom on `side`, which has an end.
+  bool may_pass_over(const ContactInput& contact, int side) const {
+    return has_faces(m_->geom_type[contact.geom[1 - side]]) && is_bounded(contact.geom[side]);
+  }
+
   // Whether the geom has a bound in every direction.
   bool is_bounded(int geom) const {
     const int type = m_->geom_type[geom];
@@ -168,7 +176,7 @@ class Seams {
   // `rest_side` of `rest`.
   bool passes(const ContactInput& contact, int side, const ContactInput& rest, int rest_side) {
     const int geom = contact.geom[side], other = contact.geom[1 - side];
-    if (rest.geom[1 - rest_side] == other || !is_bounded(other) || !is_bounded(geom)) return false;
+    if (rest.geom[1 - rest_side] == other) return false;
     const Eigen::Vector3d up =  // m
         (rest_side ? 1.0 : -1.0) * Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
     const Eigen::Map<const Eigen::Vector3d> normal(contact.frame.data());

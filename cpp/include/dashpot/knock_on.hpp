@@ -55,9 +55,9 @@ class KnockOn {
 
   GeomShapes shapes_;
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
-  std::vector<int> far_;                     // geoms that went beyond their reach
+  std::vector<int> far_;                     // geoms that went beyond their reach, ascending
   host::Partners partners_;                  // of these
-  std::vector<Known> known_;                 // sorted by geoms, the deepest of each first
+  std::vector<Known> known_;                 // of these, sorted by geoms, the deepest of each first
 };
 
 }  // namespace dashpot
