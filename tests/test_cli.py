@@ -79,6 +79,7 @@ def test_every_command_has_help(capsys, words):
         ["simulate", "ball", "--duration", "-1"],
         ["simulate", "ball", "--duration", "nan"],
         ["calibrate", "p.toml", "--threads", "0"],
+        ["calibrate", "p.toml", "--plot", "fit.txt"],
         ["demo", "--seed", "-1"],
         ["simulate", "ball", "--material", "ball"],
         ["simulate", "ball", "--material", "ball:stifness=1"],
@@ -341,8 +342,10 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
             starts = 4
             """
         )
-    assert cli.main(["calibrate", str(file), "--out", str(tmp_path / "fit.json")]) == 0
+    out, picture = str(tmp_path / "fit.json"), tmp_path / "fit.svg"
+    assert cli.main(["calibrate", str(file), "--out", out, "--plot", str(picture)]) == 0
     printed = capsys.readouterr().out
+    assert "<svg" in picture.read_text()
     assert "stiffness: identified" in printed
     estimate = json.loads((tmp_path / "fit.json").read_text())["estimates"][0]
     # The observations have no noise: only the search's own tolerance is left.

@@ -13,7 +13,7 @@ from rich.console import Console
 from dashpot import compare
 from dashpot.calibrate import tosses as toss_calibration
 from dashpot.calibrate import twin
-from dashpot.compare.plots import COLOURS
+from dashpot.colours import COLOURS
 from dashpot.data import CubeTosses, load_cube_tosses
 from dashpot.report import Picture, Section, Table, Text, write_report
 

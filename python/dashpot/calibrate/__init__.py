@@ -27,6 +27,7 @@ which four are fitted and one is predicted::
     print(prediction.position_error, prediction.rotation_error)
 """
 
+from dashpot.calibrate.combinations import Combination
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.identifiability import Estimate
 from dashpot.calibrate.parameters import Parameter
@@ -35,4 +36,14 @@ from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.trajectory import Trajectory
 
-__all__ = ["Estimate", "Fit", "Parameter", "Prediction", "Problem", "Trajectory", "fit", "predict"]
+__all__ = [
+    "Combination",
+    "Estimate",
+    "Fit",
+    "Parameter",
+    "Prediction",
+    "Problem",
+    "Trajectory",
+    "fit",
+    "predict",
+]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from dashpot.calibrate.combinations import Combination, combinations
 from dashpot.calibrate.identifiability import (
     Estimate,
     interval_ends,
@@ -22,6 +24,9 @@ from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import thread_count
 from dashpot.tables import table_html, table_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -129,6 +134,28 @@ class Fit:
             self.residual_variance, self.live_residuals, robust=self.loss != "linear"
         )
 
+    @property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Products of powers of parameters that the data know independently of each other.
+
+        Those known best come first; of all parameters that are searched in the logarithm and that
+        the residuals depend on. They hold where the intervals of these parameters do.
+        """
+        chosen = [
+            i
+            for i, (parameter, estimate) in enumerate(
+                zip(self.problem.parameters, self.estimates, strict=True)
+            )
+            if parameter.transform == "log" and np.isfinite(estimate.standard_error)
+        ]
+        estimates = [self.estimates[i] for i in chosen]
+        return combinations(
+            [e.name for e in estimates],
+            [e.value for e in estimates],
+            np.array([e.standard_error / e.value for e in estimates]),
+            self.correlation[np.ix_(chosen, chosen)],
+        )
+
     def predict(
         self,
         trajectories: Sequence[Trajectory] | None = None,
@@ -225,6 +252,24 @@ class Fit:
             table.add_row(*row)
         return table
 
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
+        """Draw residuals over time, how they are distributed, and correlations of the estimates.
+
+        Residuals that are noise keep to one standard deviation at all times and have the normal
+        distribution that is drawn beside theirs. Needs no display.
+
+        Parameters
+        ----------
+        path
+            Where to write the figure too, in the format of its suffix.
+        """
+        from dashpot.calibrate.plots import plot_fit
+
+        figure = plot_fit(self)
+        if path is not None:
+            figure.savefig(path, dpi=150)
+        return figure
+
     def to_dict(self) -> dict[str, Any]:
         """Return everything but problem and residuals as plain types, for JSON; inf is None."""
         return {
@@ -242,6 +287,14 @@ class Fit:
                 for e in self.estimates
             ],
             "correlation": self.correlation.tolist(),
+            "combinations": [
+                {
+                    "exponents": dict(c.exponents),
+                    "value": c.value,
+                    "relative_error": c.relative_error,
+                }
+                for c in self.combinations
+            ],
             "cost": self.cost,
             "cost_history": self.cost_history.tolist(),
             "evaluations": self.evaluations,

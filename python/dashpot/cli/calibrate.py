@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count, new_file
+from dashpot.cli.options import count, new_file, new_picture
 from dashpot.cli.problem_format import FORMAT
 
 
@@ -21,6 +21,9 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("problem", help="problem file, .toml or .json (format below)")
     parser.add_argument("--out", type=new_file, metavar="FILE", help="write the result as JSON")
+    parser.add_argument(
+        "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
+    )
     parser.add_argument("--threads", type=count, help="default: one per core")
     parser.set_defaults(run=run)
 
@@ -40,6 +43,10 @@ def run(arguments: argparse.Namespace) -> int:
     Console().print(result.table())
     for estimate in result.estimates:
         print(f"{estimate.name}: {estimate.statement}")
+    if len(result.combinations) > 1:
+        print("known independently of each other:")
+        for combination in result.combinations:
+            print(f"  {combination}")
     metrics = result.metrics()
     errors = []
     if "position_rms" in metrics:
@@ -54,4 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         text = json.dumps(result.to_dict(), indent=2) + "\n"
         arguments.out.write_text(text, encoding="utf-8")
         print(f"wrote {arguments.out}")
+    if arguments.plot is not None:
+        result.plot(arguments.plot)
+        print(f"wrote {arguments.plot}")
     return 0

@@ -46,6 +46,17 @@ def new_file(text: str) -> Path:
     return file
 
 
+def new_picture(text: str) -> Path:
+    """Return where a picture can be written, or raise what argparse reports."""
+    from matplotlib.figure import Figure
+
+    file = new_file(text)
+    known = sorted(Figure().canvas.get_supported_filetypes())
+    if file.suffix.removeprefix(".").lower() not in known:
+        raise argparse.ArgumentTypeError(f"{text!r} ends in none of {', '.join(known)}")
+    return file
+
+
 def folder(text: str) -> Path:
     """Return a folder that is there or can be made, or raise what argparse reports."""
     path = Path(text)

@@ -6,10 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dashpot.colours import COLOURS
 from dashpot.compare.result import Comparison
-
-# Okabe and Ito's palette, told apart by colour-blind readers; dashpot comes first, in blue.
-COLOURS = ("#0072b2", "#d55e00", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#000000")
 
 # m; what a logarithmic axis shows as "none".
 _DEPTH_FLOOR = 1e-9

@@ -1,0 +1,91 @@
+"""The figure of a fit; drawn without pyplot, so that no display is needed."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from dashpot.calibrate.result import Fit
+from dashpot.colours import COLOURS
+
+Array = NDArray[np.float64]
+
+# Standard deviations that the histogram spans; what is beyond stands in its last bins.
+_SPAN = 5.0
+_BINS = 40
+
+
+def plot_fit(fit: Fit) -> Figure:
+    """Return a figure with residuals over time, their distribution, and correlations."""
+    figure = Figure(figsize=(12, 3.6), layout="constrained")
+    over_time, distribution, correlation = figure.subplots(1, 3, width_ratios=(4, 3, 3))
+    draw_residuals(over_time, fit)
+    draw_distribution(distribution, fit)
+    draw_correlation(correlation, fit)
+    for axes in (over_time, distribution):
+        axes.grid(True, linewidth=0.4, alpha=0.5)
+        axes.spines[["top", "right"]].set_visible(False)
+    return figure
+
+
+def measured_residuals(fit: Fit) -> list[Array]:
+    """Return by trajectory the weighted residuals (frames, components) of what was measured."""
+    measured = np.isfinite(fit.problem.sigma)
+    return [r[:, :, measured].reshape(len(r), -1) for r in fit.residuals]
+
+
+def draw_residuals(axes: Axes, fit: Fit) -> None:
+    """Draw the root mean square residual of each frame, one line a trajectory."""
+    for index, (trajectory, residuals) in enumerate(
+        zip(fit.problem.trajectories, measured_residuals(fit), strict=True)
+    ):
+        time = trajectory.time[: len(residuals)] - trajectory.time[0]
+        size = np.sqrt(np.mean(residuals**2, axis=1))
+        axes.plot(time, size, color=COLOURS[index % len(COLOURS)], linewidth=0.8)
+    axes.axhline(1, color="black", linewidth=0.8)
+    axes.set_ylim(bottom=0)
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("residual of a frame, rms [σ]")
+
+
+def draw_distribution(axes: Axes, fit: Fit) -> None:
+    """Draw the histogram of all residuals, and the unit normal of the stated noise."""
+    pooled = np.concatenate([residuals.ravel() for residuals in measured_residuals(fit)])
+    edges = np.linspace(-_SPAN, _SPAN, _BINS + 1)
+    axes.hist(
+        np.clip(pooled, -_SPAN, _SPAN),
+        edges.tolist(),
+        density=True,
+        color=COLOURS[0],
+        alpha=0.6,
+        label="residuals",
+    )
+    x = np.linspace(-_SPAN, _SPAN, 201)
+    normal = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+    axes.plot(x, normal, color="black", linewidth=0.8, label="stated noise")
+    axes.set_xlabel(f"residual [σ]; beyond {_SPAN:g} at the ends")
+    axes.set_title(f"variance {fit.residual_variance:.3g}", fontsize="medium")
+    axes.legend(fontsize="small", frameon=False)
+
+
+def draw_correlation(axes: Axes, fit: Fit) -> None:
+    """Draw the matrix of correlations of the estimates, with its numbers."""
+    names = [estimate.name.replace("_", " ") for estimate in fit.estimates]
+    axes.imshow(fit.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
+    for row in range(len(names)):
+        for column in range(len(names)):
+            value = float(fit.correlation[row, column])
+            axes.text(
+                column,
+                row,
+                f"{value:+.2f}",
+                ha="center",
+                va="center",
+                fontsize="small",
+                color="white" if abs(value) > 0.6 else "black",
+            )
+    axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_title("correlation", fontsize="medium")
