@@ -51,51 +51,61 @@ int append_reached(const int* column, int count, const Tree& t, const int* above
   return all;
 }
 
-// y = x inv(D^1/2 L) over the `count` columns reached, the lowest first, numbered from `begin` on:
-// what every row leaves is taken off the ones above. `x` has Parts lanes of rows for each
-// coordinate and is zero afterwards; of `y`, rows are `stride` apart.
+// The factor L^T D L of a tree's inertia; n degrees of freedom from `dof_begin` on.
+struct Factor {
+  const double* entry;  // of L, rows n apart
+  const double* inverse_root;
+  const int* above;
+  int dof_begin, n;
+};
+
+// Rows x over the columns that they reach, the lowest first, numbered from `begin` on. `x` has
+// `Parts` lanes of rows for each coordinate of the tree.
+struct ReachedRows {
+  const int* column;
+  int count, begin, dim;
+  double* x;
+};
+
+// y = x inv(D^1/2 L), rows `stride` apart, and the diagonal of y y': what every row leaves is taken
+// off the ones above. `x` is zero afterwards.
 template <int Parts>
-[[gnu::always_inline]] inline void weight(const double* factor, const int* above, int dof_begin,
-                                          int n, const int* column, int count, int begin,
-                                          const double* inverse_root, int dim, double* x, double* y,
+[[gnu::always_inline]] inline void weight(const Factor& factor, const ReachedRows& rows, double* y,
                                           int stride, double* square) {
   constexpr int kStride = Parts * kLanes;
   Lanes sum[Parts] = {};
-  for (int a = 0; a < count; ++a) {
-    const int k = column[a] - begin;
+  for (int a = 0; a < rows.count; ++a) {
+    const int k = rows.column[a] - rows.begin;
     Lanes row[Parts];
     for (int part = 0; part < Parts; ++part) {
-      double* at = x + k * kStride + part * kLanes;
+      double* at = rows.x + k * kStride + part * kLanes;
       row[part] = load_lanes(at);
       store_lanes(Lanes{}, at);
     }
-    for (int dof = above[dof_begin + k]; dof >= 0; dof = above[dof]) {
-      const int i = dof - dof_begin;
-      const double scale = -factor[k * n + i];
+    for (int dof = factor.above[factor.dof_begin + k]; dof >= 0; dof = factor.above[dof]) {
+      const int i = dof - factor.dof_begin;
+      const double scale = -factor.entry[k * factor.n + i];
       for (int part = 0; part < Parts; ++part) {
-        double* at = x + i * kStride + part * kLanes;
+        double* at = rows.x + i * kStride + part * kLanes;
         store_lanes(load_lanes(at) + scale * row[part], at);
       }
     }
     for (int part = 0; part < Parts; ++part) {
-      row[part] *= inverse_root[k];
+      row[part] *= factor.inverse_root[k];
       sum[part] += row[part] * row[part];
     }
-    for (int i = 0; i < dim; ++i) y[i * stride + a] = row[i / kLanes][i % kLanes];
+    for (int i = 0; i < rows.dim; ++i) y[i * stride + a] = row[i / kLanes][i % kLanes];
   }
-  for (int i = 0; i < dim; ++i) square[i] = sum[i / kLanes][i % kLanes];
+  for (int i = 0; i < rows.dim; ++i) square[i] = sum[i / kLanes][i % kLanes];
 }
 
 DASHPOT_VECTOR_CLONES
-void weight_rows(const double* factor, const int* above, int dof_begin, int n, const int* column,
-                 int count, int begin, const double* inverse_root, int dim, double* x, double* y,
-                 int stride, double* square) {
-  if (dim <= kLanes)
-    weight<1>(factor, above, dof_begin, n, column, count, begin, inverse_root, dim, x, y, stride,
-              square);
+void weight_rows(const Factor& factor, const ReachedRows& rows, double* y, int stride,
+                 double* square) {
+  if (rows.dim <= kLanes)
+    weight<1>(factor, rows, y, stride, square);
   else
-    weight<2>(factor, above, dof_begin, n, column, count, begin, inverse_root, dim, x, y, stride,
-              square);
+    weight<2>(factor, rows, y, stride, square);
 }
 
 }  // namespace
@@ -118,10 +128,11 @@ void weight_by_mass(Rows& rows, RowGroup& c, int side, const Trees& trees, doubl
   x.resize(std::max<size_t>(x.size(), t.dof_count * lanes), 0.0);
   for (int k = 0; k < count; ++k)
     for (int i = 0; i < c.dim; ++i) x[(column[k] - t.begin) * lanes + i] = value[i * width + k];
-  weight_rows(trees.factor.data() + t.inverse, trees.above.data(), t.dof_begin, t.dof_count,
-              rows.weighted_column.data() + weighted.column, weighted.count, t.begin,
-              trees.inverse_root.data() + t.begin, c.dim, x.data(),
-              rows.weighted_value.data() + weighted.value, stride, inverse_mass);
+  const Factor factor{trees.factor.data() + t.inverse, trees.inverse_root.data() + t.begin,
+                      trees.above.data(), t.dof_begin, t.dof_count};
+  const ReachedRows reached{rows.weighted_column.data() + weighted.column, weighted.count, t.begin,
+                            c.dim, x.data()};
+  weight_rows(factor, reached, rows.weighted_value.data() + weighted.value, stride, inverse_mass);
 }
 
 }  // namespace dashpot

@@ -213,16 +213,9 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
     if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);
 }
 
-void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-                     const std::vector<char>& held, const std::vector<double>& fell_back,
-                     const std::vector<double>& displacement,
-                     const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
-                     const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
-  const HeldMotion now = memory.held_motion();
-  if (!now.length) return;
-  const Trees& trees = motion.trees();
-  const double* velocity = host::velocity(d);
-  wrench_.assign(trees.coordinates, 0.0);
+void Trapezoid::keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
+                                const Rows& rows, const RowData& data, Memory& memory,
+                                EnergyLedger& ledger) {
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kBilateral) continue;
@@ -232,50 +225,70 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, double length, boo
     scatter(rows, c, equality, wrench_.data());
     ledger.dissipated_constraint += equality[1];
   }
-  const double* leads = memory.leading_length();
+}
+
+bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
   bool any = false;
-  for (int index = 0; index < motion.tree_count(); ++index) {
+  for (size_t index = 0; index < end.held.size(); ++index) {
     const bool leaves =
-        leaves_half && held[index] && first_[index] >= 0 && coupled_[first_[index]].turns;
-    now.length[index] = leaves ? length : 0.0;
+        end.leaves_half && end.held[index] && first_[index] >= 0 && coupled_[first_[index]].turns;
+    now.length[index] = leaves ? end.length : 0.0;
     any = any || leaves;
   }
-  if (!any) return;
-  generalized_.resize(displacement.size());
-  momentum_.resize(displacement.size());
-  host::times_inertia(model, d, velocity, momentum_.data());
-  for (int index = 0; index < motion.tree_count(); ++index) {
-    if (now.length[index] == 0.0) continue;
-    const Tree& t = trees.tree[index];
-    std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
-    double* acceleration = now.acceleration + t.begin;
-    double* force = now.other_force + t.begin;
-    double& energy = now.energy[index];
-    double& weight = now.weight[index];
-    std::fill_n(acceleration, t.count, 0.0);
-    energy = 0.0;
-    weight = 0.5;
-    if (moves_accurately(model, index)) {
-      for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
-      continue;
-    }
-    const double back = std::min(fell_back[index], length);
-    weight = (length - back) / (2.0 * length + leads[index] - back);
-    for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / length;
-    double* seen = generalized_.data() + t.dof_begin;
-    for (int i = 0; i < t.dof_count; ++i) {
-      const int dof = t.dof_begin + i;
-      const double potential = host::potential_force(model, d, dof);
-      const double turning = potential - host::positional_force(d, dof);
-      force[i] += host::smooth_force(d, dof) + turning;
-      energy += 0.5 * velocity[dof] * momentum_[dof] +
-                (turning - weight * potential) * displacement[dof] -
-                0.5 * fell_back[index] * motion.start_velocity()[dof] * turning;
-      seen[i] = weight * force[i] - 0.5 * turning;
-      force[i] -= wrench_[t.begin + i] + potential;
-    }
-    add_response(trees, index, seen, acceleration);
+  return any;
+}
+
+// `leads` (s): how far positions led velocities at the start of the step.
+void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
+                          double leads, const TreeMotion& motion, const RowData& data,
+                          HeldMotion& now) {
+  const Tree& t = motion.trees().tree[tree];
+  const std::vector<double>& displacement = end.displacement;
+  std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+  double* acceleration = now.acceleration + t.begin;
+  double* force = now.other_force + t.begin;
+  double& energy = now.energy[tree];
+  double& weight = now.weight[tree];
+  std::fill_n(acceleration, t.count, 0.0);
+  energy = 0.0;
+  weight = 0.5;
+  if (moves_accurately(model, tree)) {
+    for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
+    return;
   }
+  const double fell_back = end.fell_back[tree], back = std::min(fell_back, end.length);
+  weight = (end.length - back) / (2.0 * end.length + leads - back);
+  for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / end.length;
+  const double* velocity = host::velocity(d);
+  double* seen = generalized_.data() + t.dof_begin;
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    const double potential = host::potential_force(model, d, dof);
+    const double turning = potential - host::positional_force(d, dof);
+    force[i] += host::smooth_force(d, dof) + turning;
+    energy += 0.5 * velocity[dof] * momentum_[dof] +
+              (turning - weight * potential) * displacement[dof] -
+              0.5 * fell_back * motion.start_velocity()[dof] * turning;
+    seen[i] = weight * force[i] - 0.5 * turning;
+    force[i] -= wrench_[t.begin + i] + potential;
+  }
+  add_response(motion.trees(), tree, seen, acceleration);
+}
+
+void Trapezoid::keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
+                     const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
+                     const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
+  HeldMotion now = memory.held_motion();
+  if (!now.length) return;
+  wrench_.assign(motion.trees().coordinates, 0.0);
+  keep_equalities(end.length, constraints, rows, data, memory, ledger);
+  if (!keep_lengths(end, now)) return;
+  generalized_.resize(end.displacement.size());
+  momentum_.resize(end.displacement.size());
+  host::times_inertia(model, d, host::velocity(d), momentum_.data());
+  const double* leads = memory.leading_length();
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (now.length[tree] > 0.0) keep_tree(model, d, end, tree, leads[tree], motion, data, now);
 }
 
 }  // namespace dashpot

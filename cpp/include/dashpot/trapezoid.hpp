@@ -54,6 +54,16 @@
 
 namespace dashpot {
 
+// How a step ended.
+struct EndOfStep {
+  double length;  // s
+  // False: the step had the geometry of its middle, or another law, and leaves nothing over.
+  bool leaves_half;
+  const std::vector<char>& held;            // by tree: rows that have a position moved it
+  const std::vector<double>& fell_back;     // by tree, see Leapfrog
+  const std::vector<double>& displacement;  // nv; what the change of kinetic energy went with
+};
+
 // The rule for all trees of a model; keeps its arrays from step to step.
 class Trapezoid {
  public:
@@ -66,13 +76,8 @@ class Trapezoid {
                         TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
 
   // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
-  // and Leapfrog::keep. By tree: `held`, rows that have a position moved it; `fell_back`, see
-  // Leapfrog. `displacement` (nv) is what the change of
-  // kinetic energy went with. `leaves_half` false: the step had the geometry of its middle, or
-  // another law, and leaves nothing over.
-  void keep(const mjModel_* model, const mjData_* d, double length, bool leaves_half,
-            const std::vector<char>& held, const std::vector<double>& fell_back,
-            const std::vector<double>& displacement,
+  // and Leapfrog::keep.
+  void keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
             const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
             const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
 
@@ -104,6 +109,13 @@ class Trapezoid {
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   void stop_fast_turns(double length, Rows& rows);
+  // Mean forces of equalities, also in `wrench_`, and the work that they did because they turned.
+  void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
+                       const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+  // Lengths of the step of trees that it leaves a second half of; whether there are any.
+  bool keep_lengths(const EndOfStep& end, HeldMotion& now) const;
+  void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
+                 double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);
 
   // By tree: the first one that equalities couple it to, itself where other rows may hold it or
   // have held it, -1 if none do.
