@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import dashpot
@@ -48,7 +50,7 @@ def test_formatters_are_the_same_in_ci_and_before_commits() -> None:
         assert only(rf"/{hook}\n +rev: v(.+)", hooks) == only(rf'"{tool}==(.+)"', tools)
 
 
-PAGES = ("README.md", "benchmarks/README.md", "docs/method.md")
+PAGES = ("README.md", "benchmarks/README.md", "docs/method.md", "docs/from_mujoco.md")
 LINKS = [
     (page, link) for page in PAGES for link in re.findall(r"\]\((?!http)([^)]+)\)", read(page))
 ]
@@ -83,3 +85,17 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     assert "Energy(" in printed
     assert "[[9.81 0.   0.  ]]" in printed  # the ball has come to rest: its weight
+
+
+def test_the_script_of_the_guide_runs() -> None:
+    guide = read("docs/from_mujoco.md")
+    script = "\n".join(re.findall(r"```python\n(.*?)```", guide, re.DOTALL))
+    names: dict[str, Any] = {}
+    exec(compile(script, "docs/from_mujoco.md", "exec"), names)
+    # The sag that it prints beside its closed form, to what a second leaves of the landing.
+    np.testing.assert_allclose(names["sag"], 0.5 * 9.81 / (4 * 2e4), rtol=1e-6)
+    np.testing.assert_allclose(names["force"][:3], names["contacts"].force[0])
+    assert len(names["held"]) == 4
+    assert names["states"].shape[:2] == (16, 100)
+    assert names["slippery"].contact_material("box", "table").friction[0] == 0.1
+    assert names["engine"].contact_material("box", "table").friction[0] == 0.4
