@@ -12,7 +12,11 @@
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_hull_vertices.hpp"
+#include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/mujoco_round_surfaces.hpp"
 #include "dashpot/terrain.hpp"
+#include "dashpot/terrain_contacts.hpp"
+#include "dashpot/terrain_touch.hpp"
 
 namespace dashpot::host {
 
@@ -22,35 +26,43 @@ using Eigen::Vector3d;
 
 // Angle (rad) up to which a face or a side lies flat on a triangle.
 constexpr double kFlatOn = 0.02;
-// Parts of the geom's radius: how far from an edge MuJoCo's contacts lie on it, how near to another
-// contact they are the same, and how near to that of a corner, which prisms beside its own give.
+// Parts of the geom's radius: how far from an edge MuJoCo's contacts lie on it, those of round
+// geoms too, how near to another contact they are the same, and how near to that of a corner, which
+// prisms beside its own give.
 constexpr double kOnEdge = 0.01;
+constexpr double kRoundOnEdge = 0.001;
 constexpr double kSamePlace = 0.01;
 constexpr double kSameCorner = 0.1;
-// Part of the geom's radius by which such a contact may be less deep.
-constexpr double kAsDeep = 1e-5;
 // Cosine between the normals of such contacts.
 constexpr double kSameNormal = 0.9998;
 constexpr double kSameCornerNormal = 0.9;
-// Triangles that are tried for the lowest point of a round surface.
-constexpr int kRounds = 3;
 
-// The contacts of one geom with one height field, in its frame.
-class TerrainContacts {
+// The pose of a geom in the frame of another one.
+Pose pose_in(const mjData* d, int frame, int geom) {
+  const Pose outer = unchecked_geom_pose(d, frame), world = unchecked_geom_pose(d, geom);
+  Pose pose;
+  pose.position = outer.rotation.transpose() * (world.position - outer.position);
+  pose.rotation = outer.rotation.transpose() * world.rotation;
+  return pose;
+}
+
+static_assert(TerrainContacts::kRoom == mjMAXCONPAIR);
+
+// Finds the contacts of one geom with one height field, in its frame.
+class TerrainCollision {
  public:
-  TerrainContacts(const mjModel* m, const mjData* d, int terrain, int geom, double margin,
-                  FaceBuffers& buffers)
+  TerrainCollision(const mjModel* m, const mjData* d, int terrain, int geom, double margin,
+                   FaceBuffers& buffers)
       : m_(m),
         geom_(geom),
         margin_(margin),
         buffers_(buffers),
         field_(height_field(m, m->geom_dataid[terrain])),
         terrain_(field_),
-        frame_(unchecked_geom_pose(d, terrain)) {
-    const Pose world = unchecked_geom_pose(d, geom);
-    pose_.position = to_local(world.position);
-    pose_.rotation = frame_.rotation.transpose() * world.rotation;
-  }
+        round_(m, geom),
+        frame_(unchecked_geom_pose(d, terrain)),
+        pose_(pose_in(d, terrain, geom)),
+        found_(m->geom_rbound[geom]) {}
 
   // Contacts of the geom's own points.
   void find() {
@@ -75,22 +87,6 @@ class TerrainContacts {
         for (double side : {-1.0, 1.0})
           add_corners(place_cap(size[0], size[1], pose_, side * pose_.rotation.col(2), up));
         break;
-      case mjGEOM_SPHERE:
-        add_ball(pose_.position, size[0], up);
-        break;
-      case mjGEOM_CAPSULE:
-        for (double end : {-size[1], size[1]}) add_ball(at(0.0, 0.0, end), size[0], up);
-        break;
-      case mjGEOM_ELLIPSOID: {
-        const Vector3d half(size[0], size[1], size[2]);
-        add_round(
-            [&](const Vector3d& normal) -> Vector3d {
-              const Vector3d scaled = half.cwiseProduct(pose_.rotation.transpose() * normal);
-              return pose_.position - pose_.rotation * half.cwiseProduct(scaled.normalized());
-            },
-            up);
-        break;
-      }
       case mjGEOM_MESH:
         if (const auto face = flat_face_along(m_, geom_, pose_, -up, kMostTilt, buffers_);
             face && face->count >= kMostCorners)
@@ -99,9 +95,40 @@ class TerrainContacts {
           add_vertices();
         break;
       default:
+        for (int i = 0; i < round_.count(); ++i) {
+          const auto lowest = round_.lowest(i, pose_);
+          if (const auto triangle = triangle_beneath(terrain_, lowest, up))
+            add_on(*triangle, lowest, false, i);
+        }
         break;
     }
   }
+
+  // Those of round surfaces with triangles in which they lie deeper where the geom is in the pose
+  // `end` (frame of the field), that of the end of the step. Their planes are no less far than what
+  // is found already: triangles that rise from those.
+  void find_coming(const Pose& end) {
+    const auto beneath = terrain_.beneath(end.position);
+    const Vector3d up = beneath ? beneath->normal : Vector3d::UnitZ();
+    const double deepest = found_.deepest();
+    for (int i = 0; i < round_.count(); ++i) {
+      const auto lowest = round_.lowest(i, pose_), lowest_at_end = round_.lowest(i, end);
+      const auto triangle = triangle_beneath(terrain_, lowest_at_end, up);
+      if (!triangle) continue;
+      const auto add_coming = [&](const TerrainTriangle& t) {
+        const Vector3d point = lowest(t.normal);
+        const double distance = t.height_of(point);
+        const double at_end = t.height_of(lowest_at_end(t.normal));
+        if (at_end < std::min(0.0, distance) && distance > deepest &&
+            !found_.has_on_plane(t, point))
+          add(t, point, i);
+      };
+      for_each_touched(terrain_, *triangle, lowest_at_end, false, add_coming);
+    }
+  }
+
+  // Of those of a round surface in one place the deepest stays.
+  void merge(const Pose& end) { found_.merge(end.position - pose_.position); }
 
   // Contacts of edges that stand out, about one that MuJoCo finds.
   void find_edges(const mjPreContact& contact) {
@@ -120,37 +147,37 @@ class TerrainContacts {
     const Vector3d normal = frame_.rotation.transpose() * Vector3d(contact.normal);
     const double place = (on_side_ ? kSamePlace : kSameCorner) * radius();
     const double cosine = on_side_ ? kSameNormal : kSameCornerNormal;
-    if (is_known(to_local(Vector3d(contact.pos)), normal, contact.dist, place, cosine))
+    if (found_.has(to_local(Vector3d(contact.pos)), normal, contact.dist, place, cosine))
       return false;
     const Vector3d point = on_ground(contact);
     const auto triangle = terrain_.beneath(point);
-    if (!triangle || count_ == 0) return true;
+    if (!triangle || found_.count() == 0) return true;
     const double near = kOnEdge * radius();
     if (std::abs(triangle->height_of(point)) > near) return true;  // on the rim, or the base
     if (shared_with(*triangle).count > 0) return false;
+    if (has_round_surfaces() &&
+        !terrain_.leads_out(*triangle, point, normal, kRoundOnEdge * radius()))
+      return false;
     return !is_on_edge(*triangle, point) || !terrain_.is_flat_about(*triangle, point, near);
   }
 
   int copy(mjPreContact* contact) const {
-    for (int i = 0; i < count_; ++i) {
-      const Vector3d position = frame_.position + frame_.rotation * found_[i].position;
-      const Vector3d normal = frame_.rotation * found_[i].normal;
-      contact[i].dist = found_[i].distance;
-      mju_copy3(contact[i].pos, position.data());
-      mju_copy3(contact[i].normal, normal.data());
-      mju_zero3(contact[i].tangent);
+    for (const TerrainContact& found : found_) {
+      const Vector3d position = frame_.position + frame_.rotation * found.position;
+      const Vector3d normal = frame_.rotation * found.normal;
+      contact->dist = found.distance;
+      mju_copy3(contact->pos, position.data());
+      mju_copy3(contact->normal, normal.data());
+      mju_zero3(contact->tangent);
+      ++contact;
     }
-    return count_;
+    return found_.count();
   }
 
   double radius() const { return m_->geom_rbound[geom_]; }
+  bool has_round_surfaces() const { return round_.count() > 0; }
 
  private:
-  struct Found {
-    Vector3d position, normal;
-    double distance;
-  };
-
   Vector3d to_local(const Vector3d& point) const {
     return frame_.rotation.transpose() * (point - frame_.position);
   }
@@ -164,7 +191,7 @@ class TerrainContacts {
   }
 
   // Out of the ground through its top, unless the way through its rim or its base is shorter.
-  void add(const TerrainTriangle& triangle, const Vector3d& point) {
+  void add(const TerrainTriangle& triangle, const Vector3d& point, int surface = -1) {
     const double distance = triangle.height_of(point);
     const double other_way =
         std::min({field_.half_x - std::abs(point.x()), field_.half_y - std::abs(point.y()),
@@ -172,35 +199,16 @@ class TerrainContacts {
     if (!(distance <= margin_) || -distance > other_way)
       return;  // nor where heights are not finite
     if (on_side_ && !has_flat_edge(triangle) && !turned_to(triangle)) return;
-    keep({point - 0.5 * distance * triangle.normal, triangle.normal, distance});
-  }
-
-  // The nearest, where there is no room for all.
-  void keep(const Found& contact) {
-    if (count_ < mjMAXCONPAIR) {
-      found_[count_++] = contact;
-      return;
-    }
-    Found& farthest =
-        *std::max_element(found_.begin(), found_.end(),
-                          [](const Found& a, const Found& b) { return a.distance < b.distance; });
-    if (contact.distance < farthest.distance) farthest = contact;
+    found_.add({point - 0.5 * distance * triangle.normal, triangle.normal, distance, surface});
   }
 
   // A point of the geom's surface for every normal of the terrain, near a triangle: where it lies
   // over a triangle beside that rises, and where a corner comes to one from here (`ahead`).
   template <typename PointAlong>
-  void add_on(const TerrainTriangle& triangle, const PointAlong& point_along, bool ahead) {
-    add(triangle, point_along(triangle.normal));
-    for (int edge = 0; edge < 3; ++edge) {
-      if (terrain_.bend(triangle, edge) <= kFlatBend) continue;
-      const auto beside = terrain_.across(triangle, edge);
-      const Vector3d point = point_along(beside->normal);
-      const Vector3d foot = point - beside->height_of(point) * beside->normal;
-      const auto beneath = terrain_.beneath(foot);
-      if (beneath && (beneath->is_same(*beside) || (ahead && beneath->is_same(triangle))))
-        add(*beside, point);
-    }
+  void add_on(const TerrainTriangle& triangle, const PointAlong& point_along, bool ahead,
+              int surface = -1) {
+    for_each_touched(terrain_, triangle, point_along, ahead,
+                     [&](const TerrainTriangle& t) { add(t, point_along(t.normal), surface); });
   }
 
   void add_point(const Vector3d& point) {
@@ -211,22 +219,6 @@ class TerrainContacts {
 
   void add_corners(const PlacedFace& face) {
     for (int i = 0; i < face.count; ++i) add_point(face.corner[i]);
-  }
-
-  void add_ball(const Vector3d& centre, double radius, const Vector3d& up) {
-    add_round([&](const Vector3d& normal) -> Vector3d { return centre - radius * normal; }, up);
-  }
-
-  // Its lowest point lies over the triangle for which it is the lowest. Over an edge that stands
-  // out there is none.
-  template <typename PointAlong>
-  void add_round(const PointAlong& point_along, const Vector3d& up) {
-    auto triangle = terrain_.beneath(point_along(up));
-    for (int round = 0; triangle && round < kRounds; ++round) {
-      const auto beneath = terrain_.beneath(point_along(triangle->normal));
-      if (beneath && beneath->is_same(*triangle)) return add_on(*triangle, point_along, false);
-      triangle = beneath;
-    }
   }
 
   // What a face or a side that lies flat on a triangle shares with it.
@@ -257,9 +249,9 @@ class TerrainContacts {
       const double distance = shared.point[i].distance;
       const double place = (on_side_ ? kSamePlace : kSameCorner) * radius();
       if (is_on_edge(triangle, foot) &&
-          !is_known(point, triangle.normal, distance, place, kSameCornerNormal) &&
+          !found_.has(point, triangle.normal, distance, place, kSameCornerNormal) &&
           !terrain_.is_flat_about(triangle, foot, kOnEdge * radius()))
-        keep({point, triangle.normal, distance});
+        found_.add({point, triangle.normal, distance, -1});
     }
   }
 
@@ -280,16 +272,6 @@ class TerrainContacts {
     for (int edge = 0; edge < 3; ++edge)
       if (std::abs(terrain_.bend(triangle, edge)) <= kFlatBend) return true;
     return false;
-  }
-
-  // Whether a contact that is as deep stands for one within `place` (m), of normals within
-  // `cosine`.
-  bool is_known(const Vector3d& point, const Vector3d& normal, double distance, double place,
-                double cosine) const {
-    return std::any_of(found_.begin(), found_.begin() + count_, [&](const Found& f) {
-      return f.distance < distance + kAsDeep * radius() && (f.position - point).norm() < place &&
-             f.normal.dot(normal) > cosine;
-    });
   }
 
   bool is_on_edge(const TerrainTriangle& triangle, const Vector3d& point) const {
@@ -329,9 +311,9 @@ class TerrainContacts {
   FaceBuffers& buffers_;
   HeightField field_;
   Terrain terrain_;
+  RoundSurfaces round_;
   Pose frame_, pose_;  // of the field in the world, of the geom in the field
-  std::array<Found, mjMAXCONPAIR> found_;
-  int count_ = 0;
+  TerrainContacts found_;
   // It touches with a round side: on surfaces that bend everywhere what MuJoCo finds of that is
   // right. The rest is corners, and an ellipsoid's lowest point, which are right on every triangle.
   bool on_side_ = false;
@@ -344,11 +326,19 @@ bool has_points_on_terrain(int type) {
          type == mjGEOM_CYLINDER || type == mjGEOM_BOX || type == mjGEOM_MESH;
 }
 
-int take_points_on_terrain(const mjModel_* m, const mjData_* d, int terrain, int geom,
-                           double margin, FaceBuffers& buffers, mjPreContact_* contact, int count) {
+int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom, double margin,
+                           FaceBuffers& buffers, mjPreContact_* contact, int count) {
   if (count == 0) return 0;
-  TerrainContacts contacts(m, d, terrain, geom, margin, buffers);
+  TerrainCollision contacts(m, d, terrain, geom, margin, buffers);
   contacts.find();
+  if (contacts.has_round_surfaces()) {
+    const MovedGeom moved_terrain(m, d, terrain, m->opt.timestep, Spin::kOfShape,
+                                  buffers.body_velocity);
+    const MovedGeom moved(m, d, geom, m->opt.timestep, Spin::kOfShape, buffers.body_velocity);
+    const Pose end = pose_in(d, terrain, geom);
+    contacts.find_coming(end);
+    contacts.merge(end);
+  }
   for (int i = 0; i < count; ++i) contacts.find_edges(contact[i]);
   std::array<mjPreContact, mjMAXCONPAIR> others;
   int other_count = 0;

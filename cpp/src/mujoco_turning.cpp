@@ -11,6 +11,7 @@
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/terrain_contacts.hpp"
 
 namespace dashpot::host {
 
@@ -198,15 +199,40 @@ class TurningPair {
     const MiddleContact* const end = middle_.data() + count_;
     const MiddleContact* const least =
         std::min_element(middle_.data(), end, [&](const MiddleContact& a, const MiddleContact& b) {
-          return squared_distance(contact, a) < squared_distance(contact, b);
+          return distance_of(contact, a) < distance_of(contact, b);
         });
-    return least == end ? nullptr : least;
+    return least == end || std::isinf(distance_of(contact, *least)) ? nullptr : least;
   }
 
   const ContactInput* nearest(const MiddleContact& middle) const {
     return std::min_element(first_, last_, [&](const ContactInput& a, const ContactInput& b) {
-      return squared_distance(a, middle) < squared_distance(b, middle);
+      return distance_of(a, middle) < distance_of(b, middle);
     });
+  }
+
+  // Squared, infinite where the one is no continuation of the other.
+  double distance_of(const ContactInput& contact, const MiddleContact& middle) const {
+    return is_across_groove(contact, middle) ? std::numeric_limits<double>::infinity()
+                                             : squared_distance(contact, middle);
+  }
+
+  // Whether the two are on sides of a height field that rise from each other. What rolls from the
+  // one to the other hits that, but for what is soft enough to touch both in one place; where the
+  // surface stands out the normal turns on. A contact apart is with the plane of its side, wherever
+  // that side begins.
+  bool is_across_groove(const ContactInput& contact, const MiddleContact& middle) const {
+    if (model_->geom_type[side_[0].geom] != mjGEOM_HFIELD) return false;
+    mjtNum start[3], turn[3], way[3], relative[3];
+    mju_mulMatTVec3(start, contact.rotation.data(), contact.frame.data());
+    mju_mulMatTVec3(turn, rotation_, middle.normal);
+    mju_subFrom3(turn, start);
+    const double angle = mju_norm3(turn), small = kStill * size();
+    if (angle <= kFlatBend) return false;
+    mju_mulMatTVec3(relative, contact.rotation.data(), relative_);
+    const double approach = 2.0 * time_ * mju_dot3(turn, relative);
+    if (are_in_one_place(contact.gap, angle * size(), angle, approach)) return false;
+    mju_sub3(way, middle.local[0].data(), contact.local_position[0].data());
+    return contact.gap > small || mju_dot3(turn, way) < -small * angle;
   }
 
   // From where its centre of mass is at the start each free body sees the point as in the middle;

@@ -11,6 +11,13 @@ namespace dashpot {
 using Eigen::AlignedBox3d;
 using Eigen::Vector3d;
 
+namespace {
+
+// Sine of the angle by which the normals of contacts that MuJoCo searches for may be off.
+constexpr double kRise = 5e-3;
+
+}  // namespace
+
 double TerrainTriangle::distance_to(int edge, const Vector3d& point) const {
   const Vector3d along = (corner[(edge + 1) % 3] - corner[edge]).normalized();
   return (point - corner[edge]).cross(along).norm();
@@ -58,23 +65,43 @@ double Terrain::bend(const TerrainTriangle& triangle, int edge) const {
   return triangle.half == 0 ? sine : -sine;
 }
 
-bool Terrain::is_flat_about(const TerrainTriangle& triangle, const Vector3d& point,
+Terrain::Fan Terrain::about(const TerrainTriangle& triangle, const Vector3d& point,
                             double near) const {
-  constexpr int kAroundVertex = 6;
-  std::array<TerrainTriangle, kAroundVertex> seen;
-  int count = 0;
-  seen[count++] = triangle;
-  for (int next = 0; next < count; ++next) {
+  Fan fan;
+  fan.triangle[fan.count++] = triangle;
+  for (int next = 0; next < fan.count; ++next) {
     for (int edge = 0; edge < 3; ++edge) {
-      if (seen[next].distance_to(edge, point) > near) continue;
-      if (std::abs(bend(seen[next], edge)) > kFlatBend) return false;
-      const TerrainTriangle other = *across(seen[next], edge);
-      const auto is_other = [&](const TerrainTriangle& t) { return t.is_same(other); };
-      if (std::any_of(seen.begin(), seen.begin() + count, is_other)) continue;
-      if (count == kAroundVertex) return false;
-      seen[count++] = other;
+      if (fan.triangle[next].distance_to(edge, point) > near) continue;
+      const double sine = bend(fan.triangle[next], edge);
+      fan.is_flat = fan.is_flat && std::abs(sine) <= kFlatBend;
+      const std::optional<TerrainTriangle> other = across(fan.triangle[next], edge);
+      if (!other) continue;
+      const auto is_other = [&](const TerrainTriangle& t) { return t.is_same(*other); };
+      const auto end = fan.triangle.begin() + fan.count;
+      if (std::any_of(fan.triangle.begin(), end, is_other)) continue;
+      if (fan.count == kAroundVertex) {
+        fan.is_flat = false;
+        return fan;
+      }
+      fan.triangle[fan.count++] = *other;
     }
   }
+  return fan;
+}
+
+bool Terrain::is_flat_about(const TerrainTriangle& triangle, const Vector3d& point,
+                            double near) const {
+  return about(triangle, point, near).is_flat;
+}
+
+bool Terrain::leads_out(const TerrainTriangle& triangle, const Vector3d& point,
+                        const Vector3d& direction, double near) const {
+  const Fan fan = about(triangle, point, near);
+  for (int i = 0; i < fan.count; ++i)
+    for (const Vector3d& corner : fan.triangle[i].corner) {
+      const Vector3d way = corner - point;
+      if (direction.dot(way) > kRise * (way.norm() + near)) return false;
+    }
   return true;
 }
 

@@ -9,7 +9,14 @@
 // the surface that stand out. The first are known: corners of boxes and meshes, points of the rims
 // of cylinders, the balls at the ends of capsules, the lowest point of an ellipsoid or a ball, over
 // the triangle beneath it, and over those beside that rise from it. Of what MuJoCo finds remains
-// what lies on corners and edges that stand out, or is not explained.
+// what lies on corners and edges that stand out, or is not explained; of round surfaces no more
+// than what has a normal there that leads out of the surface.
+//
+// What rolls in a groove or a bowl hits the triangle that rises before it. Found when its lowest
+// point is over that, the overlap of up to a step was recovered, and put in the work of its weight.
+// So triangles in which a round surface lies deeper at the end of the step, at the velocities of
+// its start, are touched as planes too. One that is softer than that, and over several triangles at
+// once, is borne by the deepest alone (terrain_contacts.hpp).
 
 #pragma once
 
@@ -26,7 +33,7 @@ bool has_points_on_terrain(int type);
 
 // Puts these contacts in place of the `count` (at most mjMAXCONPAIR) that MuJoCo finds of a height
 // field and another geom within `margin` (m); returns how many they are.
-int take_points_on_terrain(const mjModel_* m, const mjData_* d, int terrain, int geom,
-                           double margin, FaceBuffers& buffers, mjPreContact_* contact, int count);
+int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom, double margin,
+                           FaceBuffers& buffers, mjPreContact_* contact, int count);
 
 }  // namespace dashpot::host

@@ -43,10 +43,23 @@ class Terrain {
   // triangle. False where these are of more triangles than meet at a vertex.
   bool is_flat_about(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
                      double near) const;
+  // Whether a unit direction leads out of the surface at a point on a triangle, as the normal of a
+  // contact there does: of the triangles with edges that pass within `near` (m) of the point none
+  // rises along it. In grooves no direction does.
+  bool leads_out(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
+                 const Eigen::Vector3d& direction, double near) const;
   // The highest point (m) of all cells within `radius` (m) of a point, looking down z.
   double highest_about(const Eigen::Vector3d& point, double radius) const;
 
  private:
+  static constexpr int kAroundVertex = 6;
+  // Triangles, the first of them given, that meet at edges whose lines pass near a point.
+  struct Fan {
+    std::array<TerrainTriangle, kAroundVertex> triangle;
+    int count = 0;
+    bool is_flat = true;  // at all these edges
+  };
+  Fan about(const TerrainTriangle& triangle, const Eigen::Vector3d& point, double near) const;
   TerrainTriangle at(int row, int column, int half) const;
 
   const HeightField& field_;
