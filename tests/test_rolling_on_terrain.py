@@ -126,3 +126,13 @@ def test_groove_touches_a_ball_with_its_sides_alone():
     assert data.ncon == 2
     for normal in data.contact.frame[:, :3]:
         assert np.abs(sides - normal).max(axis=1).min() < 1e-5
+
+
+def test_ball_with_its_middle_in_the_ground_is_lifted_out_of_it():
+    # Not held between the sides that prisms have in common, which are none of the surface.
+    engine = ball_in_a_bowl(timestep=0.001)
+    data = engine.make_data()
+    data.qpos[2] -= 0.055
+    engine.step(data)
+    assert data.ncon > 0
+    assert data.contact.frame[:, 2].min() > 0.9

@@ -153,7 +153,9 @@ class TerrainCollision {
     const auto triangle = terrain_.beneath(point);
     if (!triangle || found_.count() == 0) return true;
     const double near = kOnEdge * radius();
-    if (std::abs(triangle->height_of(point)) > near) return true;  // on the rim, or the base
+    // On the rim or the base; where a round geom lies deep, also on sides that prisms share.
+    if (std::abs(triangle->height_of(point)) > near)
+      return !has_round_surfaces() || inward_way(point) < near;
     if (shared_with(*triangle).count > 0) return false;
     if (has_round_surfaces() &&
         !terrain_.leads_out(*triangle, point, normal, kRoundOnEdge * radius()))
@@ -190,13 +192,16 @@ class TerrainCollision {
     return to_local(Vector3d(contact.pos) - 0.5 * contact.dist * Vector3d(contact.normal));
   }
 
+  // From the rim or the base of the field to a point inside.
+  double inward_way(const Vector3d& point) const {
+    return std::min({field_.half_x - std::abs(point.x()), field_.half_y - std::abs(point.y()),
+                     point.z() + field_.base});
+  }
+
   // Out of the ground through its top, unless the way through its rim or its base is shorter.
   void add(const TerrainTriangle& triangle, const Vector3d& point, int surface = -1) {
     const double distance = triangle.height_of(point);
-    const double other_way =
-        std::min({field_.half_x - std::abs(point.x()), field_.half_y - std::abs(point.y()),
-                  point.z() + field_.base});
-    if (!(distance <= margin_) || -distance > other_way)
+    if (!(distance <= margin_) || -distance > inward_way(point))
       return;  // nor where heights are not finite
     if (on_side_ && !has_flat_edge(triangle) && !turned_to(triangle)) return;
     found_.add({point - 0.5 * distance * triangle.normal, triangle.normal, distance, surface});

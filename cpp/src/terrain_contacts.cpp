@@ -9,8 +9,15 @@ namespace dashpot {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// rad, between sides of a groove that each bear their part.
+constexpr double kMostBend = 0.3;
+
+}  // namespace
+
 bool are_in_one_place(double deepest, double apart, double turn, double approach) {
-  return apart * turn < -2.0 * (deepest + std::abs(approach));
+  return turn < kMostBend && apart * turn < -2.0 * (deepest + std::abs(approach));
 }
 
 void TerrainContacts::add(const TerrainContact& contact) {
