@@ -98,7 +98,8 @@ class TerrainCollision {
         for (int i = 0; i < round_.count(); ++i) {
           const auto lowest = round_.lowest(i, pose_);
           if (const auto triangle = triangle_beneath(terrain_, lowest, up))
-            add_on(*triangle, lowest, false, i);
+            for_each_touched(terrain_, *triangle, lowest,
+                             [&](const TerrainTriangle& t) { add_round(t, lowest(t.normal), i); });
         }
         break;
     }
@@ -119,11 +120,9 @@ class TerrainCollision {
         const Vector3d point = lowest(t.normal);
         const double distance = t.height_of(point);
         const double at_end = t.height_of(lowest_at_end(t.normal));
-        if (at_end < std::min(0.0, distance) && distance > deepest &&
-            !found_.has_on_plane(t, point))
-          add(t, point, i);
+        if (at_end < std::min(0.0, distance) && distance > deepest) add_round(t, point, i);
       };
-      for_each_touched(terrain_, *triangle, lowest_at_end, false, add_coming);
+      for_each_touched(terrain_, *triangle, lowest_at_end, add_coming);
     }
   }
 
@@ -207,19 +206,25 @@ class TerrainCollision {
     found_.add({point - 0.5 * distance * triangle.normal, triangle.normal, distance, surface});
   }
 
-  // A point of the geom's surface for every normal of the terrain, near a triangle: where it lies
-  // over a triangle beside that rises, and where a corner comes to one from here (`ahead`).
-  template <typename PointAlong>
-  void add_on(const TerrainTriangle& triangle, const PointAlong& point_along, bool ahead,
-              int surface = -1) {
-    for_each_touched(terrain_, triangle, point_along, ahead,
-                     [&](const TerrainTriangle& t) { add(t, point_along(t.normal), surface); });
+  // Halves of a cell may have one plane.
+  void add_round(const TerrainTriangle& triangle, const Vector3d& point, int surface) {
+    if (!found_.has_on_plane(triangle, point)) add(triangle, point, surface);
   }
 
+  // A corner, over the triangle beneath it, and over one beside that rises where the corner comes
+  // to it from here.
   void add_point(const Vector3d& point) {
-    if (const auto triangle = terrain_.beneath(point))
-      add_on(
-          *triangle, [&](const Vector3d&) { return point; }, true);
+    const auto triangle = terrain_.beneath(point);
+    if (!triangle) return;
+    add(*triangle, point);
+    for (int edge = 0; edge < 3; ++edge) {
+      if (terrain_.bend(*triangle, edge) <= kFlatBend) continue;
+      const auto beside = terrain_.across(*triangle, edge);
+      const Vector3d foot = point - beside->height_of(point) * beside->normal;
+      const auto beneath = terrain_.beneath(foot);
+      if (beneath && (beneath->is_same(*beside) || beneath->is_same(*triangle)))
+        add(*beside, point);
+    }
   }
 
   void add_corners(const PlacedFace& face) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <optional>
 
@@ -34,6 +35,17 @@ class Terrain {
 
   // The one triangle above or below a point, looking down z; none beyond the rim.
   std::optional<TerrainTriangle> beneath(const Eigen::Vector3d& point) const;
+  // Visits all others of its cell and of the cells about that.
+  template <typename Visit>
+  void for_each_about(const TerrainTriangle& triangle, const Visit& visit) const {
+    const int last_row = std::min(triangle.row + 1, grid_.rows() - 1),
+              last_column = std::min(triangle.column + 1, grid_.columns() - 1);
+    for (int row = std::max(triangle.row - 1, 0); row <= last_row; ++row)
+      for (int column = std::max(triangle.column - 1, 0); column <= last_column; ++column)
+        for (int half : {0, 1})
+          if (const TerrainTriangle other = at(row, column, half); !other.is_same(triangle))
+            visit(other);
+  }
   // The triangle across an edge; none at the rim.
   std::optional<TerrainTriangle> across(const TerrainTriangle& triangle, int edge) const;
   // Sine of the angle by which the surface rises across an edge, negative where the edge stands

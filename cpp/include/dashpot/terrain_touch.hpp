@@ -1,4 +1,4 @@
-// The triangles of a terrain that a body touches.
+// The triangles of a terrain that a round surface touches.
 
 #pragma once
 
@@ -28,21 +28,17 @@ std::optional<TerrainTriangle> triangle_beneath(const Terrain& terrain,
   return std::nullopt;
 }
 
-// Visits a triangle, and those beside it that rise from it where the lowest point along their
-// normals lies over them; with `ahead` also where it lies over the first.
+// Visits a triangle, and all about it over which the lowest point along their own normal lies:
+// those that rise from it near the edge or the corner between.
 template <typename PointAlong, typename Visit>
 void for_each_touched(const Terrain& terrain, const TerrainTriangle& triangle,
-                      const PointAlong& point_along, bool ahead, const Visit& visit) {
+                      const PointAlong& point_along, const Visit& visit) {
   visit(triangle);
-  for (int edge = 0; edge < 3; ++edge) {
-    if (terrain.bend(triangle, edge) <= kFlatBend) continue;
-    const auto beside = terrain.across(triangle, edge);
-    const Eigen::Vector3d point = point_along(beside->normal);
-    const Eigen::Vector3d foot = point - beside->height_of(point) * beside->normal;
-    const auto beneath = terrain.beneath(foot);
-    if (beneath && (beneath->is_same(*beside) || (ahead && beneath->is_same(triangle))))
-      visit(*beside);
-  }
+  terrain.for_each_about(triangle, [&](const TerrainTriangle& beside) {
+    const Eigen::Vector3d point = point_along(beside.normal);
+    const auto beneath = terrain.beneath(point - beside.height_of(point) * beside.normal);
+    if (beneath && beneath->is_same(beside)) visit(beside);
+  });
 }
 
 }  // namespace dashpot
