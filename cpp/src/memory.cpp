@@ -47,7 +47,9 @@ double slack(double deformation, double offset) {
 
 }  // namespace
 
-int MemoryLayout::held_size() const { return 3 * held_trees + held_dofs + 2 * held_coordinates; }
+int MemoryLayout::held_size() const {
+  return 3 * held_trees + 2 * held_dofs + 2 * held_coordinates;
+}
 
 int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
 
@@ -75,7 +77,8 @@ HeldMotion Memory::held_motion() const {
   motion.weight = motion.length + layout_.held_trees;
   motion.energy = motion.weight + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
-  motion.acceleration = motion.displacement + layout_.held_dofs;
+  motion.drive = motion.displacement + layout_.held_dofs;
+  motion.acceleration = motion.drive + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;
   return motion;
 }

@@ -70,6 +70,20 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
   factor_inertia(trees, tree, factor);
 }
 
+// u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
+// maps.
+double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const double* u,
+                       const double* v) {
+  double sum = 0.0;
+  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
+      const int j = m->M_colind[k];
+      const double product = i == j ? u[i] * v[i] : u[i] * v[j] + u[j] * v[i];
+      sum -= d->qDeriv[m->mapD2M[k]] * product;
+    }
+  return sum;
+}
+
 }  // namespace
 
 bool takes_derivatives(const mjModel_* m) {
@@ -100,6 +114,27 @@ double joint_damping(const mjModel_* m, int dof, double velocity) {
   return damping + gear * gear *
                        damping_derivative(m->actuator_damping[actuator],
                                           m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
+}
+
+double damping_form(const mjModel_* m, const mjData_* d, const Tree& t,
+                    const double* start_velocity, const double* u, const double* v) {
+  if (takes_derivatives(m)) return derivative_form(m, d, t, u, v);
+  const double weight = joint_damping_weight(m);
+  if (weight == 0.0) return 0.0;
+  double sum = 0.0;
+  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+    sum += joint_damping(m, i, start_velocity[i]) * u[i] * v[i];
+  return weight * sum;
+}
+
+void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
+  for (int i = 0; i < m->nv; ++i)
+    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
+      const int j = m->M_colind[k];
+      const double damping = -d->qDeriv[m->mapD2M[k]];
+      product[i] += damping * v[j];
+      if (i != j) product[j] += damping * v[i];
+    }
 }
 
 void prepare_effective_inertia(const mjModel_* m, mjData_* d) {

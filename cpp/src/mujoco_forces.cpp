@@ -2,6 +2,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include "dashpot/mujoco_effective_inertia.hpp"
+
 namespace dashpot::host {
 
 namespace {
@@ -43,6 +45,18 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof) {
   const double force = d->qfrc_spring[dof] + d->qfrc_gravcomp[dof];
   if (m->opt.disableflags & mjDSBL_GRAVITY) return force;
   return force + weight_of_subtree(m, d, dof);
+}
+
+// Dampers have a part in the derivatives, which takes theirs back.
+void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
+            std::vector<double>& force) {
+  driving_forces(m, d, force);
+  const bool implicit = takes_derivatives(m) && m->nu > 0;
+  for (int i = 0; i < m->nv; ++i) {
+    force[i] -= d->qfrc_gravcomp[i];
+    if (implicit) force[i] += damping_force(d, i);
+  }
+  if (implicit) add_damping(m, d, velocity.data(), force.data());
 }
 
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {

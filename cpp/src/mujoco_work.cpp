@@ -15,32 +15,6 @@ namespace dashpot::host {
 
 namespace {
 
-// u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
-// maps.
-double derivative_form(const mjModel* m, const mjData* d, const Tree& t, const double* u,
-                       const double* v) {
-  double sum = 0.0;
-  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-    for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
-      const int j = m->M_colind[k];
-      const double product = i == j ? u[i] * v[i] : u[i] * v[j] + u[j] * v[i];
-      sum -= d->qDeriv[m->mapD2M[k]] * product;
-    }
-  return sum;
-}
-
-// The same with the D of dampers, whatever it comes from; that of joints at the start of the step.
-double damping_form(const mjModel* m, const mjData* d, const Tree& t, const double* start_velocity,
-                    const double* u, const double* v) {
-  if (takes_derivatives(m)) return derivative_form(m, d, t, u, v);
-  const double weight = joint_damping_weight(m);
-  if (weight == 0.0) return 0.0;
-  double sum = 0.0;
-  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-    sum += joint_damping(m, i, start_velocity[i]) * u[i] * v[i];
-  return weight * sum;
-}
-
 // Whether the integrator treats any force on a tree implicitly.
 bool brakes(const Tree& t) { return !t.free_body; }
 

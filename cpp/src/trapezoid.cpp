@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"
@@ -34,25 +35,43 @@ bool moves_accurately(const mjModel_* model, int tree) {
 
 }  // namespace
 
-// The root nearest to 1 of kinetic + linear s + square s^2 = wanted, at turning points of the
-// motion the end of the range that comes as near; 0 if there is none.
+Trapezoid::Coupled Trapezoid::Coupled::anew() const {
+  Coupled same;
+  same.turning_work = turning_work;
+  same.by_equalities = by_equalities;
+  same.follows_drives = follows_drives;
+  return same;
+}
+
+// The root nearest to 1 of kinetic + linear s + square s^2 = wanted, the damped ones beside, at
+// turning points of the motion the end of the range that comes as near; 0 if there is none.
 double Trapezoid::Coupled::find_scale() const {
   if (!by_equalities && square > kLargestHalf * kLargestHalf * kinetic) return 0.0;
-  const double root = std::sqrt(linear * linear - 4.0 * square * (kinetic - wanted));
-  const double sum = linear + std::copysign(root, linear);  // without cancellation
+  const double first = linear + damped_linear, second = square + damped_square;
+  const double root = std::sqrt(first * first - 4.0 * second * (kinetic - wanted));
+  const double sum = first + std::copysign(root, first);  // without cancellation
   double nearest = 0.0;
-  for (double s : {-0.5 * sum / square, -2.0 * (kinetic - wanted) / sum})
+  for (double s : {-0.5 * sum / second, -2.0 * (kinetic - wanted) / sum})
     if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
   const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
-  const double residual = std::abs(kinetic + s * (linear + s * square) - wanted);
+  const double residual = std::abs(kinetic + s * (first + s * second) - wanted);
   return residual <= kResidual * kinetic ? s : 0.0;
 }
 
-// The part of the velocity to take away for the energy to be what it ought to.
-double Trapezoid::Coupled::find_brake() const {
-  if (kinetic <= 0.0) return 0.0;
-  const double excess = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
-  return excess < -kBoost ? 0.0 : excess;
+// Finds the part of the velocity to take away for the energy to be what it ought to. Of what drives
+// do by their changes, that is left out which cannot be: to stop is the most that they can take.
+void Trapezoid::Coupled::find_brake() {
+  if (kinetic <= 0.0) {
+    driven = 0.0;
+    return;
+  }
+  const auto excess = [&] { return 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic); };
+  if (excess() < -kBoost) {
+    wanted -= driven;
+    driven = 0.0;
+  }
+  if (wanted < 0.0 && driven < 0.0) driven -= std::max(driven, wanted);
+  brake = excess() < -kBoost ? 0.0 : excess();
 }
 
 void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
@@ -102,6 +121,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   find_coupled_trees(rows, motion.tree_count());
   find_held_trees(model, rows);
   find_freed_trees(model, before);
+  host::drives(model, d, motion.start_velocity(), drive_);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
@@ -110,16 +130,22 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
-  find_second_half(model, d, memory, motion);
-  if (std::none_of(coupled_.begin(), coupled_.end(),
-                   [](const Coupled& c) { return c.by_equalities || c.left_half; }))
-    return;
-  find_energies(model, d, motion);
+  do {
+    for (Coupled& coupled : coupled_) coupled = coupled.anew();
+    find_second_half(model, d, memory, motion);
+    if (std::none_of(coupled_.begin(), coupled_.end(),
+                     [](const Coupled& c) { return c.by_equalities || c.left_half; }))
+      return;
+    find_energies(model, d, length, motion);
+  } while (find_scales());
   for (Coupled& coupled : coupled_) {
     if (!coupled.left_half) continue;
-    coupled.scale = coupled.find_scale();
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
-    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.brake = coupled.find_brake();
+    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.find_brake();
+    ledger.work += coupled.driven;
+    // As of what rows change, no damper takes it (mujoco_work.hpp).
+    ledger.dissipated_constraint +=
+        coupled.scale * (coupled.damped_linear + coupled.scale * coupled.damped_square);
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }
   added_.assign(trees.coordinates, 0.0);
@@ -144,6 +170,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
+  force_.resize(trees.coordinates);
   generalized_.assign(velocity.size(), 0.0);
   left_half_.assign(trees.tree.size(), 0);
   for (int index = 0; index < motion.tree_count(); ++index) {
@@ -155,10 +182,10 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     Coupled& coupled = coupled_[first_[index]];
     coupled.left_half = true;
     coupled.wanted += before.energy[index];
-    double* force = wrench_.data() + t.begin;
+    double* force = force_.data() + t.begin;
     const double weight = before.weight[index];
     for (int i = 0; i < t.count; ++i)
-      force[i] = weight * (force[i] + before.other_force[t.begin + i]);
+      force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
     for (int i = 0; i < t.dof_count && !moves_accurately(model, index); ++i) {
       const int dof = t.dof_begin + i;
       const double potential = host::potential_force(model, d, dof);
@@ -166,6 +193,11 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted += weight * potential * before.displacement[dof] +
                         0.5 * leads[index] * velocity[dof] * turning;
+      if (!coupled.follows_drives) continue;
+      const double change = weight * (drive_[dof] - before.drive[dof]);
+      force[i] += change;
+      coupled.driven += change * before.displacement[dof];
+      coupled.drives_change = coupled.drives_change || change != 0.0;
     }
     double* half = second_half_.data() + t.begin;
     motion.invert_inertia({index, -1});  // no row has asked for that of a tree that has come free
@@ -176,7 +208,8 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
   }
 }
 
-void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion) {
+void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double length,
+                              const TreeMotion& motion) {
   const std::vector<double>& velocity = motion.start_velocity();
   momentum_.resize(velocity.size());
   momentum_of_half_.resize(velocity.size());
@@ -192,10 +225,30 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, const Tre
       coupled.linear += velocity[i] * momentum_of_half_[i];
       coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
     }
+    if (left_half_[index]) {
+      const auto damped = [&](const double* v) {
+        return length * host::damping_form(model, d, t, velocity.data(), v, generalized_.data());
+      };
+      coupled.damped_linear += damped(velocity.data());
+      coupled.damped_square += 0.5 * damped(generalized_.data());
+    }
     coupled.kinetic += kinetic;
     if (!left_half_[index] || moves_accurately(model, index)) coupled.wanted += kinetic;
   }
-  for (Coupled& coupled : coupled_) coupled.wanted += coupled.turning_work;
+  for (Coupled& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
+}
+
+bool Trapezoid::find_scales() {
+  bool again = false;
+  for (Coupled& coupled : coupled_) {
+    if (!coupled.left_half) continue;
+    coupled.scale = coupled.find_scale();
+    if (coupled.scale != 0.0 || !coupled.follows_drives || !coupled.drives_change) continue;
+    if (!coupled.by_equalities) continue;
+    coupled.follows_drives = false;
+    again = true;
+  }
+  return again;
 }
 
 // Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them.
@@ -245,6 +298,7 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+  std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];

@@ -56,6 +56,7 @@ struct HeldMotion {
   double* weight = nullptr;        // by tree: w
   double* energy = nullptr;        // by tree, J
   double* displacement = nullptr;  // over the step, by degree of freedom
+  double* drive = nullptr;         // e, by degree of freedom
   double* acceleration = nullptr;  // a, by motion coordinate
   double* other_force = nullptr;   // g, by motion coordinate
 };

@@ -24,6 +24,14 @@ double joint_damping(const mjModel_* m, int dof, double velocity);
 // Derivative of a damping force (c + c_1 |v| + c_2 v^2) v at v = `velocity`.
 double damping_derivative(double damping, const double* high_order, double velocity);
 
+// u' D v of vectors by degree of freedom (nv) over those of a tree; joint damping is that of the
+// step's start.
+double damping_form(const mjModel_* m, const mjData_* d, const Tree& tree,
+                    const double* start_velocity, const double* u, const double* v);
+
+// Adds D v (nv) of a D that comes from derivatives.
+void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
+
 // Computes the derivatives where they are needed.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of

@@ -12,6 +12,13 @@
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
 // forces, those of limits and contacts too, which have the geometry of the middle (mujoco_turning);
 // lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective inertia.
+//
+// Forces of actuators, and those that users apply, most often follow from the motion too: position
+// servos, and controllers that are asked once a step. Held over a step whose positions have both
+// halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
+// hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
+// may also jump: where no s near 1 is left with it, equalities see them as held.
+//
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
 // half a step on. The mean is what there is in the middle of the step, found on the line through
@@ -31,16 +38,18 @@
 //     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + (l1 v'c1 - l0 v0'c0) / 2
 //                    + integral of lambda (dJ/dt xi) t dt ,
 //
-// v: what the step left, v1: with the second half; p: the part of f that has a potential, p - c;
-// dq: displacement over the step; l: length of a step where positions lead at its start or end, 0
-// where they do not. The first term is the energy that the frozen geometry of the step has; the
-// second replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2
-// gains while positions go ahead; the last is the work that equalities did because they turned.
-// Where an impact or a configuration near a singular one leaves no s near 1, or equalities would
-// turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
-// that step, and the work of those that did is booked as dissipation. A tree that only contacts and
-// limits hold is then brought to v1'M1 v1 / 2 by its speed, unless much of it would have to be
-// added; and so it is where the second half would be a large part of its velocity.
+// beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
+// effective inertia, takes: H v'D k + H k'D k / 2, k = v1 - v. v: what the step left, v1: with the
+// second half; p: the part of f that has a potential, p - c; dq: displacement over the step; l:
+// length of a step where positions lead at its start or end, 0 where they do not. The first term is
+// the energy that the frozen geometry of the step has; the second replaces the work of f0 by the
+// change of potential energy; v'c l / 2 is what v'M v / 2 gains while positions go ahead; the last
+// is the work that equalities did because they turned. Where an impact or a configuration near a
+// singular one leaves no s near 1, or equalities would turn too far in a step, frozen geometry
+// stays: the second half is left out, they do not turn in that step, and the work of those that did
+// is booked as dissipation. A tree that only contacts and limits hold is then brought to
+// v1'M1 v1 / 2 by its speed, unless much of it would have to be added; and so it is where the
+// second half would be a large part of its velocity.
 
 #pragma once
 
@@ -92,13 +101,18 @@ class Trapezoid {
   // rows did because they turned.
   struct Coupled {
     double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
-    double scale = 0.0;  // s
+    double damped_linear = 0.0, damped_square = 0.0;  // v'H D k and k'H D k / 2
+    double driven = 0.0;                              // work of w (e1 - e0), J
+    double scale = 0.0;                               // s
     double brake = 0.0;  // part of the velocity to take away where there is no s
     bool by_equalities = false;
     bool left_half = false;  // in the last step, at least one tree
     bool turns = true;       // its equalities, in this step
+    bool follows_drives = true, drives_change = false;
+    // Without what find_second_half and find_energies have found.
+    Coupled anew() const;
     double find_scale() const;
-    double find_brake() const;
+    void find_brake();
   };
 
   void find_coupled_trees(const Rows& rows, int trees);
@@ -107,7 +121,10 @@ class Trapezoid {
   void find_freed_trees(const mjModel_* model, const HeldMotion& before);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                         TreeMotion& motion);
-  void find_energies(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
+  void find_energies(const mjModel_* model, const mjData_* d, double length,
+                     const TreeMotion& motion);
+  // Finds the scales; whether there are trees to be looked at again, without changes of drives.
+  bool find_scales();
   void stop_fast_turns(double length, Rows& rows);
   // Mean forces of equalities, also in `wrench_`, and the work that they did because they turned.
   void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
@@ -122,8 +139,9 @@ class Trapezoid {
   std::vector<int> first_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<Coupled> coupled_;                                   // by first tree
-  std::vector<double> wrench_, second_half_, added_;               // by motion coordinate
+  std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
+  std::vector<double> drive_;                                      // e of this step, by the same
 };
 
 }  // namespace dashpot
