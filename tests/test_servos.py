@@ -100,7 +100,8 @@ def test_a_servo_leg_in_stance_swings_as_one_on_a_spring(timestep: float) -> Non
           {actuator}</mujoco>""")
         heights, _, _ = swing(model, (-0.5 - sag - 0.004, sag + 0.004), 5.0)
         swings.append(size_of_swing(heights, round(0.4 / timestep)))
-    assert swings[0] == pytest.approx(swings[1], rel=1e-6)
+    # At a turning point a servo may be taken as held for a step.
+    assert swings[0] == pytest.approx(swings[1], rel=1e-4)
     assert swings[0] < 1.01 * 0.004
 
 

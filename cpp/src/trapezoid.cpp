@@ -24,6 +24,9 @@ constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
 constexpr double kBoost = 0.03;
+// Part of the kinetic energy, least that changes of drives may leave without a second half: what
+// they take at turning points would stop the motion with a jolt.
+constexpr double kLeastLeft = 0.25;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -244,7 +247,7 @@ bool Trapezoid::find_scales() {
     if (!coupled.left_half) continue;
     coupled.scale = coupled.find_scale();
     if (coupled.scale != 0.0 || !coupled.follows_drives || !coupled.drives_change) continue;
-    if (!coupled.by_equalities) continue;
+    if (!coupled.by_equalities && coupled.wanted > kLeastLeft * coupled.kinetic) continue;
     coupled.follows_drives = false;
     again = true;
   }

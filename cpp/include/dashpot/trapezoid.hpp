@@ -17,7 +17,8 @@
 // servos, and controllers that are asked once a step. Held over a step whose positions have both
 // halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
 // hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
-// may also jump: where no s near 1 is left with it, equalities see them as held.
+// may also jump: where no s near 1 is left with it, they are taken as held after all by equalities,
+// and by others where the change would take most of the energy.
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
