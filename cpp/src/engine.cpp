@@ -190,14 +190,15 @@ void Stepper::Impl::build_rows(mjData_* d) {
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const Memory view = memory(d);
   ledger = view.ledger();
-  trapezoid.finish_last_step(model, d, length, view, constraints, motion, rows, data, ledger);
+  view.match(contacts, rows, matches);
+  trapezoid.finish_last_step(model, d, length, view, constraints, matches, motion, rows, data,
+                             ledger);
 }
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
-  Memory view = memory(d);
-  view.match(contacts, rows, matches);
+  const Memory view = memory(d);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
   find_hits(rows, islands.all(), contacts, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
@@ -296,20 +297,23 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   for (int index = 0; index < motion.tree_count(); ++index)
     if (gets_second_half_in_flight(index))
       host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
-  host::integrate(model, d, new_control, runge_kutta);
+  const bool stages = host::is_runge_kutta(model);
+  if (stages) held_stages.find(rows, data, motion, trapezoid.added_velocity(), length);
+  host::integrate(model, d, new_control, runge_kutta, held_stages);
   const bool comfree = parameters.options.law == Law::kComFree;
-  if (comfree && !host::is_runge_kutta(model)) return;
+  if (comfree && !stages) return;
   find_unpaid(d);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
       if (touched[index]) motion.advance_semi_implicitly(d, index, length);
       continue;
     }
-    ledger.dissipated_normal +=
-        motion.advance(d, index, length,
-                       {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
-                        trapezoid.holds(index), unpaid[index], trapezoid.added_velocity()},
-                       data);
+    ledger.dissipated_normal += motion.advance(
+        d, index, length,
+        {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
+         trapezoid.holds(index), unpaid[index], trapezoid.added_velocity(),
+         stages ? &held_stages : nullptr, stages ? runge_kutta.mean_velocity().data() : nullptr},
+        data);
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);

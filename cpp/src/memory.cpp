@@ -105,6 +105,11 @@ double* Memory::constraint_slot(int constraint) const {
   return constraint_storage() + kConstraint * constraint;
 }
 
+std::array<double, 2> Memory::spring(int constraint) const {
+  const double* slot = constraint_slot(constraint);
+  return {slot[0], slot[1]};
+}
+
 double* Memory::equality(int constraint) const { return constraint_slot(constraint) + kEquality; }
 
 bool Memory::starts() const { return storage_[kStepped] == 0.0; }

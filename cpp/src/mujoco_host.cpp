@@ -60,9 +60,10 @@ bool adds_to_smooth_motion(const mjModel_* m) {
   return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
 }
 
-void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta) {
+void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta,
+               HeldStages& held) {
   if (is_runge_kutta(m))
-    runge_kutta.advance(m, d, new_control);
+    runge_kutta.advance(m, d, new_control, held);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
   else

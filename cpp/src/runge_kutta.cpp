@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_forces.hpp"
@@ -80,14 +81,16 @@ class RungeKutta::Start {
   const std::array<mjtBool, 4> flag_;
 };
 
-void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
+void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held) {
   constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
   constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
                              [](double force) { return force != 0.0; });
   position_.assign(d->qpos, d->qpos + m->nq);
   activation_.assign(d->act, d->act + m->na);
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
-  acceleration_[0].assign(d->qacc, d->qacc + m->nv);
+  reported_acceleration_.assign(d->qacc, d->qacc + m->nv);
+  acceleration_[0] = reported_acceleration_;
+  if (constrained_) held.bar(acceleration_[0]);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
   time_ = d->time;
   const bool others_look = others_look_at_data(m);
@@ -98,18 +101,18 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control) {
           "adhesion is not stepped with integrator RK4 where callbacks or plugins are asked in its "
           "stages; use Euler or implicitfast");
     Start start(m, d, state_);
-    find_slopes(m, d, new_control);
+    find_slopes(m, d, new_control, held);
     get_state(m, d, kInputs, inputs_);
     start.restore_state();
     smooth_stage(m, d, false);
   } else {
-    find_slopes(m, copy_state(m, d), new_control);
+    find_slopes(m, copy_state(m, d), new_control, held);
   }
   find_mean_slope();
   check_mean_slope(m);
   if (others_look) mj_setState(m, d, inputs_.data(), kInputs);
   // Time, plugins and activations are as with Euler, under the mean slope.
-  std::copy(acceleration_[0].begin(), acceleration_[0].end(), d->qacc);
+  std::copy(reported_acceleration_.begin(), reported_acceleration_.end(), d->qacc);
   std::copy(mean_activation_rate_.begin(), mean_activation_rate_.end(), d->act_dot);
   mj_Euler(m, d);
   std::copy(activation_rate_[0].begin(), activation_rate_[0].end(), d->act_dot);
@@ -126,17 +129,17 @@ mjData* RungeKutta::copy_state(const mjModel* m, const mjData* d) {
   return beside_.get();
 }
 
-void RungeKutta::find_slopes(const mjModel* m, mjData* d, bool new_control) {
+void RungeKutta::find_slopes(const mjModel* m, mjData* d, bool new_control, HeldStages& held) {
   const ErrorGuard guard(d);
   for (int stage = 1; stage < kStages; ++stage) {
-    go_to_stage(m, d, stage);
+    go_to_stage(m, d, stage, held);
     smooth_stage(m, d, new_control);
-    read_slope(m, d, stage);
+    read_slope(m, d, stage, held);
   }
   read_end(m, d);
 }
 
-void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
+void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage, const HeldStages& held) {
   const double part = kPlace[stage], h = m->opt.timestep;
   const auto move = [&](double* x, const std::vector<double>& start,
                         const std::vector<double>& slope, std::vector<double>& scaled) {
@@ -147,6 +150,8 @@ void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
   };
   mean_velocity_.assign(m->nv, 0.0);
   mju_addToScl(mean_velocity_.data(), velocity_[stage - 1].data(), part, static_cast<int>(m->nv));
+  if (constrained_)
+    mju_addToScl(mean_velocity_.data(), held.way().data(), 1.0 / h, static_cast<int>(m->nv));
   std::copy(position_.begin(), position_.end(), d->qpos);
   mj_integratePos(m, d->qpos, mean_velocity_.data(), h);
   move(d->qvel, velocity_[0], acceleration_[stage - 1], mean_acceleration_);
@@ -154,7 +159,7 @@ void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
   d->time = time_ + part * h;
 }
 
-void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage) {
+void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& held) {
   if (constrained_) {
     mj_solveM(m, d, d->qacc, constraint_force_.data(), 1);
     mju_addTo(d->qacc, d->qacc_smooth, static_cast<int>(m->nv));
@@ -163,6 +168,7 @@ void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage) {
   }
   velocity_[stage].assign(d->qvel, d->qvel + m->nv);
   acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
+  if (constrained_) held.bar(acceleration_[stage]);
   activation_rate_[stage].assign(d->act_dot, d->act_dot + m->na);
 }
 

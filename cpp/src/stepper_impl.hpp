@@ -9,6 +9,7 @@
 #include "dashpot/energy_ledger.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/flight_contacts.hpp"
+#include "dashpot/held_stages.hpp"
 #include "dashpot/impact.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/knock_on.hpp"
@@ -102,6 +103,7 @@ struct Stepper::Impl {
   std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
+  HeldStages held_stages;                      // of RK4
   host::RungeKutta runge_kutta;
   host::SmoothWork smooth_work;
   EnergyLedger ledger;

@@ -115,8 +115,8 @@ void Trapezoid::find_freed_trees(const mjModel_* model, const HeldMotion& before
 void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
                                  const Memory& memory,
                                  const std::vector<ConstraintInput>& constraints,
-                                 TreeMotion& motion, Rows& rows, RowData& data,
-                                 EnergyLedger& ledger) {
+                                 const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
+                                 RowData& data, EnergyLedger& ledger) {
   added_.clear();
   const HeldMotion before = memory.held_motion();
   if (!before.length) return;
@@ -133,6 +133,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
+  holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
   do {
     for (Coupled& coupled : coupled_) coupled = coupled.anew();
     find_second_half(model, d, memory, motion);
@@ -207,6 +208,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     add_response(trees, index, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
+    if (!coupled.by_equalities) holding_rows_.bar(trees, index, half);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
   }
 }

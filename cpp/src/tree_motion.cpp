@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_host.hpp"
@@ -146,8 +147,8 @@ void TreeMotion::to_generalized_force(int index, const double* coordinates, doub
 }
 
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
-                           const RowData& data) {
-  integrated_[index] = is_integrated(index, length, by_rows);
+                           RowData& data) {
+  integrated_[index] = is_integrated(index, length, by_rows, data);
   if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
   if (!by_rows.touched) return 0.0;
   const Tree& tree = trees_.tree[index];
@@ -160,6 +161,8 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
     for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
       end_velocity_[i] += by_rows.added_velocity[tree.begin + i];
     velocity = end_velocity_.data();
+    if (by_rows.stages && by_rows.stages->hold(index))
+      add_way_of_stages(tree, length, by_rows, data);
   } else if (!by_rows.held) {
     // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
     displacement_.assign(velocity, velocity + tree.dof_count);
@@ -170,10 +173,23 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
   return 0.0;
 }
 
-bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_rows) const {
+// What the stages went farther than under the mean acceleration of the micro-steps.
+void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
+                                   RowData& data) const {
+  for (int i = 0; i < tree.dof_count; ++i) {
+    const int k = tree.begin + i;
+    double twice_mean = start_motion_[k] + data.velocity[k];
+    if (by_rows.added_velocity) twice_mean -= by_rows.added_velocity[k];
+    data.total_displacement[k] +=
+        length * (by_rows.mean_velocity[tree.dof_begin + i] - 0.5 * twice_mean);
+  }
+}
+
+bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_rows,
+                               const RowData& data) const {
   if (is_accurate(index)) return false;
   if (!by_rows.touched) return true;
-  if (host::is_runge_kutta(model_)) return resolves_dampers(index, length);
+  if (host::is_runge_kutta(model_)) return resolves_dampers(index, length, by_rows, data);
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
   return host::adds_to_smooth_motion(model_) && !by_rows.trapezoidal;
 }
@@ -181,15 +197,20 @@ bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_ro
 // Whether the joint dampers of a tree that rows move take less than they could in a step: the
 // stages of RK4, which are explicit, turn round under the mean forces of an impact beyond H C / M
 // of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
-bool TreeMotion::resolves_dampers(int index, double length) const {
+bool TreeMotion::resolves_dampers(int index, double length, const RowsOnTree& by_rows,
+                                  const RowData& data) const {
   const Tree& t = trees_.tree[index];
   if (t.free_body) return true;
   constexpr double kMost = 2.0 / 3.0;
   const double* inverse = trees_.inverse.data() + t.inverse;
   for (int i = 0; i < t.dof_count; ++i) {
-    const double damping =
-        host::joint_damping(model_, t.dof_begin + i, start_velocity_[t.dof_begin + i]);
-    if (length * damping * inverse[i * (t.count + 1)] > kMost) return false;
+    const double speed =
+        std::max(std::abs(start_velocity_[t.dof_begin + i]), std::abs(data.velocity[t.begin + i]));
+    const double damping = host::joint_damping(model_, t.dof_begin + i, speed);
+    const double mobility = length * damping * inverse[i * (t.count + 1)];
+    if (mobility <= kMost) continue;
+    const double barred = by_rows.stages ? by_rows.stages->barred_inverse_mass(index, i) : 0.0;
+    if (mobility - length * damping * barred > kMost) return false;
   }
   return true;
 }

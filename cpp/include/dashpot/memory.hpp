@@ -105,6 +105,9 @@ class Memory {
   // Mean force of an equality over the last step (N, N m), and the work that it did because its row
   // turned (J); by ConstraintInput::memory.
   double* equality(int constraint) const;
+  // Of a limit, equality or dry-friction row at the end of the last step: deformation (m or rad)
+  // and stiffness.
+  std::array<double, 2> spring(int constraint) const;
 
   // What is remembered of the contacts of every group.
   void match(const std::vector<ContactInput>& contacts, const Rows& rows,

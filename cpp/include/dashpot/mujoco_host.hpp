@@ -29,7 +29,8 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
 
 // MuJoCo's own integrator, under the mean forces that report_forces has set: advances everything
 // (time, activations, plugins, trees without contact). `new_control` as in smooth_stage.
-void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta);
+void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta,
+               HeldStages& held);
 // Whether it takes smooth forces otherwise than through the effective inertia.
 bool adds_to_smooth_motion(const mjModel_* m);
 

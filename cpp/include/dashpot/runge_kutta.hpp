@@ -9,6 +9,8 @@
 //
 // x: positions, velocities and activations; accelerations in f are inv(M) (smooth forces + F).
 // Where F is zero this is mj_RungeKutta to the bit; where F balances the smooth forces, rest stays.
+// A tree that rows hold moves along them as it did in the micro-steps (held_stages.hpp). A light
+// foot would otherwise leave the ground within the stages and take load off the spring of its leg.
 
 #pragma once
 
@@ -19,6 +21,10 @@
 
 struct mjModel_;
 struct mjData_;
+
+namespace dashpot {
+class HeldStages;
+}
 
 namespace dashpot::host {
 
@@ -43,19 +49,21 @@ class RungeKutta {
   // within the step the control callback is not asked. Where a callback raises, and with
   // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
   // of a model with adhesion, state, controls and applied forces are those of the start again.
-  void advance(const mjModel_* m, mjData_* d, bool new_control);
+  void advance(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
 
   // At the end of the last step, as its fourth stage saw it.
   const SmoothForces& end() const { return end_; }
+  // Of the last step (nv): with it positions go.
+  const std::vector<double>& mean_velocity() const { return mean_velocity_; }
 
  private:
   static constexpr int kStages = 4;
   class Start;
 
   mjData_* copy_state(const mjModel_* m, const mjData_* d);
-  void find_slopes(const mjModel_* m, mjData_* d, bool new_control);
-  void go_to_stage(const mjModel_* m, mjData_* d, int stage);
-  void read_slope(const mjModel_* m, mjData_* d, int stage);
+  void find_slopes(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+  void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
+  void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
   void find_mean_slope();
   void check_mean_slope(const mjModel_* m) const;
   void read_end(const mjModel_* m, const mjData_* d);
@@ -68,7 +76,7 @@ class RungeKutta {
   bool constrained_ = false;
   std::vector<double> constraint_force_;
   std::vector<double> state_, inputs_;  // at the start; as callbacks left them
-  std::vector<double> position_, activation_;
+  std::vector<double> position_, activation_, reported_acceleration_;
   std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;
   std::vector<double> mean_velocity_, mean_acceleration_, mean_activation_rate_;
   SmoothForces end_;

@@ -30,6 +30,9 @@
 // with t0 = 0 or 1/2 and t1 = 1 or 3/2. Of the forces that come with velocity, c, it stays the
 // mean: velocities do not lead.
 //
+// Of the second half, rows that hold the tree against the ground leave what holding_rows.hpp says:
+// they bear the rest, as a foot on the floor what the spring of its leg gains.
+//
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
 // smooth forces change.
@@ -57,6 +60,7 @@
 #include <vector>
 
 #include "dashpot/energy_ledger.hpp"
+#include "dashpot/holding_rows.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
@@ -83,7 +87,8 @@ class Trapezoid {
   // in this step.
   void finish_last_step(const mjModel_* model, const mjData_* d, double length,
                         const Memory& memory, const std::vector<ConstraintInput>& constraints,
-                        TreeMotion& motion, Rows& rows, RowData& data, EnergyLedger& ledger);
+                        const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
+                        RowData& data, EnergyLedger& ledger);
 
   // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
   // and Leapfrog::keep.
@@ -138,6 +143,7 @@ class Trapezoid {
   // By tree: the first one that equalities couple it to, itself where other rows may hold it or
   // have held it, -1 if none do.
   std::vector<int> first_;
+  HoldingRows holding_rows_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<Coupled> coupled_;                                   // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate

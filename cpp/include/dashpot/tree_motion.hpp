@@ -8,8 +8,9 @@
 // Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
 // of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
 // take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
-// that dry friction alone slows its position too. Where rows move a tree whose joint dampers RK4
-// does not resolve, the velocity of the micro-steps stays.
+// that dry friction alone slows its position too; those that stiff rows hold go as much farther
+// than in the micro-steps as they do in the stages (held_stages.hpp). Where rows move a tree whose
+// joint dampers RK4 does not resolve, the velocity of the micro-steps stays.
 
 #pragma once
 
@@ -25,6 +26,8 @@ struct mjData_;
 
 namespace dashpot {
 
+class HeldStages;
+
 // What rows did to a tree in a step.
 struct RowsOnTree {
   bool touched = false;      // moved it
@@ -34,6 +37,9 @@ struct RowsOnTree {
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
   const double* added_velocity = nullptr;
+  // Of RK4, null without: what rows left of its stages, and its mean velocity, generalized.
+  const HeldStages* stages = nullptr;
+  const double* mean_velocity = nullptr;
 };
 
 class TreeMotion {
@@ -62,8 +68,7 @@ class TreeMotion {
 
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   // Returns the energy (J) that rows gave the tree and that it does not have then.
-  double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
-                 const RowData& data);
+  double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
   // By tree, of the last step: it has its velocity from MuJoCo's integrator.
   const std::vector<char>& integrated() const { return integrated_; }
   // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
@@ -78,8 +83,11 @@ class TreeMotion {
  private:
   bool is_accurate(int tree) const;
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
-  bool is_integrated(int tree, double length, const RowsOnTree& by_rows) const;
-  bool resolves_dampers(int tree, double length) const;
+  bool is_integrated(int tree, double length, const RowsOnTree& by_rows, const RowData& data) const;
+  bool resolves_dampers(int tree, double length, const RowsOnTree& by_rows,
+                        const RowData& data) const;
+  void add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
+                         RowData& data) const;
   double contact_work(int tree, double length, const RowData& data) const;
   double advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                            const RowData& data);
