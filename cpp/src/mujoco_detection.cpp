@@ -10,6 +10,7 @@
 #include "dashpot/mujoco_contacts.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_rim_points.hpp"
 
 namespace dashpot::host {
 
@@ -105,10 +106,14 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
   read_contacts(m, d, contacts);
-  contacts.erase(
-      std::remove_if(contacts.begin(), contacts.end(),
-                     [&](const ContactInput& contact) { return keeps_its_gap(m, d, contact); }),
-      contacts.end());
+  contacts.erase(std::remove_if(contacts.begin(), contacts.end(),
+                                [&](const ContactInput& contact) {
+                                  return keeps_its_gap(m, d, contact) ||
+                                         only_spin_brings_near(m, d, detection.buffers,
+                                                               detection.faces.body_velocity,
+                                                               contact);
+                                }),
+                 contacts.end());
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
                          contacts);
   read_constraints(m, d, constraints);

@@ -11,6 +11,7 @@
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/mujoco_side_by_side.hpp"
 #include "dashpot/terrain_contacts.hpp"
 
 namespace dashpot::host {
@@ -33,6 +34,7 @@ constexpr double kSame = 0.85;
 struct MiddleContact {
   mjtNum distance, position[3], normal[3];
   std::array<double, 3> local[2];
+  std::array<double, 3> on_shape[2];  // the same on what does not turn about its own axis
 };
 
 // One of the two geoms of a pair.
@@ -50,10 +52,13 @@ double squared_distance(const std::array<double, 3>& a, const std::array<double,
   return sum;
 }
 
-// On the geom on which the two are nearer.
+// On the geom on which the two are nearer: on a wheel, the place as it turns with it, or stays.
 double squared_distance(const ContactInput& start, const MiddleContact& middle) {
-  return std::min(squared_distance(start.local_position[0], middle.local[0]),
-                  squared_distance(start.local_position[1], middle.local[1]));
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 2; ++i)
+    least = std::min({least, squared_distance(start.local_position[i], middle.local[i]),
+                      squared_distance(start.local_position[i], middle.on_shape[i])});
+  return least;
 }
 
 // A ball that turns about its middle looks the same.
@@ -190,9 +195,20 @@ class TurningPair {
         mjtNum arm[3];
         mju_sub3(arm, found[i].pos, data_->geom_xpos + 3 * geom);
         mju_mulMatTVec3(middle.local[side].data(), data_->geom_xmat + 9 * geom, arm);
+        middle.on_shape[side] = before_spin(side_[side], middle.local[side]);
       }
     }
     mju_copy(rotation_, data_->geom_xmat + 9 * geom1, 9);
+  }
+
+  // A place in the frame of a geom, turned on by what the geom has spun about its own axis.
+  std::array<double, 3> before_spin(const Side& side, const std::array<double, 3>& local) const {
+    if (!has_round_side(model_->geom_type[side.geom])) return local;
+    const mjtNum* rotation = data_->geom_xmat + 9 * side.geom;
+    const mjtNum axis[3] = {rotation[2], rotation[5], rotation[8]};
+    const double angle = time_ * mju_dot3(side.angular, axis);
+    const double cosine = std::cos(angle), sine = std::sin(angle);
+    return {cosine * local[0] - sine * local[1], sine * local[0] + cosine * local[1], local[2]};
   }
 
   const MiddleContact* nearest(const ContactInput& contact) const {
