@@ -23,11 +23,14 @@ namespace {
 // normals at the start are good: past a ball of radius r, a way x leads below its tangent plane by
 // x^2 / (4 r) at most.
 constexpr double kFarWay = 0.1;
+// The same of two round shapes, whose normal turns all the way: by half of this (rad), while what
+// lies below the tangent plane is a few hundredths of what they compress in a blow along the way.
+constexpr double kFarWayOfRound = 0.01;
 // Clearance, relative to the same, that counts as touch: a graze must not be lost to what the mean
 // motion leaves out of the true one, and a miss by so little may as well touch.
 constexpr double kClearance = 1e-3;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
-// good: a face that lands flat keeps all of its points.
+// good: a face that lands flat keeps all of its points. Round shapes meet along their own.
 constexpr double kAlike = 0.999;
 
 class FlightSearch {
@@ -86,9 +89,10 @@ class FlightSearch {
   void redirected(std::vector<Flight>& redirected) const {
     for (const Flight& flight : flights_) {
       const auto begin = contacts_.begin() + flight.first, end = contacts_.begin() + flight.last;
+      const bool alone = flight.last - flight.first == 1 && are_round(*begin);
       const auto stands_for_it = [&](const ContactInput& contact) {
         const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
-        return normal.dot(flight.normal) > kAlike && acts(contact);
+        return !alone && normal.dot(flight.normal) > kAlike && acts(contact);
       };
       if (flight.meets && std::none_of(begin, end, stands_for_it)) redirected.push_back(flight);
     }
@@ -105,7 +109,7 @@ class FlightSearch {
       if (contacts_[i].gap < contacts_[nearest].gap) nearest = i;
     }
     const ContactInput& contact = contacts_[nearest];
-    const double far = kFarWay * half_width(contact);
+    const double far = (are_round(contact) ? kFarWayOfRound : kFarWay) * half_width(contact);
     if (reach_.reach[contact.geom[0]] + reach_.reach[contact.geom[1]] <= far) return false;
     return can_be_followed(contact.geom[0]) && can_be_followed(contact.geom[1]) &&
            moves_along(contact, far);
@@ -141,6 +145,12 @@ class FlightSearch {
   bool is_nearest(int geom) const {
     const ShapeType type = shapes_.of(model_, geom).type;
     return type == ShapeType::kSphere || type == ShapeType::kCapsule || type == ShapeType::kBox;
+  }
+
+  bool are_round(const ContactInput& contact) const {
+    return std::all_of(contact.geom.begin(), contact.geom.end(), [&](int geom) {
+      return has_shape(model_, geom) && is_round(shapes_.of(model_, geom));
+    });
   }
 
   bool can_be_followed(int geom) const {
@@ -285,6 +295,7 @@ void FlightContacts::follow(const mjModel_* model, mjData_* data, const host::Re
     std::copy_n(apart.data(), 3, first->apart.begin());
     for (int side = 0; side < 2; ++side)
       std::copy_n(flight->local[side].data(), 3, first->local_position[side].begin());
+    first->is_at_impact = true;
     contacts.erase(first + 1, last);
   }
   drop_pairs(misses_, contacts);

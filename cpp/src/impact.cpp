@@ -158,6 +158,9 @@ class ImpactSearch {
     if (std::isfinite(size.half_width))
       bound.radius = size.core_radius + geom_offset(data_, geom, velocity_[body].centre);
     bound.calm_way = kFastMotion * bound.half_width;
+    // Of two, where it turns their normal as fast.
+    if (has_shape(model_, geom) && is_round(geom_shape(model_, geom)))
+      bound.calm_way = std::min(bound.calm_way, 2.0 * kFastTurn * bound.half_width);
     if (bound.radius > 0.0 && host::geom_tree(model_, geom) >= 0)
       bound.calm_way = std::min(bound.calm_way, kFastTurn * bound.radius);
     const auto mean = [&](const Vector3d& velocity, const Vector3d& acceleration) {
@@ -222,6 +225,7 @@ class ImpactSearch {
       side.acceleration = acceleration_[body];
       const GeomBounds size = geom_bounds(model_, side.geom);
       side.core_radius = size.core_radius;
+      if (is_round(geom_shape(model_, side.geom))) side.curvature_radius = size.half_width;
       if (size.is_revolution) side.symmetry = geom_pose(model_, data_, side.geom).rotation.col(2);
       if (std::isfinite(size.half_width))
         side.offset = geom_offset(data_, side.geom, side.velocity.centre);
@@ -238,7 +242,7 @@ class ImpactSearch {
     const bool touches = contact.gap <= 2.0 * pair.standoff(remaining_);
     const double speed = pair.has_plane || touches ? pair.closing_speed(normal, remaining_)
                                                    : pair.closing_speed(remaining_);
-    return pair.is_fast(speed + pair.release_speed, remaining_, whole_);
+    return pair.is_fast(speed + pair.release_speed, normal, remaining_, whole_);
   }
 
   // How long the pair allows the part to last, at most `length`.
@@ -268,9 +272,9 @@ class ImpactSearch {
       }
     }
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
-    if (!pair.is_fast(speed, length, whole_)) return length;
-    const double calm =
-        std::min(kFastMotion * pair.half_width / speed, kTurn / pair.turn_rate(speed, length));
+    if (!pair.is_fast(speed, now.normal, length, whole_)) return length;
+    const double calm = std::min(kFastMotion * pair.half_width / speed,
+                                 kTurn / pair.turn_rate(speed, now.normal, length));
     return std::min(length, std::max(calm, shortest_contact));
   }
 

@@ -85,6 +85,7 @@ class TurningPair {
 
   // Finds how the pair moves; whether it does, and may touch up to the middle.
   bool moves(const Trees& trees, const double* motion) {
+    if (first_->is_at_impact) return false;
     for (int i = 0; i < 2; ++i) {
       Side& side = side_[i];
       side.geom = first_->geom[i];

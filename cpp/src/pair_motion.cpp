@@ -58,8 +58,9 @@ double PairMotion::closing_speed(double length) const {
   return speed;
 }
 
-double PairMotion::turn_rate(double speed, double length) const {
-  double rate = 0.0;
+double PairMotion::turn_rate(double speed, const Vector3d& normal, double length) const {
+  double rate = normal.cross(relative_velocity(length)).norm() /
+                (side[0].curvature_radius + side[1].curvature_radius);
   for (const SideMotion& s : side) {
     const double reach = s.offset + s.core_radius;
     if (reach == 0.0 || s.tree < 0) continue;
@@ -68,8 +69,9 @@ double PairMotion::turn_rate(double speed, double length) const {
   return rate;
 }
 
-bool PairMotion::is_fast(double speed, double length, double step) const {
-  return speed * step > kFastMotion * half_width || turn_rate(speed, length) * step > kFastTurn;
+bool PairMotion::is_fast(double speed, const Vector3d& normal, double length, double step) const {
+  return speed * step > kFastMotion * half_width ||
+         turn_rate(speed, normal, length) * step > kFastTurn;
 }
 
 double PairMotion::standoff(double length) const {

@@ -8,16 +8,16 @@
 //         compressed contacts can still give it in a step, x sqrt(k w) min(1, sqrt(k w) H),
 //     e = half the least width of its thinner geom.
 //
-// A pair is fast where s H > e / 4, or where such motion turns one of the two by more than 0.05 rad
-// in the step. Of the fast pairs,
+// A pair is fast where s H > e / 4, or where such motion turns one of the two, or the normal of two
+// round ones, by more than 0.05 rad in the step. Of the fast pairs,
 //
 // - those apart get their time of impact, up to a standoff that covers what the motion over the
 //   step departs from constant velocity by, |a| H^2 / 8. The part of the step ends there. Within
 //   it their rows are left out: the pair is proven apart. (Rows stay where an impact elsewhere in
 //   this part could change the motion, and for articulated trees, whose motion is not rigid.)
-// - those in touch keep their rows for a part in which neither geom turns by more than 0.005 rad
-//   nor the pair approaches by more than e / 4. The geometry is that of the middle of the part
-//   (see middle.hpp), so that errors are quadratic in the turn.
+// - those in touch keep their rows for a part in which neither geom turns by more than 0.005 rad,
+//   nor the normal of two round ones, nor the pair approaches by more than e / 4. The geometry is
+//   that of the middle of the part (see middle.hpp), so that errors are quadratic in the turn.
 //
 // The rest of the step follows in the same way with fresh collision. Parts are cut at most kMaxCuts
 // times in a step; the last takes all that remains.

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <limits>
 
 #include "dashpot/shape.hpp"
 
@@ -21,6 +22,7 @@ struct SideMotion {
   Motion velocity, acceleration;  // of its body; `centre` is unused in the latter
   double offset = 0.0;            // m, of the geom's centre from the body's centre of mass
   double core_radius = 0.0;       // m, about the geom's centre
+  double curvature_radius = std::numeric_limits<double>::infinity();  // m, least of a round shape
   // Axis of a shape of revolution, unit; zero for others.
   Eigen::Vector3d symmetry = Eigen::Vector3d::Zero();
 
@@ -46,10 +48,11 @@ struct PairMotion {
   // Bound on the speed at which points of the two approach along `normal`, or in any direction.
   double closing_speed(const Eigen::Vector3d& normal, double length) const;
   double closing_speed(double length) const;
-  // Rate of turn of either side, with that which an impact at `speed` can give it.
-  double turn_rate(double speed, double length) const;
+  // Rate of turn of either side, with that which an impact at `speed` can give it, or of the normal
+  // of two round shapes that move along each other.
+  double turn_rate(double speed, const Eigen::Vector3d& normal, double length) const;
   // Whether motion at `speed` over a whole `step` (s) is no longer small.
-  bool is_fast(double speed, double length, double step) const;
+  bool is_fast(double speed, const Eigen::Vector3d& normal, double length, double step) const;
   // Distance (m) where flight ends and contact begins: covers what motion over `length` departs
   // from constant velocity by.
   double standoff(double length) const;
