@@ -132,7 +132,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
 // contact does not start within a step.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  flights.follow(model, d, detection.buffers, constraints, length, contacts);
+  flights.follow(model, d, memory(d), detection.buffers, constraints, length, contacts);
 }
 
 // Ends this part of the step where the next impact begins.

@@ -29,6 +29,9 @@ constexpr double kFarWayOfRound = 0.01;
 // Clearance, relative to the same, that counts as touch: a graze must not be lost to what the mean
 // motion leaves out of the true one, and a miss by so little may as well touch.
 constexpr double kClearance = 1e-3;
+// Departure of bodies from their smooth motion, relative to the same, up to which round ones are
+// followed though something holds them.
+constexpr double kGentle = 0.05;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
 // good: a face that lands flat keeps all of its points. Round shapes meet along their own.
 constexpr double kAlike = 0.999;
@@ -37,7 +40,7 @@ class FlightSearch {
  public:
   FlightSearch(const mjModel_* model, const mjData_* data, const host::ReachBuffers& reach,
                const std::vector<ContactInput>& contacts, double length, GeomShapes& shapes,
-               std::vector<Flight>& flights, std::vector<char>& disturbed)
+               std::vector<Flight>& flights, FlightDisturbance& disturbance)
       : model_(model),
         data_(data),
         reach_(reach),
@@ -45,7 +48,7 @@ class FlightSearch {
         length_(length),
         shapes_(shapes),
         flights_(flights),
-        disturbed_(disturbed) {}
+        disturbance_(disturbance) {}
 
   bool find_flights() {
     flights_.clear();
@@ -60,23 +63,22 @@ class FlightSearch {
     return !flights_.empty();
   }
 
-  void follow(const std::vector<ConstraintInput>& constraints) {
-    disturbed_.assign(host::tree_count(model_), 0);
-    for (const ConstraintInput& constraint : constraints) disturb(constraint.tree);
+  void follow(const Memory& memory, const std::vector<ConstraintInput>& constraints) {
+    disturbance_.reset(model_, memory, length_);
+    for (const ConstraintInput& constraint : constraints) disturbance_.shake(constraint.tree);
     size_t next = 0;
     for (size_t i = 0; i < contacts_.size(); ++i) {
       while (next < flights_.size() && flights_[next].last <= i) ++next;
       const bool flies = next < flights_.size() && flights_[next].first <= i;
-      const auto& tree = contacts_[i].tree;
-      if (!flies && !(known(tree[0]) && known(tree[1])) && acts(contacts_[i])) disturb(tree);
+      if (!flies && acts(contacts_[i])) disturb(contacts_[i]);
     }
+    disturbance_.hand_on();
     for (Flight& flight : flights_)
-      if (!is_disturbed(contacts_[flight.first].tree)) follow(flight);
+      if (!is_disturbed(flight)) follow(flight);
     for (const Flight& flight : flights_)
-      if (!flight.misses) disturb(contacts_[flight.first].tree);
-    spread_disturbance();
-    for (Flight& flight : flights_)
-      flight.misses = flight.misses && !is_disturbed(contacts_[flight.first].tree);
+      if (!flight.misses) disturbance_.shake(contacts_[flight.first].tree);
+    disturbance_.spread(contacts_);
+    for (Flight& flight : flights_) flight.misses = flight.misses && !is_disturbed(flight);
   }
 
   void near_misses(std::vector<GeomPair>& misses) const {
@@ -169,12 +171,17 @@ class FlightSearch {
 
   // Rate of a contact's gap over the step.
   double mean_rate(const ContactInput& contact) const {
+    return rate(contact, [&](int body) { return mean_motion(body); });
+  }
+
+  template <typename MotionOf>
+  double rate(const ContactInput& contact, const MotionOf& motion_of) const {
     if (contact.is_of_flex()) return host::contact_velocity(model_, data_, contact)[0];
     const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
     const Eigen::Map<const Vector3d> point(contact.position.data());
     double rate = 0.0;
     for (int side = 0; side < 2; ++side) {
-      const Motion motion = mean_motion(geom_body(model_, contact.geom[side]));
+      const Motion motion = motion_of(geom_body(model_, contact.geom[side]));
       rate += (side ? 1.0 : -1.0) *
               normal.dot(motion.linear + motion.angular.cross(point - motion.centre));
     }
@@ -194,27 +201,18 @@ class FlightSearch {
     return body_motion(model_, data_, body, mean);
   }
 
-  void disturb(const std::array<int, 2>& trees) {
-    for (int tree : trees)
-      if (tree >= 0) disturbed_[tree] = 1;
+  void disturb(const ContactInput& contact) {
+    if (contact.is_of_flex()) return disturbance_.shake(contact.tree);
+    const std::array<double, 2> rates = {
+        rate(contact, [&](int body) { return motion_at_start(body); }),
+        rate(contact, [&](int body) { return motion_at_end(body); })};
+    disturbance_.add(contact, rates, kGentle * half_width(contact));
   }
-  // Fixed, or disturbed already.
-  bool known(int tree) const { return tree < 0 || disturbed_[tree]; }
-  bool is_disturbed(const std::array<int, 2>& trees) const {
-    return std::any_of(trees.begin(), trees.end(),
-                       [&](int tree) { return tree >= 0 && disturbed_[tree]; });
-  }
-
-  // What is disturbed may come to anything that it has a contact with.
-  void spread_disturbance() {
-    for (bool changed = true; changed;) {
-      changed = false;
-      for (const ContactInput& contact : contacts_) {
-        if (!is_disturbed(contact.tree)) continue;
-        for (int tree : contact.tree) changed = changed || (tree >= 0 && !disturbed_[tree]);
-        disturb(contact.tree);
-      }
-    }
+  // Round bodies roll and slide up to each other.
+  bool is_disturbed(const Flight& flight) const {
+    const ContactInput& contact = contacts_[flight.first];
+    return are_round(contact) ? disturbance_.is_shaken(contact.tree)
+                              : disturbance_.is_disturbed(contact.tree);
   }
 
   void follow(Flight& flight) const {
@@ -237,10 +235,16 @@ class FlightSearch {
     }
     departure += (acceleration[1] - acceleration[0]).norm();
     const double clearance = kClearance * half_width(contact) + departure * length_ * length_ / 8.0;
+    const double departs = disturbance_.departure(contact.tree);
+    const auto impact_within = [&](double distance) {
+      return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
+                            std::max(0.0, contact.margin) + distance);
+    };
     TimeOfImpact impact;
     try {
-      impact = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
-                              std::max(0.0, contact.margin) + clearance);
+      impact = impact_within(clearance);
+      // Which what holds them may bring about: the row tells whether they come on from there.
+      if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
     } catch (const std::runtime_error&) {
       return;  // undecided: contacts stay as they were found
     }
@@ -268,19 +272,20 @@ class FlightSearch {
   const double length_;
   GeomShapes& shapes_;
   std::vector<Flight>& flights_;  // in the order of their contacts
-  std::vector<char>& disturbed_;  // by tree
+  FlightDisturbance& disturbance_;
 };
 
 }  // namespace
 
-void FlightContacts::follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
+void FlightContacts::follow(const mjModel_* model, mjData_* data, const Memory& memory,
+                            const host::ReachBuffers& reach,
                             const std::vector<ConstraintInput>& constraints, double length,
                             std::vector<ContactInput>& contacts) {
   misses_.clear();
   redirected_.clear();
-  FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbed_);
+  FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbance_);
   if (!search.find_flights()) return;
-  search.follow(constraints);
+  search.follow(memory, constraints);
   search.near_misses(misses_);
   search.redirected(redirected_);
   // From the last on: places of the others stay.

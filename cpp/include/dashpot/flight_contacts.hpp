@@ -7,7 +7,8 @@
 // - is apart, and whose geoms move farther in the step than a part of the thinner one's half-width,
 //   a smaller one where both are round: theirs turn the normal all the way,
 // - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
-//   constraint, no contact that touches or closes, none that what it acts on may come to,
+//   constraint, no contact that touches or closes, none that what it acts on may come to;
+//   round ones may be held gently, as by a table (flight_disturbance.hpp),
 //
 // the time of impact along their mean motion (query.hpp) is found. A pair without one in the step
 // is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces meet
@@ -22,6 +23,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "dashpot/flight_disturbance.hpp"
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/proven_apart.hpp"
 #include "dashpot/rows.hpp"
@@ -53,16 +55,16 @@ class FlightContacts {
  public:
   // Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the
   // detection that found them.
-  void follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
-              const std::vector<ConstraintInput>& constraints, double length,
-              std::vector<ContactInput>& contacts);
+  void follow(const mjModel_* model, mjData_* data, const Memory& memory,
+              const host::ReachBuffers& reach, const std::vector<ConstraintInput>& constraints,
+              double length, std::vector<ContactInput>& contacts);
   // Pairs whose contacts follow() left out, sorted.
   const std::vector<GeomPair>& near_misses() const { return misses_; }
 
  private:
   GeomShapes shapes_;
   std::vector<Flight> flights_, redirected_;
-  std::vector<char> disturbed_;
+  FlightDisturbance disturbance_;
   std::vector<GeomPair> misses_;
 };
 
