@@ -64,15 +64,17 @@ class FlightSearch {
   }
 
   void follow(const Memory& memory, const std::vector<ConstraintInput>& constraints) {
-    disturbance_.reset(model_, memory, length_);
+    disturbance_.reset(model_, length_);
     for (const ConstraintInput& constraint : constraints) disturbance_.shake(constraint.tree);
+    for (const Flight& flight : flights_)
+      if (are_round(contacts_[flight.first])) disturbance_.look_at(contacts_[flight.first].tree);
     size_t next = 0;
     for (size_t i = 0; i < contacts_.size(); ++i) {
       while (next < flights_.size() && flights_[next].last <= i) ++next;
       const bool flies = next < flights_.size() && flights_[next].first <= i;
-      if (!flies && acts(contacts_[i])) disturb(contacts_[i]);
+      if (flies || disturbance_.are_shaken(contacts_[i].tree) || !acts(contacts_[i])) continue;
+      disturb(memory, contacts_[i]);
     }
-    disturbance_.hand_on();
     for (Flight& flight : flights_)
       if (!is_disturbed(flight)) follow(flight);
     for (const Flight& flight : flights_)
@@ -150,9 +152,8 @@ class FlightSearch {
   }
 
   bool are_round(const ContactInput& contact) const {
-    return std::all_of(contact.geom.begin(), contact.geom.end(), [&](int geom) {
-      return has_shape(model_, geom) && is_round(shapes_.of(model_, geom));
-    });
+    return geom_bounds(model_, contact.geom[0]).is_round &&
+           geom_bounds(model_, contact.geom[1]).is_round;
   }
 
   bool can_be_followed(int geom) const {
@@ -201,12 +202,12 @@ class FlightSearch {
     return body_motion(model_, data_, body, mean);
   }
 
-  void disturb(const ContactInput& contact) {
-    if (contact.is_of_flex()) return disturbance_.shake(contact.tree);
+  void disturb(const Memory& memory, const ContactInput& contact) {
+    if (!disturbance_.may_be_held(contact)) return disturbance_.shake(contact.tree);
     const std::array<double, 2> rates = {
         rate(contact, [&](int body) { return motion_at_start(body); }),
         rate(contact, [&](int body) { return motion_at_end(body); })};
-    disturbance_.add(contact, rates, kGentle * half_width(contact));
+    disturbance_.hold(memory, contact, rates, kGentle * half_width(contact));
   }
   // Round bodies roll and slide up to each other.
   bool is_disturbed(const Flight& flight) const {

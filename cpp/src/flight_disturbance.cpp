@@ -8,32 +8,25 @@
 
 namespace dashpot {
 
-void FlightDisturbance::reset(const mjModel_* model, const Memory& memory, double length) {
+void FlightDisturbance::reset(const mjModel_* model, double length) {
+  model_ = model;
   length_ = length;
   const int trees = host::tree_count(model);
-  disturbed_.assign(trees, 0);
-  shaken_.assign(trees, 0);
+  for (std::vector<char>* marked : {&disturbed_, &shaken_, &looked_at_}) marked->assign(trees, 0);
   departure_.assign(trees, 0.0);
-  release_.clear();
-  joined_.clear();
-  for (int i = 0; i < memory.contact_count(); ++i) {
-    const RememberedContact contact = memory.contact(i);
-    const std::array<int, 2> geom = {int(contact.geom[0]), int(contact.geom[1])};
-    double inverse_mass = 0.0;
-    for (int g : geom)
-      if (g >= 0) inverse_mass += host::geom_inverse_mass(model, g);
-    const double rate = std::sqrt(contact.stiffness * inverse_mass);
-    release_.push_back({geom, contact.compression * rate * std::min(1.0, rate * length)});
-  }
 }
 
-void FlightDisturbance::add(const ContactInput& contact, const std::array<double, 2>& rates,
-                            double most) {
+bool FlightDisturbance::may_be_held(const ContactInput& contact) const {
+  const bool one_is_fixed = (contact.tree[0] < 0) != (contact.tree[1] < 0);
+  return one_is_fixed && !contact.is_of_flex() && any(looked_at_, contact.tree);
+}
+
+void FlightDisturbance::hold(const Memory& memory, const ContactInput& contact,
+                             const std::array<double, 2>& rates, double most) {
   mark(contact.tree, disturbed_);
-  joined_.push_back(contact.tree);
   const double closing = std::max(0.0, -rates[0]), added = std::max(0.0, rates[0] - rates[1]);
   const double departure =
-      2.0 * length_ * (2.0 * closing + 0.5 * added + release_speed(contact.geom));
+      2.0 * length_ * (2.0 * closing + 0.5 * added + release_speed(memory, contact.geom));
   if (departure > most) mark(contact.tree, shaken_);
   for (int tree : contact.tree)
     if (tree >= 0) departure_[tree] += departure;
@@ -42,14 +35,6 @@ void FlightDisturbance::add(const ContactInput& contact, const std::array<double
 void FlightDisturbance::shake(const std::array<int, 2>& trees) {
   mark(trees, disturbed_);
   mark(trees, shaken_);
-}
-
-void FlightDisturbance::hand_on() {
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (const std::array<int, 2>& trees : joined_)
-      if (any(shaken_, trees)) changed = mark(trees, shaken_) || changed;
-  }
 }
 
 void FlightDisturbance::spread(const std::vector<ContactInput>& contacts) {
@@ -68,11 +53,24 @@ double FlightDisturbance::departure(const std::array<int, 2>& trees) const {
   return sum;
 }
 
-double FlightDisturbance::release_speed(const std::array<int, 2>& geom) const {
+double FlightDisturbance::release_speed(const Memory& memory,
+                                        const std::array<int, 2>& geom) const {
+  const double inverse_mass =
+      host::geom_inverse_mass(model_, geom[0]) + host::geom_inverse_mass(model_, geom[1]);
   double squared = 0.0;
-  for (const Release& release : release_)
-    if (release.geom == geom) squared += release.speed * release.speed;
+  for (int i = 0; i < memory.contact_count(); ++i) {
+    const RememberedContact contact = memory.contact(i);
+    if (contact.geom[0] != geom[0] || contact.geom[1] != geom[1]) continue;
+    const double rate = std::sqrt(contact.stiffness * inverse_mass);
+    const double speed = contact.compression * rate * std::min(1.0, rate * length_);
+    squared += speed * speed;
+  }
   return std::sqrt(squared);
+}
+
+bool FlightDisturbance::are_shaken(const std::array<int, 2>& trees) const {
+  return std::all_of(trees.begin(), trees.end(),
+                     [&](int tree) { return tree < 0 || shaken_[tree]; });
 }
 
 bool FlightDisturbance::any(const std::vector<char>& marked, const std::array<int, 2>& trees) {

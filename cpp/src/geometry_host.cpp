@@ -137,20 +137,20 @@ GeomBounds geom_bounds(const mjModel* model, int geom) {
   const mjtNum* half = model->geom_aabb + 6 * geom + 3;
   switch (model->geom_type[geom]) {
     case mjGEOM_PLANE:
-      return {std::numeric_limits<double>::infinity(), 0.0, false};
+      return {std::numeric_limits<double>::infinity(), 0.0, false, false};
     case mjGEOM_SPHERE:
-      return {size[0], 0.0, true};
+      return {size[0], 0.0, true, true};
     case mjGEOM_CAPSULE:
-      return {size[0], size[1], true};
+      return {size[0], size[1], true, true};
     case mjGEOM_CYLINDER:
-      return {std::min(size[0], size[1]), std::hypot(size[0], size[1]), true};
+      return {std::min(size[0], size[1]), std::hypot(size[0], size[1]), true, false};
     case mjGEOM_ELLIPSOID:
       return {std::min({size[0], size[1], size[2]}), std::max({size[0], size[1], size[2]}),
-              size[0] == size[1]};
+              size[0] == size[1], true};
     case mjGEOM_BOX:
-      return {std::min({size[0], size[1], size[2]}), mju_norm3(size), false};
+      return {std::min({size[0], size[1], size[2]}), mju_norm3(size), false, false};
     default:
-      return {std::min({half[0], half[1], half[2]}), model->geom_rbound[geom], false};
+      return {std::min({half[0], half[1], half[2]}), model->geom_rbound[geom], false, false};
   }
 }
 

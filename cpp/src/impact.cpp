@@ -159,7 +159,7 @@ class ImpactSearch {
       bound.radius = size.core_radius + geom_offset(data_, geom, velocity_[body].centre);
     bound.calm_way = kFastMotion * bound.half_width;
     // Of two, where it turns their normal as fast.
-    if (has_shape(model_, geom) && is_round(geom_shape(model_, geom)))
+    if (size.is_round)
       bound.calm_way = std::min(bound.calm_way, 2.0 * kFastTurn * bound.half_width);
     if (bound.radius > 0.0 && host::geom_tree(model_, geom) >= 0)
       bound.calm_way = std::min(bound.calm_way, kFastTurn * bound.radius);
@@ -225,7 +225,7 @@ class ImpactSearch {
       side.acceleration = acceleration_[body];
       const GeomBounds size = geom_bounds(model_, side.geom);
       side.core_radius = size.core_radius;
-      if (is_round(geom_shape(model_, side.geom))) side.curvature_radius = size.half_width;
+      if (size.is_round) side.curvature_radius = size.half_width;
       if (size.is_revolution) side.symmetry = geom_pose(model_, data_, side.geom).rotation.col(2);
       if (std::isfinite(size.half_width))
         side.offset = geom_offset(data_, side.geom, side.velocity.centre);

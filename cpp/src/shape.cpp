@@ -68,11 +68,6 @@ bool has_core(const Shape& shape) {
   return shape.type != ShapeType::kPlane && shape.type != ShapeType::kHeightField;
 }
 
-bool is_round(const Shape& shape) {
-  return shape.type == ShapeType::kSphere || shape.type == ShapeType::kCapsule ||
-         shape.type == ShapeType::kEllipsoid;
-}
-
 double sweep_radius(const Shape& shape) {
   return shape.type == ShapeType::kSphere || shape.type == ShapeType::kCapsule ? shape.size[0]
                                                                                : 0.0;

@@ -1,14 +1,14 @@
 // What may act in a step on bodies that fly.
 //
 // Contacts that touch or close, and constraints, disturb the trees that they join: where their
-// flight leads is not known. A contact that only holds what rests or slides on it, as a table a
-// ball, takes it hardly from its smooth motion: with closing speed u, what smooth forces add to it
-// in the step, du, and the speed x sqrt(k w) min(1, sqrt(k w) H) that its compression can give, by
+// flight leads is not known. What stands still and only holds what rests or slides on it, as a
+// table a ball, takes it hardly from its smooth motion: with closing speed u, what smooth forces
+// add to it in the step, du, and the speed x sqrt(k w) min(1, sqrt(k w) H) that its compression can
+// give, by
 //
 //     H (2 u + du / 2 + x sqrt(k w) min(1, sqrt(k w) H))
 //
-// along its normal, and friction by no more. Trees with a larger departure are shaken, and so is
-// all that these have contacts with.
+// along its normal, and friction by no more. Trees with a larger departure are shaken.
 
 #pragma once
 
@@ -26,38 +26,37 @@ namespace dashpot {
 class FlightDisturbance {
  public:
   // In a step of `length` (s). Nothing is disturbed.
-  void reset(const mjModel_* model, const Memory& memory, double length);
-  // By a contact that acts: `rates` (m/s) of its gap at both ends of the step by smooth motion
-  // alone; departures (m) of more than `most` shake.
-  void add(const ContactInput& contact, const std::array<double, 2>& rates, double most);
+  void reset(const mjModel_* model, double length);
+  // Trees whose departure is of interest.
+  void look_at(const std::array<int, 2>& trees) { mark(trees, looked_at_); }
+  // Whether something fixed acts on one of these.
+  bool may_be_held(const ContactInput& contact) const;
+  // By such a contact: `rates` (m/s) of its gap at both ends of the step by smooth motion alone;
+  // departures (m) of more than `most` shake.
+  void hold(const Memory& memory, const ContactInput& contact, const std::array<double, 2>& rates,
+            double most);
   // By anything, as hard as can be.
   void shake(const std::array<int, 2>& trees);
-  // What is shaken shakes all that it acts on.
-  void hand_on();
   // What is disturbed, or shaken, may come to anything that one of `contacts` joins to it.
   void spread(const std::vector<ContactInput>& contacts);
 
   // Whether one of the trees is.
   bool is_disturbed(const std::array<int, 2>& trees) const { return any(disturbed_, trees); }
   bool is_shaken(const std::array<int, 2>& trees) const { return any(shaken_, trees); }
+  // Whether all that move are.
+  bool are_shaken(const std::array<int, 2>& trees) const;
   // m, of both, from smooth motion.
   double departure(const std::array<int, 2>& trees) const;
 
  private:
-  struct Release {
-    std::array<int, 2> geom;
-    double speed;  // m/s
-  };
-
-  double release_speed(const std::array<int, 2>& geom) const;
+  double release_speed(const Memory& memory, const std::array<int, 2>& geom) const;
   static bool any(const std::vector<char>& marked, const std::array<int, 2>& trees);
   static bool mark(const std::array<int, 2>& trees, std::vector<char>& marked);
 
+  const mjModel_* model_ = nullptr;
   double length_ = 0.0;
-  std::vector<char> disturbed_, shaken_;  // by tree
-  std::vector<double> departure_;         // by tree
-  std::vector<Release> release_;
-  std::vector<std::array<int, 2>> joined_;  // trees, by contacts that act
+  std::vector<char> disturbed_, shaken_, looked_at_;  // by tree
+  std::vector<double> departure_;                     // by tree
 };
 
 }  // namespace dashpot

@@ -47,11 +47,13 @@ bool has_shape(const mjModel_* model, int geom);
 
 // How thick a geom is and how far it reaches, m: half its least width (a mesh: along the axes of
 // its frame; a plane: infinite), the radius about its centre of its core (a plane: 0), and whether
-// turning about its z axis leaves it as it is.
+// turning about its z axis leaves it as it is, and whether its surface is curved everywhere, in one
+// direction at least.
 struct GeomBounds {
   double half_width = 0.0;
   double core_radius = 0.0;
   bool is_revolution = false;
+  bool is_round = false;
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 

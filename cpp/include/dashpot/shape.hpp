@@ -75,9 +75,6 @@ Pose advance(const Pose& pose, const Motion& motion, double time);
 // have none.
 bool has_core(const Shape& shape);
 
-// Whether its surface is curved everywhere, in one direction at least.
-bool is_round(const Shape& shape);
-
 // Radius (m) of the ball that sweeps the core of `shape`.
 double sweep_radius(const Shape& shape);
 
