@@ -69,7 +69,10 @@ def test_object_ball_leaves_along_the_line_of_centres(angle, friction, timestep,
     velocity, energy = after_hits(angle, timestep, friction=friction, impact=impact)
     check(velocity, expected_velocity(angle, friction))
     if friction == 0.0:
-        np.testing.assert_allclose(energy, 1.0, atol=0.02)
+        # None is gained: rows taken to the middle of a step that a blow ends early in add 1 %. What
+        # the turn of the normal opens between two steps is lost.
+        assert energy.max() < 1.002
+        assert energy.min() > 0.98
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])

@@ -27,6 +27,8 @@ constexpr double kFarWay = 0.1;
 // How far, relative to the same, a contact point moves on along a rim or a surface up to the
 // middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
 constexpr double kFarPoint = 0.5;
+// Part of the step within which a gap or an overlap that closes at its present rate is gone early.
+constexpr double kEarly = 0.25;
 // Cosine between the normals of one contact at the start and in the middle.
 constexpr double kSame = 0.85;
 
@@ -101,6 +103,7 @@ class TurningPair {
         2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
     if (is_still(turn, way)) return false;
     if (way > kFarWay * size() && !on_plane) return false;
+    if (are_round() && parts_early()) return false;
     way_ = way_to_middle();
     return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
   }
@@ -142,6 +145,29 @@ class TurningPair {
       return;
     }
     velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
+  }
+
+  // Whether the normal turns wherever the two touch.
+  bool are_round() const {
+    return std::all_of(side_.begin(), side_.end(), [&](const Side& side) {
+      const int type = model_->geom_type[side.geom];
+      return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
+    });
+  }
+
+  // Whether a blow begins or ends early in the step, by how fast the gap changes: forces that act
+  // before the middle alone do work on what the turn of the normal adds to the rate.
+  bool parts_early() const {
+    mjtNum velocity[2][3];
+    for (int i = 0; i < 2; ++i) {
+      mjtNum arm[3];
+      mju_sub3(arm, first_->position.data(), data_->xipos + 3 * side_[i].body);
+      mju_cross(velocity[i], side_[i].angular, arm);
+      mju_addTo3(velocity[i], side_[i].linear);
+    }
+    mju_subFrom3(velocity[1], velocity[0]);
+    const double rate = std::abs(mju_dot3(first_->frame.data(), velocity[1]));
+    return std::abs(first_->gap) < kEarly * 2.0 * time_ * rate;
   }
 
   // Radius about the smaller geom; planes have none.

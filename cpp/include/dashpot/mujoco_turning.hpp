@@ -11,6 +11,9 @@
 // in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
 // ContactInput::turning, without which dampers would take from every turn what the next step finds.
 //
+// That holds for forces that last. A blow between round bodies that begins or ends early in the
+// step keeps the geometry of the start.
+//
 // Of links the axes of the joints go to the middle (mujoco_moved_axes). Their inertia stays that of
 // the start, where smooth forces are: the second half of the step corrects both (trapezoid.hpp). So
 // does that of free bodies that constraints hold, whose rows have the geometry of the start.
