@@ -18,13 +18,17 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kTurn = 0.005;     // rad, in a part with contact
+constexpr double kTurn = 0.005;  // rad, in a part with contact
+// A blow between round bodies that has begun fast goes on so: parts of another length end it as
+// another blow. Factor on the step, by which its pair counts as fast.
+constexpr double kGoesOn = 2.0;
 constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
 
 struct FastPair : PairMotion {
-  double margin = 0.0;  // m, distance at which contact starts
-  bool apart = false;   // from each other, proven for this part
-  double clear = 0.0;   // s, how long it is proven
+  double margin = 0.0;   // m, distance at which contact starts
+  bool apart = false;    // from each other, proven for this part
+  double clear = 0.0;    // s, how long it is proven
+  bool pressed = false;  // round, with compression remembered
 };
 
 class ImpactSearch {
@@ -178,7 +182,7 @@ class ImpactSearch {
   // Slow in any direction.
   bool is_slow(const GeomPair& geom) const {
     const double speed = bound_[geom[0]].speed + bound_[geom[1]].speed + release_speed(geom);
-    return speed * whole_ <= std::min(bound_[geom[0]].calm_way, bound_[geom[1]].calm_way);
+    return speed * kGoesOn * whole_ <= std::min(bound_[geom[0]].calm_way, bound_[geom[1]].calm_way);
   }
 
   // A pair whose compressed contacts hold enough to make it fast.
@@ -192,6 +196,7 @@ class ImpactSearch {
       const RememberedContact contact = memory.contact(i);
       if (contact.compression <= 0.0) continue;
       const std::array<int, 2> geom = {int(contact.geom[0]), int(contact.geom[1])};
+      pressed_.push_back(geom);
       double inverse_mass = 0.0;
       for (int g : geom) inverse_mass += host::geom_inverse_mass(model_, g);
       const double rate_squared = contact.stiffness * inverse_mass;
@@ -231,6 +236,8 @@ class ImpactSearch {
         side.offset = geom_offset(data_, side.geom, side.velocity.centre);
       if (std::isinf(bound_[side.geom].half_width)) pair.has_plane = true;
     }
+    pair.pressed = std::isfinite(pair.side[0].curvature_radius + pair.side[1].curvature_radius) &&
+                   std::find(pressed_.begin(), pressed_.end(), contact.geom) != pressed_.end();
     pair.half_width = half_width(contact.geom);
     pair.release_speed = release_speed(contact.geom);
     pair.flies = is_free(pair.side[0].tree) && is_free(pair.side[1].tree);
@@ -242,8 +249,10 @@ class ImpactSearch {
     const bool touches = contact.gap <= 2.0 * pair.standoff(remaining_);
     const double speed = pair.has_plane || touches ? pair.closing_speed(normal, remaining_)
                                                    : pair.closing_speed(remaining_);
-    return pair.is_fast(speed + pair.release_speed, normal, remaining_, whole_);
+    return pair.is_fast(speed + pair.release_speed, normal, remaining_, step_of(pair));
   }
+
+  double step_of(const FastPair& pair) const { return pair.pressed ? kGoesOn * whole_ : whole_; }
 
   // How long the pair allows the part to last, at most `length`.
   double examine(FastPair& pair, double length, double shortest_contact) const {
@@ -272,7 +281,7 @@ class ImpactSearch {
       }
     }
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
-    if (!pair.is_fast(speed, now.normal, length, whole_)) return length;
+    if (!pair.is_fast(speed, now.normal, length, step_of(pair))) return length;
     const double calm = std::min(kFastMotion * pair.half_width / speed,
                                  kTurn / pair.turn_rate(speed, now.normal, length));
     return std::min(length, std::max(calm, shortest_contact));
@@ -284,6 +293,7 @@ class ImpactSearch {
   const std::vector<Motion> velocity_, acceleration_;
   std::vector<Bound> bound_;  // by geom
   std::vector<Loaded> loaded_;
+  std::vector<std::array<int, 2>> pressed_;
   std::vector<FastPair> pairs_;
   std::vector<int> pair_of_contact_;
 };
