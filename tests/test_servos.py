@@ -100,8 +100,8 @@ def test_a_servo_leg_in_stance_swings_as_one_on_a_spring(timestep: float) -> Non
           {actuator}</mujoco>""")
         heights, _, _ = swing(model, (-0.5 - sag - 0.004, sag + 0.004), 5.0)
         swings.append(size_of_swing(heights, round(0.4 / timestep)))
-    # At a turning point a servo may be taken as held for a step.
-    assert swings[0] == pytest.approx(swings[1], rel=1e-4)
+    # At turning points a servo may be taken as held for a step.
+    assert swings[0] == pytest.approx(swings[1], rel=2e-3)
     assert swings[0] < 1.01 * 0.004
 
 
@@ -177,3 +177,38 @@ def test_a_stiff_velocity_servo_turns_a_cam_with_the_torque_that_it_asks_for(
             errors.append(data.actuator_force[0] - torque)
     # Half a step of the turn: e N w H / 2, of which N is 27 N at most.
     assert np.sqrt(np.mean(np.square(errors))) < 27 * offset * rate * timestep / 2
+
+
+def quadruped(timestep: float) -> mujoco.MjModel:
+    legs = servos = ""
+    for i, (x, y) in enumerate(((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))):
+        legs += f"""<body pos="{x} {y} 0"><joint name="h{i}" axis="0 1 0" damping="0.1"/>
+          <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".3"/>
+          <body pos="0 0 -.2"><joint name="k{i}" axis="0 1 0" damping="0.1"/>
+            <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".015" mass=".1"/></body></body>"""
+        for joint in (f"h{i}", f"k{i}"):
+            servos += f'<position joint="{joint}" kp="60" kv="1"/>'
+    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="{timestep}" integrator="implicitfast"/><worldbody>
+        <geom type="plane" size="5 5 .1"/><body pos="0 0 .43"><freejoint/>
+          <geom type="box" size=".25 .1 .04" mass="6"/>{legs}</body></worldbody>
+      <actuator>{servos}</actuator></mujoco>""")
+
+
+@pytest.mark.parametrize("held", [1, 20])
+def test_the_ledger_closes_for_a_robot_whose_commands_jump(held: int) -> None:
+    """Commands new in every step, or every 20 ms, in between which the legs swing and settle."""
+    engine = dashpot.Engine(quadruped(0.001))
+    data = engine.make_data()
+    rng = np.random.default_rng(1)
+    start, most, off = engine.energy(data).total, 0.0, 0.0
+    for step in range(2000):
+        if step % held == 0:
+            data.ctrl[:] = rng.uniform(-0.3, 0.3, 8)
+        engine.step(data)
+        energy = engine.energy(data)
+        most, off = max(most, energy.kinetic), max(off, abs(energy.total - start))
+    turned_over = most + energy.dissipated_normal + energy.dissipated_friction
+    turned_over += energy.dissipated_damping
+    # Legs turn by up to 0.02 rad in a step, in which hits have no time.
+    assert off < 3e-3 * turned_over

@@ -24,9 +24,6 @@ constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
 constexpr double kBoost = 0.03;
-// Part of the kinetic energy, least that changes of drives may leave without a second half: what
-// they take at turning points would stop the motion with a jolt.
-constexpr double kLeastLeft = 0.25;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -61,20 +58,11 @@ double Trapezoid::Coupled::find_scale() const {
   return residual <= kResidual * kinetic ? s : 0.0;
 }
 
-// Finds the part of the velocity to take away for the energy to be what it ought to. Of what drives
-// do by their changes, that is left out which cannot be: to stop is the most that they can take.
-void Trapezoid::Coupled::find_brake() {
-  if (kinetic <= 0.0) {
-    driven = 0.0;
-    return;
-  }
-  const auto excess = [&] { return 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic); };
-  if (excess() < -kBoost) {
-    wanted -= driven;
-    driven = 0.0;
-  }
-  if (wanted < 0.0 && driven < 0.0) driven -= std::max(driven, wanted);
-  brake = excess() < -kBoost ? 0.0 : excess();
+// The part of the velocity to take away for the energy to be what it ought to.
+double Trapezoid::Coupled::find_brake() const {
+  if (kinetic <= 0.0) return 0.0;
+  const double excess = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
+  return excess < -kBoost ? 0.0 : excess;
 }
 
 void Trapezoid::find_coupled_trees(const Rows& rows, int trees) {
@@ -145,11 +133,8 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   for (Coupled& coupled : coupled_) {
     if (!coupled.left_half) continue;
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
-    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.find_brake();
+    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.brake = coupled.find_brake();
     ledger.work += coupled.driven;
-    // As of what rows change, no damper takes it (mujoco_work.hpp).
-    ledger.dissipated_constraint +=
-        coupled.scale * (coupled.damped_linear + coupled.scale * coupled.damped_square);
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }
   added_.assign(trees.coordinates, 0.0);
@@ -249,7 +234,6 @@ bool Trapezoid::find_scales() {
     if (!coupled.left_half) continue;
     coupled.scale = coupled.find_scale();
     if (coupled.scale != 0.0 || !coupled.follows_drives || !coupled.drives_change) continue;
-    if (!coupled.by_equalities && coupled.wanted > kLeastLeft * coupled.kinetic) continue;
     coupled.follows_drives = false;
     again = true;
   }

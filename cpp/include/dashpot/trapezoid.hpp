@@ -17,8 +17,7 @@
 // servos, and controllers that are asked once a step. Held over a step whose positions have both
 // halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
 // hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
-// may also jump: where no s near 1 is left with it, they are taken as held after all by equalities,
-// and by others where the change would take most of the energy.
+// may also jump: where no s near 1 is left with it, they are taken as held after all.
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
@@ -118,7 +117,7 @@ class Trapezoid {
     // Without what find_second_half and find_energies have found.
     Coupled anew() const;
     double find_scale() const;
-    void find_brake();
+    double find_brake() const;
   };
 
   void find_coupled_trees(const Rows& rows, int trees);
