@@ -122,6 +122,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
+    memory(d).match(contacts, rows, matches);
     finish_last_step(d);
     plan_and_recall(d);
     run_islands();
@@ -190,7 +191,6 @@ void Stepper::Impl::build_rows(mjData_* d) {
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const Memory view = memory(d);
   ledger = view.ledger();
-  view.match(contacts, rows, matches);
   trapezoid.finish_last_step(model, d, length, view, constraints, matches, motion, rows, data,
                              ledger);
 }
@@ -298,7 +298,9 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     if (gets_second_half_in_flight(index))
       host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
   const bool stages = host::is_runge_kutta(model);
-  if (stages) held_stages.find(rows, data, motion, trapezoid.added_velocity(), length);
+  if (stages)
+    held_stages.find(rows, data, motion.trees(), motion.start_motion(), trapezoid.added_velocity(),
+                     length);
   host::integrate(model, d, new_control, runge_kutta, held_stages);
   const bool comfree = parameters.options.law == Law::kComFree;
   if (comfree && !stages) return;

@@ -4,22 +4,22 @@
 
 namespace dashpot {
 
-void HeldStages::find(const Rows& rows, const RowData& data, const TreeMotion& motion,
-                      const double* added, double length) {
-  trees_ = &motion.trees();
-  rows_.find_at_end(rows, data, *trees_, length);
-  mean_acceleration_.assign(motion.start_velocity().size(), 0.0);
+void HeldStages::find(const Rows& rows, const RowData& data, const Trees& trees,
+                      const AlignedDoubles& start, const double* added, double length) {
+  trees_ = &trees;
+  rows_.find_at_end(rows, data, trees, length);
+  mean_acceleration_.assign(trees.above.size(), 0.0);
   way_.assign(mean_acceleration_.size(), 0.0);
   find_landed(rows, data);
-  for (int index = 0; index < motion.tree_count(); ++index) {
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     if (!hold(index)) continue;
-    const Tree& tree = trees_->tree[index];
+    const Tree& tree = trees.tree[index];
     double* way = way_.data() + tree.dof_begin;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int k = tree.begin + i;
-      const double start = motion.start_motion()[k] + (added ? added[k] : 0.0);
-      mean_acceleration_[tree.dof_begin + i] = (data.velocity[k] - start) / length;
-      way[i] = data.total_displacement[k] - 0.5 * length * (start + data.velocity[k]);
+      const double before = start[k] + (added ? added[k] : 0.0);
+      mean_acceleration_[tree.dof_begin + i] = (data.velocity[k] - before) / length;
+      way[i] = data.total_displacement[k] - 0.5 * length * (before + data.velocity[k]);
     }
     if (lands_[index]) {
       std::fill_n(way, tree.dof_count, 0.0);
@@ -27,7 +27,7 @@ void HeldStages::find(const Rows& rows, const RowData& data, const TreeMotion& m
     }
     change_.assign(tree.count, 0.0);
     std::copy_n(way, tree.dof_count, change_.begin());
-    rows_.bar(*trees_, index, change_.data());
+    rows_.bar(trees, index, change_.data());
     for (int i = 0; i < tree.dof_count; ++i) way[i] -= change_[i];
   }
 }

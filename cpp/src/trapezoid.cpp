@@ -134,6 +134,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     if (!coupled.left_half) continue;
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.brake = coupled.find_brake();
+    // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
     if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
   }

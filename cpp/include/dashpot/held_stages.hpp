@@ -9,18 +9,21 @@
 
 #include <vector>
 
+#include "dashpot/aligned.hpp"
 #include "dashpot/holding_rows.hpp"
-#include "dashpot/tree_motion.hpp"
+#include "dashpot/row_data.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
 
 namespace dashpot {
 
 // Keeps its arrays from step to step.
 class HeldStages {
  public:
-  // After the micro-steps of a step of `length` (s). `added`, by motion coordinate: what velocities
-  // at its start have beside those of `motion`; null: nothing.
-  void find(const Rows& rows, const RowData& data, const TreeMotion& motion, const double* added,
-            double length);
+  // After the micro-steps of a step of `length` (s). By motion coordinate: `start`, velocities at
+  // its start; `added`, what trapezoid.hpp has added to them, null: nothing.
+  void find(const Rows& rows, const RowData& data, const Trees& trees, const AlignedDoubles& start,
+            const double* added, double length);
 
   // Takes what rows bar from the accelerations (nv) of a stage.
   void bar(std::vector<double>& acceleration);
