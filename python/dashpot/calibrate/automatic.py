@@ -56,7 +56,5 @@ def growing_windows(objective: Objective, residuals: Array) -> list[float]:
 
 
 def _determines(problem: Problem, window: float, unknowns: int) -> bool:
-    heads = [trajectory.head(window) for trajectory in problem.trajectories]
-    measured = int(np.count_nonzero(np.isfinite(problem.sigma)))
-    count = sum(measured * head.frames * len(head.bodies) for head in heads)
+    count = sum(int(np.count_nonzero(m)) for m in problem.with_window(window).measured())
     return count >= _RESIDUALS_PER_UNKNOWN * unknowns

@@ -54,7 +54,7 @@ def derivatives_along(
     if not failures:
         return np.asarray((plus - minus) / (above + below)[:, None])
     if base is None:
-        base = _required(attempt, point)
+        base = required(attempt, point)
     derivatives = np.empty_like(plus)
     for k in range(len(up)):
         above_works, below_works = np.isfinite(plus[k]).all(), np.isfinite(minus[k]).all()
@@ -81,7 +81,8 @@ def _narrow(attempt: Attempt, point: Array, up: Array, down: Array, base: Array)
     raise failures[0]
 
 
-def _required(attempt: Attempt, point: Array) -> Array:
+def required(attempt: Attempt, point: Array) -> Array:
+    """Return the residuals (m,) of a point; raise the failure of one that fails."""
     residuals, failures = attempt(point[None, :])
     if failures:
         raise failures[0]

@@ -5,6 +5,8 @@ Guesses are straight lines through a trajectory's first frames.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -52,17 +54,17 @@ def initial_state(
     if trajectory.initial_qvel is not None:
         qvel[:] = trajectory.initial_qvel
     for i, joint in free_bodies(trajectory, model):
+        path = _path(trajectory, i, measured)
+        if not path.time.size:
+            continue
         q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        position, quaternion, slope = _start(path, gravity_of(model))
         if trajectory.initial_qpos is None:
-            qpos[q : q + 3] = np.where(measured[:3], trajectory.position[0, i], qpos[q : q + 3])
-            if measured[3]:
-                qpos[q + 3 : q + 7] = trajectory.quaternion[0, i]
+            qpos[q : q + 3] = np.where(path.known[:3], position, qpos[q : q + 3])
+            if path.known[3]:
+                qpos[q + 3 : q + 7] = quaternion
         if trajectory.initial_qvel is None:
-            qvel[v : v + 6] = np.where(
-                measured,
-                _line(*_motion(trajectory, model, i, trajectory.quaternion[0, i], _START_FRAMES)),
-                0.0,
-            )
+            qvel[v : v + 6] = np.where(path.known, slope, 0.0)
     return qpos, qvel
 
 
@@ -74,47 +76,91 @@ def robust_guess(
     What the trajectory carries stays: the displacement is then 0, the velocity that of `qvel`.
     """
     qvel, displacement = qvel.copy(), np.zeros(model.nv)
-    measured = np.isfinite(sigma)
     for i, joint in free_bodies(trajectory, model):
-        first = trajectory.quaternion[0, i]
-        start, reference = np.empty(6), first.copy()
+        path = _path(trajectory, i, np.isfinite(sigma))
+        if path.time.size < 2:
+            continue
+        position, first, _ = _start(path, gravity_of(model))
+        start, reference = np.empty(6), path.quaternion[0].copy()
         # Vectors from a first frame that is itself an outlier are no straight line: twice, then.
         for _ in range(2):
-            time, motion = _motion(trajectory, model, i, reference, _MOST_FRAMES)
+            time, motion = _motion(path, gravity_of(model), reference, _MOST_FRAMES)
             lines = [_robust_line(time, motion[:, k], sigma[k]) for k in (slice(3), slice(3, 6))]
             value, slope = (np.concatenate(part) for part in zip(*lines, strict=True))
             mujoco.mju_quatIntegrate(reference, value[3:], 1.0)
-        start[:3] = value[:3]
+        start[:3] = value[:3] + path.position[0] - position
         mujoco.mju_subQuat(start[3:], reference, first)
         v = int(model.jnt_dofadr[joint])
         if trajectory.initial_qpos is None:
-            displacement[v : v + 6] = np.where(measured, start, 0.0)
+            displacement[v : v + 6] = np.where(path.known, start, 0.0)
         if trajectory.initial_qvel is None:
-            qvel[v : v + 6] = np.where(measured, slope, 0.0)
+            qvel[v : v + 6] = np.where(path.known, slope, 0.0)
     return qvel, displacement
 
 
-def _motion(
-    trajectory: Trajectory, model: mujoco.MjModel, body: int, reference: Array, most: int
-) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Frames of a body in which all was measured that ever is of it.
+
+    Attributes
+    ----------
+    time
+        (m,) s, from the first frame of the trajectory.
+    position, quaternion
+        (m, 3) and (m, 4); any numbers where nothing is known.
+    known
+        (6,) whether x, y, z and rotations about them were measured.
+    """
+
+    time: Array
+    position: Array
+    quaternion: Array
+    known: NDArray[np.bool_]
+
+
+def _path(trajectory: Trajectory, body: int, measured: NDArray[np.bool_]) -> _Path:
+    frames = trajectory.measured[:, body] & measured
+    known = np.asarray(frames.any(axis=0))
+    seen = frames[:, known].all(axis=1) & known.any()
+    return _Path(
+        trajectory.time[seen] - trajectory.time[0],
+        np.where(known[:3], trajectory.position[seen, body], 0.0),
+        np.where(known[3:4], trajectory.quaternion[seen, body], (1.0, 0.0, 0.0, 0.0)),
+        known,
+    )
+
+
+def _start(path: _Path, gravity: Array) -> tuple[Array, Array, Array]:
+    """Return position, quaternion and rates (6,) at time 0: as first seen, or on the line there."""
+    position, quaternion = path.position[0].copy(), path.quaternion[0].copy()
+    if path.time.size < 2:
+        return position, quaternion, np.zeros(6)
+    value, slope = _line(*_motion(path, gravity, quaternion, _START_FRAMES))
+    if path.time[0] > 0.0:
+        position += value[:3]
+        mujoco.mju_quatIntegrate(quaternion, value[3:], 1.0)
+    return position, quaternion, slope
+
+
+def _motion(path: _Path, gravity: Array, reference: Array, most: int) -> tuple[Array, Array]:
     """Return times (n,) of at `most` so many frames and the motion (n, 6) of a body in them.
 
-    That is how far it is from its first position, fall taken out, and the rotation vector from the
-    quaternion `reference`: straight lines in free fall at a constant rate of rotation.
+    That is how far it is from its first position, fall from rest at time 0 taken out, and the
+    rotation vector from the quaternion `reference`: straight lines in free fall at a constant rate
+    of rotation.
     """
-    frames = min(most, trajectory.frames)
-    position, quaternion = trajectory.position[:, body], trajectory.quaternion[:, body]
-    t = trajectory.time[:frames] - trajectory.time[0]
-    turn = np.empty((frames, 3))
-    for k in range(frames):
-        mujoco.mju_subQuat(turn[k], quaternion[k], reference)
-    fall = position[:frames] - position[0] - 0.5 * gravity_of(model) * t[:, None] ** 2
-    return t, np.hstack([fall, turn])
+    time = path.time[:most]
+    turn = np.empty((time.size, 3))
+    for k in range(time.size):
+        mujoco.mju_subQuat(turn[k], path.quaternion[k], reference)
+    fall = path.position[: time.size] - path.position[0] - 0.5 * gravity * time[:, None] ** 2
+    return time, np.hstack([fall, turn])
 
 
-def _line(time: Array, values: Array) -> Array:
-    """Return the slopes of the least-squares lines through (n, k) `values`."""
-    return np.asarray(np.polynomial.polynomial.polyfit(time, values, 1)[1])
+def _line(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return values at time 0 and slopes of the least-squares lines through (n, k) `values`."""
+    value, slope = np.polynomial.polynomial.polyfit(time, values, 1)
+    return np.asarray(value), np.asarray(slope)
 
 
 def _robust_line(time: Array, values: Array, sigma: Array) -> tuple[Array, Array]:
@@ -127,7 +173,7 @@ def _robust_line(time: Array, values: Array, sigma: Array) -> tuple[Array, Array
     Parameters
     ----------
     time
-        (n,) ascending from 0.
+        (n,) ascending.
     values
         (n, k).
     sigma

@@ -18,6 +18,7 @@ from dashpot import _core
 from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.candidates import Candidate, SimulationError, batch, failure_of
 from dashpot.calibrate.differences import derivatives_along
+from dashpot.calibrate.idle_states import without_idle_states
 from dashpot.calibrate.problem import Problem, body_id
 from dashpot.calibrate.setters import System, model_of
 
@@ -30,6 +31,8 @@ _POSE_DIFFERENCE = 1e-6
 # Residuals of a channel that carries noise reach this many standard deviations; of one that does
 # not, a rounding.
 _LIVE = 1e-6
+# Stands for a quaternion that was not measured.
+_ANY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Objective:
@@ -53,6 +56,7 @@ class Objective:
         counts = [observed.residuals for observed in self._observed]
         #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
         self.offsets = np.concatenate([[0], np.cumsum(counts)])
+        self._measured = np.concatenate([m.reshape(-1) for m in problem.measured()])
 
     @property
     def parameters(self) -> int:
@@ -78,7 +82,7 @@ class Objective:
     @property
     def measured_count(self) -> int:
         """Number of residuals of what was measured."""
-        return int(np.count_nonzero(self._measured()))
+        return int(np.count_nonzero(self._measured))
 
     def live(self, residuals: Array) -> NDArray[np.bool_]:
         """Return (residual_count,) whether each residual carries noise.
@@ -98,7 +102,8 @@ class Objective:
             rows = slice(self.offsets[t], self.offsets[t + 1])
             channels = np.abs(residuals[rows]).reshape(-1, 6 * len(trajectory.bodies))
             live[rows] = np.tile((channels >= _LIVE).any(axis=0), len(channels))
-        return live if live.any() else self._measured()
+        live &= self._measured
+        return live if live.any() else self._measured
 
     def start(self, *, robust: bool = False) -> Array:
         """Return the point where the search starts; with `robust`, outliers do not lead it astray.
@@ -187,7 +192,7 @@ class Objective:
             then forward and need half the simulations.
 
         Differences are one-sided too where the simulation of the other side fails, and narrower
-        where those of both do.
+        where those of both do. Initial states that move nothing have columns of 0.
 
         Raises
         ------
@@ -210,7 +215,8 @@ class Objective:
             self.attempt, point, up, down if base is None else down[:count], base
         )
         shared, own = (np.ascontiguousarray(d.T) for d in np.split(derivatives, [count]))
-        return ArrowMatrix(shared, own, self.offsets)
+        jacobian = ArrowMatrix(shared, own, self.offsets)
+        return without_idle_states(jacobian, self.attempt, point, base, self.differences())
 
     def differences(self) -> Array:
         """Return the half-widths (size,) of the differences that derivatives take by default."""
@@ -256,9 +262,6 @@ class Objective:
         displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
         return blocks[:, :nv].copy(), displacement
 
-    def _measured(self) -> NDArray[np.bool_]:
-        return np.tile(np.isfinite(self.problem.sigma), self.residual_count // 6)
-
     def _initial_differences(self) -> Array:
         nv = int(self._model.nv)
         steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
@@ -272,16 +275,17 @@ class Objective:
         timestep = trajectory.spacing / substeps
         if problem.window is not None:
             trajectory = trajectory.head(problem.window)
+        frame = trajectory.frame_number
         control: Array = np.empty((0, 0))
         if trajectory.control is not None:
-            control = np.repeat(trajectory.control, substeps, axis=0)
+            control = np.repeat(trajectory.control, substeps * np.diff(frame), axis=0)
         return _core.ObservedTrajectory(
             name=trajectory.name,
             timestep=timestep,
-            frame_step=list(range(0, trajectory.frames * substeps, substeps)),
+            frame_step=(substeps * frame).tolist(),
             body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
-            position=trajectory.position,
-            quaternion=trajectory.quaternion,
+            position=np.nan_to_num(trajectory.position),
+            quaternion=np.where(np.isnan(trajectory.quaternion), _ANY, trajectory.quaternion),
             control=control,
             position_weight=list(weight[:3]),
             rotation_weight=float(weight[3]),
@@ -324,4 +328,5 @@ class Objective:
         if not candidates:
             return np.empty((0, self.residual_count))
         variants, qpos, qvel = batch(candidates)
-        return np.asarray(_core.residuals(variants, self._observed, qpos, qvel, self.nthread))
+        residuals = _core.residuals(variants, self._observed, qpos, qvel, self.nthread)
+        return np.where(self._measured, residuals, 0.0)

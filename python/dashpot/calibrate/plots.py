@@ -31,9 +31,11 @@ def plot_fit(fit: Fit) -> Figure:
 
 
 def measured_residuals(fit: Fit) -> list[Array]:
-    """Return by trajectory the weighted residuals (frames, components) of what was measured."""
-    measured = np.isfinite(fit.problem.sigma)
-    return [r[:, :, measured].reshape(len(r), -1) for r in fit.residuals]
+    """Return by trajectory the weighted residuals (frames, components), NaN of what was lost."""
+    return [
+        np.where(measured, residuals, np.nan).reshape(len(residuals), -1)
+        for residuals, measured in zip(fit.residuals, fit.problem.measured(), strict=True)
+    ]
 
 
 def draw_residuals(axes: Axes, fit: Fit) -> None:
@@ -42,7 +44,10 @@ def draw_residuals(axes: Axes, fit: Fit) -> None:
         zip(fit.problem.trajectories, measured_residuals(fit), strict=True)
     ):
         time = trajectory.time[: len(residuals)] - trajectory.time[0]
-        size = np.sqrt(np.mean(residuals**2, axis=1))
+        lost = np.isnan(residuals)
+        squares = np.sum(np.where(lost, 0.0, residuals) ** 2, axis=1)
+        with np.errstate(invalid="ignore"):  # frames of which nothing was measured are left out
+            size = np.sqrt(squares / np.count_nonzero(~lost, axis=1))
         axes.plot(time, size, color=COLOURS[index % len(COLOURS)], linewidth=0.8)
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_ylim(bottom=0)
@@ -53,6 +58,7 @@ def draw_residuals(axes: Axes, fit: Fit) -> None:
 def draw_distribution(axes: Axes, fit: Fit) -> None:
     """Draw the histogram of all residuals, and the unit normal of the stated noise."""
     pooled = np.concatenate([residuals.ravel() for residuals in measured_residuals(fit)])
+    pooled = pooled[~np.isnan(pooled)]
     edges = np.linspace(-_SPAN, _SPAN, _BINS + 1)
     axes.hist(
         np.clip(pooled, -_SPAN, _SPAN),

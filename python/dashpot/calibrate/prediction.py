@@ -39,9 +39,10 @@ class Prediction:
     quaternion
         (frames, bodies, 4) simulated orientation body to world, scalar first.
     position_error
-        (frames, bodies, 3) simulated less observed position in the world, m.
+        (frames, bodies, 3) simulated less observed position in the world, m; NaN where that
+        was not measured.
     rotation_error
-        (frames, bodies, 3) rotation vector of ``R_observed^T R_simulated``, rad.
+        (frames, bodies, 3) rotation vector of ``R_observed^T R_simulated``, rad; NaN likewise.
     initial_qpos
         (nq,) where the simulation started.
     initial_qvel

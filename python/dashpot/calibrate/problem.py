@@ -182,6 +182,12 @@ class Problem:
                 ) from error
         return system
 
+    def measured(self) -> list[NDArray[np.bool_]]:
+        """Return by trajectory (frames, bodies, 6) what was measured within the window."""
+        counted = np.isfinite(self.sigma)
+        used = (t if self.window is None else t.head(self.window) for t in self.trajectories)
+        return [t.measured & counted for t in used]
+
     def with_window(self, window: float | None) -> Problem:
         """Return the same problem over another window."""
         return replace(self, window=window)
@@ -233,7 +239,7 @@ class Problem:
         That is, those without ``initial_qpos`` of which a body on a free joint was observed, where
         neither `initial_state` nor `start_states` gives the initial pose.
         """
-        if self.initial_state == "pose_and_velocity" or self.start_states is not None:
+        if not self._starts_at_first_poses():
             return ()
         model = model_of(self._own_system(self.start))
         return tuple(
@@ -259,6 +265,9 @@ class Problem:
             return int(self.substeps)
         # The slack keeps rounding in the times from adding a step.
         return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
+
+    def _starts_at_first_poses(self) -> bool:
+        return self.initial_state != "pose_and_velocity" and self.start_states is None
 
     def _own_system(self, values: Mapping[str, float]) -> System:
         """Return a copy of the system, or a new one, before any parameter is put in."""
@@ -287,6 +296,16 @@ class Problem:
                 f"{label} has no initial_qvel; give it, or estimate it with "
                 "initial_state='velocity'"
             )
+        if not (trajectory.measured & np.isfinite(self.sigma)).any():
+            raise ValueError(f"{label}: nothing that was measured is left of it")
+        if trajectory.initial_qpos is None and self._starts_at_first_poses():
+            for i, _ in free_bodies(trajectory, model):
+                if not trajectory.measured[0, i, np.isfinite(self.sigma)].all():
+                    raise ValueError(
+                        f"{label}: body '{trajectory.bodies[i]}' was not measured in the first "
+                        "frame; give initial_qpos, or estimate the start with "
+                        "initial_state='pose_and_velocity'"
+                    )
         for field, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
             value = getattr(trajectory, field)
             if value is not None and value.shape != (size,):

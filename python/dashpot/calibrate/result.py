@@ -206,14 +206,15 @@ class Fit:
         ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured, and
         ``residual_variance``.
         """
-        rows = np.concatenate([r.reshape(-1, 6) for r in self.residuals])
-        sigma = self.problem.sigma
+        errors = np.concatenate([r.reshape(-1, 6) for r in self.residuals])
+        errors *= np.where(np.isfinite(self.problem.sigma), self.problem.sigma, 0.0)
+        measured = np.concatenate([m.reshape(-1, 6) for m in self.problem.measured()])
         result = {}
         for name, part in (("position_rms", slice(0, 3)), ("rotation_rms", slice(3, 6))):
-            measured = np.isfinite(sigma[part])
-            if measured.any():
-                errors = rows[:, part][:, measured] * sigma[part][measured]
-                result[name] = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+            frames = measured[:, part].any(axis=1)
+            if frames.any():
+                squares = np.sum(errors[frames, part] ** 2, axis=1)
+                result[name] = float(np.sqrt(np.mean(squares)))
         return {**result, "residual_variance": self.residual_variance}
 
     def table(self, truth: dict[str, float] | None = None) -> Table:

@@ -8,20 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dashpot.calibrate.frame_grid import check_grid, even_grid, frame_numbers
+
 Array = NDArray[np.float64]
 
-# Frames count as evenly spaced when no time is off the best even grid, and no interval off the
-# median one, by more than these fractions of a spacing. Times rounded to 1 ms pass up to 240 Hz,
-# where they are off by 0.12 and intervals, 4 or 5 ms, by 0.25.
-GRID_TOLERANCE = 0.15
-SPACING_TOLERANCE = 0.3
 # A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
 UNIT_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Observed poses of one or more bodies at evenly spaced times.
+    """Observed poses of one or more bodies at times of an even grid, some of which may be lost.
 
     Arrays are copied, so the caller's data stay as they are and later edits do not reach in.
 
@@ -32,11 +29,14 @@ class Trajectory:
     time
         (n,) times in s, strictly increasing, n >= 2, and evenly spaced: at most 15 % of a spacing
         off the even grid that fits them best, so that those rounded to milliseconds pass to 240 Hz.
-        The frames count as being on that grid.
+        The frames count as being on that grid. Lost frames may be left out: intervals of several
+        spacings are gaps, through which the simulation goes on.
     position
-        (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m.
+        (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m. NaN: not
+        measured in that frame.
     quaternion
         (n, bodies, 4) or (n, 4): orientation body to world, scalar first, unit. Stored normalised.
+        Four NaN: not measured in that frame.
     bodies
         Names of the observed bodies in the order of the arrays.
     initial_qpos
@@ -49,7 +49,7 @@ class Trajectory:
         in the body frame). None is allowed where the problem estimates it; the search then starts
         from the first five frames (with a robust loss from as many as fly freely, outliers aside).
     control
-        (n - 1, nu) controls held constant between successive frames. None: zero.
+        (n - 1, nu) controls held constant between successive frames, through gaps too. None: zero.
 
     Raises
     ------
@@ -81,10 +81,22 @@ class Trajectory:
         time = self._finite("time", self.time)
         if time.ndim != 1 or time.size < 2:
             raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
-        self._check_spacing(time)
+        try:
+            check_grid(time, frame_numbers(time))
+        except ValueError as error:
+            raise ValueError(f"{self._label}: {error}") from None
         n, b = time.size, len(bodies)
         position = self._poses("position", self.position, n, b, 3)
         quaternion = self._poses("quaternion", self.quaternion, n, b, 4)
+        missing = np.isnan(quaternion)
+        partly = np.argwhere(missing.any(axis=-1) & ~missing.all(axis=-1))
+        if partly.size:
+            frame, body = partly[0]
+            raise ValueError(
+                f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
+            )
+        if missing.all() and np.isnan(position).all():
+            raise ValueError(f"{self._label}: all positions and quaternions are nan")
         norm = np.linalg.norm(quaternion, axis=-1)
         off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
         if off.size:
@@ -113,8 +125,10 @@ class Trajectory:
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""
+        left_out = int(self.frame_number[-1]) + 1 - self.frames
+        lost = f" ({left_out} left out)" if left_out else ""
         return (
-            f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart, "
+            f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart{lost}, "
             f"bodies={self.bodies})"
         )
 
@@ -126,7 +140,18 @@ class Trajectory:
     @property
     def spacing(self) -> float:
         """Time between frames, s: that of the even grid that fits their times best."""
-        return _even_grid(self.time)[0]
+        return even_grid(self.time, self.frame_number)[0]
+
+    @property
+    def frame_number(self) -> NDArray[np.intp]:
+        """(n,) places of the frames on the even grid, from 0; with gaps where frames were lost."""
+        return frame_numbers(self.time)
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(n, bodies, 6) whether x, y, z and the rotations about them were measured."""
+        turned = ~np.isnan(self.quaternion[..., :1])
+        return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
 
     def head(self, duration: float) -> Trajectory:
         """Return the frames up to `duration` s after the first, at least two of them."""
@@ -152,49 +177,22 @@ class Trajectory:
     def _label(self) -> str:
         return f"trajectory '{self.name}'"
 
-    def _finite(self, field: str, value: ArrayLike) -> Array:
+    def _finite(self, field: str, value: ArrayLike, *, lost: bool = False) -> Array:
+        """Return an array of finite numbers; with `lost`, NaN too."""
         try:
             array = np.array(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise TypeError(
                 f"{self._label}: {field} must be an array of numbers: {error}"
             ) from None
-        bad = np.argwhere(~np.isfinite(array))
+        bad = np.argwhere(np.isinf(array) if lost else ~np.isfinite(array))
         if bad.size:
             index = tuple(int(i) for i in bad[0])
             raise ValueError(f"{self._label}: {field}{list(index)} is {array[index]}")
         return array
 
-    def _check_spacing(self, time: Array) -> None:
-        spacing = np.diff(time)
-        backward = np.flatnonzero(spacing <= 0)
-        if backward.size:
-            i = int(backward[0]) + 1
-            raise ValueError(
-                f"{self._label}: time must increase strictly, but time[{i}] = {time[i]:.6g} s "
-                f"follows time[{i - 1}] = {time[i - 1]:.6g} s"
-            )
-        even, off = _even_grid(time)
-        usual = float(np.median(spacing))
-        uneven = np.flatnonzero(np.abs(spacing - usual) > SPACING_TOLERANCE * usual)
-        if uneven.size:
-            i = int(uneven[0]) + 1
-            kind = "gap" if spacing[i - 1] > usual else "short interval"
-            raise ValueError(
-                f"{self._label}: {kind} of {spacing[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} "
-                f"s; frames must be {usual:.6g} s apart within {SPACING_TOLERANCE:.0%} (resample "
-                "or split the trajectory)"
-            )
-        worst = int(np.argmax(np.abs(off)))
-        if abs(off[worst]) > GRID_TOLERANCE * even:
-            raise ValueError(
-                f"{self._label}: the clock drifts: time[{worst}] = {time[worst]:.6g} s is "
-                f"{abs(off[worst]):.3g} s off an even grid of {even:.6g} s, more than "
-                f"{GRID_TOLERANCE:.0%} of that (resample the trajectory)"
-            )
-
     def _poses(self, field: str, value: ArrayLike, n: int, b: int, width: int) -> Array:
-        array = self._finite(field, value)
+        array = self._finite(field, value, lost=True)
         if b == 1 and array.shape == (n, width):
             array = array[:, None, :]
         if array.shape != (n, b, width):
@@ -203,16 +201,6 @@ class Trajectory:
                 f"bodies, got {array.shape}"
             )
         return array
-
-
-def _even_grid(time: Array) -> tuple[float, Array]:
-    """Return the spacing of the even grid next to times by least squares, and their offsets."""
-    frame = np.arange(time.size) - 0.5 * (time.size - 1)
-    # About their mean, so that the time of day costs no digits.
-    centered = time - time[0]
-    centered = centered - centered.mean()
-    spacing = float(frame @ centered / (frame @ frame))
-    return spacing, centered - spacing * frame
 
 
 def _frozen(array: Array) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import difflib
 import json
+import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -180,6 +181,8 @@ def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
 
 
 def _cell(text: str, line: int, column: str) -> float:
+    if not text.strip() and column != "time":
+        return math.nan  # as trackers write what they lost
     try:
         return float(text)
     except ValueError:

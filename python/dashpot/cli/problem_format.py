@@ -26,7 +26,8 @@ bounds = [1e2, 1e6]
 [[trajectories]]                 # observations
 file = "throw.npz"               # arrays time, position, quaternion, and if known
 bodies = ["ball"]                #   initial_qpos, initial_qvel, control; or a .csv file with
-                                 #   columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for several)
+                                 #   columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for several);
+                                 #   nan or an empty cell: not measured in that frame
 
 [fit]                            # options of dashpot.calibrate.fit; optional
 method = "least_squares"
