@@ -419,18 +419,6 @@ def test_columns_of_a_table_that_are_wanted_are_read(scene, tmp_path, header, ro
             read_problem(file)
 
 
-def test_empty_cells_of_a_table_were_not_measured(scene, tmp_path):
-    rows = ["time,x,y,z,qw,qx,qy,qz", "0,0,0,1,1,0,0,0", "1,,,,1,0,0,0", "2,nan,0,0,,,,"]
-    (tmp_path / "drop.csv").write_text("\n".join(rows))
-    file = tmp_path / "problem.json"
-    trajectories = [{"file": "drop.csv", "bodies": ["ball"]}]
-    start = {"initial_state": "pose_and_velocity", "trajectories": trajectories}
-    file.write_text(json.dumps({**PROBLEM, **start}))
-    (trajectory,) = read_problem(file)[0].trajectories
-    measured = [[1, 1, 1, 1, 1, 1], [0, 0, 0, 1, 1, 1], [0, 1, 1, 0, 0, 0]]
-    np.testing.assert_array_equal(trajectory.measured[:, 0], measured)
-
-
 def test_the_problem_format_shown_in_the_help_can_be_read(scene, tmp_path):
     """The example of the help text, word for word, with the files that it names."""
     _, example = FORMAT.split("\n\n", 1)

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,8 @@ namespace {
 using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
 // Address of an mjModel and the parameters, None for mj_step.
 using PyVariant = std::pair<std::uintptr_t, const Parameters*>;
+// Address in sensordata, whether it is a mean, weight.
+using Channel = std::tuple<int, bool, double>;
 
 std::vector<double> to_vector(const Array& array) {
   return std::vector<double>(array.data(), array.data() + array.size());
@@ -32,7 +35,7 @@ std::vector<Variant> to_variants(const std::vector<PyVariant>& variants) {
   return result;
 }
 
-// Runs `function` (residuals or poses) into a new array (variants, `columns`...).
+// Runs `function` (residuals or observe) into a new array (variants, `columns`...).
 template <typename Function>
 Array run(const std::vector<PyVariant>& py_variants,
           const std::vector<ObservedTrajectory>& trajectories, const Array& qpos, const Array& qvel,
@@ -73,7 +76,8 @@ void bind_residuals(py::module_& module) {
       .def(py::init([](std::string name, double timestep, std::vector<int> frame_step,
                        std::vector<int> body, const Array& position, const Array& quaternion,
                        const Array& control, std::array<double, 3> position_weight,
-                       double rotation_weight) {
+                       double rotation_weight, const std::vector<Channel>& channel,
+                       const Array& reading, int interval) {
              ObservedTrajectory trajectory;
              trajectory.name = std::move(name);
              trajectory.timestep = timestep;
@@ -84,11 +88,17 @@ void bind_residuals(py::module_& module) {
              trajectory.control = to_vector(control);
              trajectory.position_weight = position_weight;
              trajectory.rotation_weight = rotation_weight;
+             for (const auto& [address, mean, weight] : channel) {
+               trajectory.channel.push_back({address, mean, weight});
+             }
+             trajectory.reading = to_vector(reading);
+             trajectory.interval = interval;
              return trajectory;
            }),
            py::kw_only(), py::arg("name"), py::arg("timestep"), py::arg("frame_step"),
            py::arg("body"), py::arg("position"), py::arg("quaternion"), py::arg("control"),
-           py::arg("position_weight"), py::arg("rotation_weight"))
+           py::arg("position_weight"), py::arg("rotation_weight"), py::arg("channel"),
+           py::arg("reading"), py::arg("interval"))
       .def_readonly("name", &ObservedTrajectory::name)
       .def_property_readonly("residuals", &ObservedTrajectory::residuals);
 
@@ -103,19 +113,20 @@ void bind_residuals(py::module_& module) {
       py::arg("variants"), py::arg("trajectories"), py::arg("qpos"), py::arg("qvel"),
       py::arg("nthread"),
       "Residuals (variants, n) of all (model address, Parameters or None) x trajectories, on\n"
-      "threads with the GIL released. Within a trajectory: (frames, bodies, 6), position first.");
+      "threads with the GIL released. Within a trajectory: (frames, bodies, 6), position first,\n"
+      "then (frames, channels).");
   module.def(
-      "poses",
+      "observe",
       [](const std::vector<PyVariant>& variants,
          const std::vector<ObservedTrajectory>& trajectories, const Array& qpos, const Array& qvel,
          int nthread) {
         return run(variants, trajectories, qpos, qvel, nthread,
-                   {py::ssize_t(residual_count(trajectories) / 6), 7}, poses);
+                   {py::ssize_t(observation_count(trajectories))}, observe);
       },
       py::arg("variants"), py::arg("trajectories"), py::arg("qpos"), py::arg("qvel"),
       py::arg("nthread"),
-      "Simulated poses (variants, frames and bodies of all trajectories, 7): position (m),\n"
-      "quaternion (w x y z).");
+      "What is simulated (variants, n). Within a trajectory: poses (frames, bodies, 7), position\n"
+      "(m) and quaternion (w x y z), then sensors (frames, channels).");
 }
 
 }  // namespace dashpot::bindings

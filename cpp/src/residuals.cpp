@@ -1,5 +1,6 @@
 #include "dashpot/residuals.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
@@ -30,18 +31,63 @@ std::array<double, 3> rotation_difference(const double* observed, const double* 
   throw std::invalid_argument("trajectory '" + trajectory.name + "': " + what);
 }
 
-// Called with the pose of every observed frame and body in order.
-using PoseSink =
-    std::function<void(std::size_t index, const double* position, const double* quaternion)>;
+// What is simulated of one frame.
+struct Frame {
+  explicit Frame(const ObservedTrajectory& trajectory)
+      : poses(7 * trajectory.body.size()), readings(trajectory.channel.size()) {}
+
+  std::vector<double> poses;     // (bodies, 7)
+  std::vector<double> readings;  // (channels,)
+};
+
+using FrameSink = std::function<void(std::size_t frame, const Frame& simulated)>;
+
+// Means of channels over the last steps before a frame, and the frame's own values of the others.
+class Readings {
+ public:
+  explicit Readings(const ObservedTrajectory& trajectory)
+      : trajectory_(trajectory), sum_(trajectory.channel.size()) {
+    for (const ObservedChannel& channel : trajectory.channel) {
+      (channel.mean ? any_mean_ : any_at_frame_) = true;
+    }
+  }
+
+  // After a step, of which `left` come before the next frame.
+  void add(const Simulation& simulation, int left) {
+    if (!any_mean_ || left >= trajectory_.interval) return;
+    const double* values = simulation.sensordata();
+    for (std::size_t i = 0; i < sum_.size(); ++i) sum_[i] += values[trajectory_.channel[i].address];
+    ++count_;
+  }
+
+  void read(Simulation& simulation, std::vector<double>& readings) {
+    if (any_at_frame_) simulation.update_sensors();
+    const double* values = simulation.sensordata();
+    for (std::size_t i = 0; i < sum_.size(); ++i) {
+      const ObservedChannel& channel = trajectory_.channel[i];
+      readings[i] = channel.mean ? sum_[i] / std::max(count_, 1) : values[channel.address];
+    }
+    std::fill(sum_.begin(), sum_.end(), 0.0);
+    count_ = 0;
+  }
+
+ private:
+  const ObservedTrajectory& trajectory_;
+  std::vector<double> sum_;
+  int count_ = 0;
+  bool any_mean_ = false, any_at_frame_ = false;
+};
 
 void simulate(Simulation& simulation, const ObservedTrajectory& trajectory, int nu,
-              const double* qpos, const double* qvel, const PoseSink& sink) {
+              const double* qpos, const double* qvel, const FrameSink& sink) {
   simulation.set_timestep(trajectory.timestep);
   simulation.reset();
   simulation.set_position_velocity(qpos, qvel);
   int step = 0;
-  std::size_t index = 0;
-  for (const int frame_step : trajectory.frame_step) {
+  Frame simulated(trajectory);
+  Readings readings(trajectory);
+  for (std::size_t frame = 0; frame < trajectory.frame_step.size(); ++frame) {
+    const int frame_step = trajectory.frame_step[frame];
     for (; step < frame_step; ++step) {
       if (!trajectory.control.empty()) {
         simulation.set_control(trajectory.control.data() + std::size_t(step) * nu);
@@ -51,20 +97,21 @@ void simulate(Simulation& simulation, const ObservedTrajectory& trajectory, int 
       } catch (const std::exception& error) {
         throw std::invalid_argument("step " + std::to_string(step) + ": " + error.what());
       }
+      readings.add(simulation, frame_step - 1 - step);
     }
     simulation.update_kinematics();
-    for (const int body : trajectory.body) {
-      std::array<double, 3> position;
-      std::array<double, 4> quaternion;
-      simulation.body_pose(body, position.data(), quaternion.data());
-      sink(index++, position.data(), quaternion.data());
+    for (std::size_t i = 0; i < trajectory.body.size(); ++i) {
+      double* pose = simulated.poses.data() + 7 * i;
+      simulation.body_pose(trajectory.body[i], pose, pose + 3);
     }
+    readings.read(simulation, simulated.readings);
+    sink(frame, simulated);
   }
 }
 
-// Runs every (variant, trajectory); sink(variant, trajectory, index, position, quaternion).
-using BatchSink = std::function<void(int variant, int trajectory, std::size_t index,
-                                     const double* position, const double* quaternion)>;
+// Runs every (variant, trajectory).
+using BatchSink =
+    std::function<void(int variant, int trajectory, std::size_t frame, const Frame& simulated)>;
 
 void simulate_all(const std::vector<Variant>& variants,
                   const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
@@ -74,8 +121,8 @@ void simulate_all(const std::vector<Variant>& variants,
   for (const Variant& variant : variants) {
     const ModelSizes other = sizes_of(variant.model);
     if (other.nq != sizes.nq || other.nv != sizes.nv || other.nu != sizes.nu ||
-        other.nbody != sizes.nbody) {
-      throw std::invalid_argument("the variants' models differ in nq, nv, nu or nbody");
+        other.nbody != sizes.nbody || other.nsensordata != sizes.nsensordata) {
+      throw std::invalid_argument("the variants' models differ in nq, nv, nu, nbody or sensors");
     }
   }
   for (const ObservedTrajectory& trajectory : trajectories) check(trajectory, sizes);
@@ -101,9 +148,8 @@ void simulate_all(const std::vector<Variant>& variants,
         worker.variant = variant;
       }
       simulate(*worker.simulation, trajectory, sizes.nu, qpos + std::size_t(item) * sizes.nq,
-               qvel + std::size_t(item) * sizes.nv,
-               [&](std::size_t index, const double* position, const double* quaternion) {
-                 sink(variant, t, index, position, quaternion);
+               qvel + std::size_t(item) * sizes.nv, [&](std::size_t frame, const Frame& simulated) {
+                 sink(variant, t, frame, simulated);
                });
     } catch (const std::exception& error) {
       fail(trajectory, "variant " + std::to_string(variant) + ", " + error.what());
@@ -111,11 +157,12 @@ void simulate_all(const std::vector<Variant>& variants,
   });
 }
 
-// Offset of each trajectory's first pose among those of all.
-std::vector<std::size_t> pose_offsets(const std::vector<ObservedTrajectory>& trajectories) {
+// Offset of each trajectory's first number among those of all, of which it has `count`.
+std::vector<std::size_t> offsets_of(const std::vector<ObservedTrajectory>& trajectories,
+                                    int (ObservedTrajectory::*count)() const) {
   std::vector<std::size_t> offsets = {0};
   for (const ObservedTrajectory& trajectory : trajectories) {
-    offsets.push_back(offsets.back() + std::size_t(trajectory.frames()) * trajectory.bodies());
+    offsets.push_back(offsets.back() + std::size_t((trajectory.*count)()));
   }
   return offsets;
 }
@@ -123,8 +170,8 @@ std::vector<std::size_t> pose_offsets(const std::vector<ObservedTrajectory>& tra
 }  // namespace
 
 void check(const ObservedTrajectory& trajectory, const ModelSizes& sizes) {
-  const std::size_t poses = std::size_t(trajectory.frames()) * trajectory.bodies();
-  if (poses == 0) fail(trajectory, "has no frame or no body");
+  const std::size_t poses = std::size_t(trajectory.poses());
+  if (trajectory.residuals() == 0) fail(trajectory, "has no frame, or neither body nor sensor");
   if (!(trajectory.timestep > 0.0)) fail(trajectory, "timestep must be > 0");
   for (const double weight : trajectory.position_weight) {
     if (!(weight >= 0.0 && std::isfinite(weight))) {
@@ -145,6 +192,18 @@ void check(const ObservedTrajectory& trajectory, const ModelSizes& sizes) {
       fail(trajectory, "body " + std::to_string(body) + " is not in the model");
     }
   }
+  if (trajectory.interval < 1) fail(trajectory, "interval must be >= 1");
+  for (const ObservedChannel& channel : trajectory.channel) {
+    if (channel.address < 0 || channel.address >= sizes.nsensordata) {
+      fail(trajectory, "channel " + std::to_string(channel.address) + " is not in sensordata");
+    }
+    if (!(channel.weight >= 0.0 && std::isfinite(channel.weight))) {
+      fail(trajectory, "weights of channels must be finite and >= 0");
+    }
+  }
+  if (trajectory.reading.size() != std::size_t(trajectory.readings())) {
+    fail(trajectory, "reading has the wrong size");
+  }
   if (trajectory.position.size() != 3 * poses) fail(trajectory, "position has the wrong size");
   if (trajectory.quaternion.size() != 4 * poses) fail(trajectory, "quaternion has the wrong size");
   if (!trajectory.control.empty() &&
@@ -154,38 +213,56 @@ void check(const ObservedTrajectory& trajectory, const ModelSizes& sizes) {
 }
 
 std::size_t residual_count(const std::vector<ObservedTrajectory>& trajectories) {
-  return 6 * pose_offsets(trajectories).back();
+  return offsets_of(trajectories, &ObservedTrajectory::residuals).back();
+}
+
+std::size_t observation_count(const std::vector<ObservedTrajectory>& trajectories) {
+  return offsets_of(trajectories, &ObservedTrajectory::observations).back();
 }
 
 void residuals(const std::vector<Variant>& variants,
                const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
                const double* qvel, int nthread, double* residuals) {
-  const std::vector<std::size_t> offsets = pose_offsets(trajectories);
-  simulate_all(
-      variants, trajectories, qpos, qvel, nthread,
-      [&](int variant, int t, std::size_t index, const double* position, const double* quaternion) {
-        const ObservedTrajectory& trajectory = trajectories[t];
-        double* row = residuals + 6 * (variant * offsets.back() + offsets[t] + index);
-        const double* observed = trajectory.position.data() + 3 * index;
-        const std::array<double, 3> rotation =
-            rotation_difference(trajectory.quaternion.data() + 4 * index, quaternion);
-        for (int i = 0; i < 3; ++i) {
-          row[i] = (position[i] - observed[i]) * trajectory.position_weight[i];
-          row[3 + i] = rotation[i] * trajectory.rotation_weight;
-        }
-      });
+  const std::vector<std::size_t> offsets = offsets_of(trajectories, &ObservedTrajectory::residuals);
+  simulate_all(variants, trajectories, qpos, qvel, nthread,
+               [&](int variant, int t, std::size_t frame, const Frame& simulated) {
+                 const ObservedTrajectory& trajectory = trajectories[t];
+                 double* of_trajectory = residuals + variant * offsets.back() + offsets[t];
+                 const std::size_t bodies = trajectory.body.size();
+                 for (std::size_t i = 0; i < bodies; ++i) {
+                   const std::size_t index = frame * bodies + i;
+                   double* row = of_trajectory + 6 * index;
+                   const double* pose = simulated.poses.data() + 7 * i;
+                   const double* observed = trajectory.position.data() + 3 * index;
+                   const std::array<double, 3> rotation =
+                       rotation_difference(trajectory.quaternion.data() + 4 * index, pose + 3);
+                   for (int j = 0; j < 3; ++j) {
+                     row[j] = (pose[j] - observed[j]) * trajectory.position_weight[j];
+                     row[3 + j] = rotation[j] * trajectory.rotation_weight;
+                   }
+                 }
+                 const std::size_t channels = trajectory.channel.size();
+                 double* row = of_trajectory + 6 * trajectory.poses() + frame * channels;
+                 const double* observed = trajectory.reading.data() + frame * channels;
+                 for (std::size_t i = 0; i < channels; ++i) {
+                   row[i] = (simulated.readings[i] - observed[i]) * trajectory.channel[i].weight;
+                 }
+               });
 }
 
-void poses(const std::vector<Variant>& variants,
-           const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-           const double* qvel, int nthread, double* poses) {
-  const std::vector<std::size_t> offsets = pose_offsets(trajectories);
+void observe(const std::vector<Variant>& variants,
+             const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
+             const double* qvel, int nthread, double* observations) {
+  const std::vector<std::size_t> offsets =
+      offsets_of(trajectories, &ObservedTrajectory::observations);
   simulate_all(
       variants, trajectories, qpos, qvel, nthread,
-      [&](int variant, int t, std::size_t index, const double* position, const double* quaternion) {
-        double* row = poses + 7 * (variant * offsets.back() + offsets[t] + index);
-        for (int i = 0; i < 3; ++i) row[i] = position[i];
-        for (int i = 0; i < 4; ++i) row[3 + i] = quaternion[i];
+      [&](int variant, int t, std::size_t frame, const Frame& simulated) {
+        double* of_trajectory = observations + variant * offsets.back() + offsets[t];
+        std::copy(simulated.poses.begin(), simulated.poses.end(),
+                  of_trajectory + frame * simulated.poses.size());
+        std::copy(simulated.readings.begin(), simulated.readings.end(),
+                  of_trajectory + 7 * trajectories[t].poses() + frame * simulated.readings.size());
       });
 }
 

@@ -25,6 +25,12 @@ bool all_usable(const mjtNum* values, int count) {
   return true;
 }
 
+[[noreturn]] void refuse_callbacks() {
+  throw std::runtime_error(
+      "callbacks of MuJoCo's Python package raise here, where data are not made in Python; clear "
+      "them (mujoco.set_mjcb_control(None) and the like), or step data of Engine.make_data()");
+}
+
 }  // namespace
 
 ModelSizes sizes_of(const mjModel_* model) {
@@ -81,20 +87,26 @@ void Simulation::set_control(const double* control) {
 
 const double* Simulation::sensordata() const { return impl_->data->sensordata; }
 
+void Simulation::call(void (*function)(const mjModel*, mjData*)) {
+  try {
+    const host::ErrorGuard guard(impl_->data.get());
+    host::call_with_callbacks(function, impl_->model.get(), impl_->data.get());
+  } catch (const host::CallbackError&) {
+    refuse_callbacks();
+  }
+}
+
 void Simulation::step() {
   mjModel* model = impl_->model.get();
   mjData* data = impl_->data.get();
-  try {
-    if (impl_->stepper) {
+  if (impl_->stepper) {
+    try {
       impl_->stepper->step(data, 1, false);
-    } else {
-      const host::ErrorGuard guard(data);
-      host::call_with_callbacks(mj_step, model, data);
+    } catch (const host::CallbackError&) {
+      refuse_callbacks();
     }
-  } catch (const host::CallbackError&) {
-    throw std::runtime_error(
-        "callbacks of MuJoCo's Python package raise here, where data are not made in Python; clear "
-        "them (mujoco.set_mjcb_control(None) and the like), or step data of Engine.make_data()");
+  } else {
+    call(mj_step);
   }
   if (!all_usable(data->qpos, static_cast<int>(model->nq)) ||
       !all_usable(data->qvel, static_cast<int>(model->nv))) {
@@ -103,6 +115,17 @@ void Simulation::step() {
 }
 
 void Simulation::update_kinematics() { mj_kinematics(impl_->model.get(), impl_->data.get()); }
+
+void Simulation::update_sensors() {
+  mjModel* model = impl_->model.get();
+  mjData* data = impl_->data.get();
+  mj_fwdKinematics(model, data);
+  mj_makeM(model, data);  // of kinetic energy
+  mj_transmission(model, data);
+  call(mj_fwdVelocity);
+  call(mj_sensorPos);
+  call(mj_sensorVel);
+}
 
 void Simulation::body_pose(int body, double* position, double* quaternion) const {
   std::copy_n(impl_->data->xpos + 3 * body, 3, position);

@@ -44,7 +44,7 @@ __all__: list[str] = [
     "geom_time_of_impact",
     "geom_times_of_impact",
     "have_same_sizes",
-    "poses",
+    "observe",
     "propagate",
     "radial_return",
     "reserve_memory",
@@ -438,6 +438,15 @@ class ObservedTrajectory:
             collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"
         ],
         rotation_weight: typing.SupportsFloat | typing.SupportsIndex,
+        channel: collections.abc.Sequence[
+            tuple[
+                typing.SupportsInt | typing.SupportsIndex,
+                bool,
+                typing.SupportsFloat | typing.SupportsIndex,
+            ]
+        ],
+        reading: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        interval: typing.SupportsInt | typing.SupportsIndex,
     ) -> None: ...
     @property
     def name(self) -> str: ...
@@ -567,7 +576,7 @@ def have_same_sizes(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     other_address: typing.SupportsInt | typing.SupportsIndex,
 ) -> bool: ...
-def poses(
+def observe(
     variants: collections.abc.Sequence[
         tuple[typing.SupportsInt | typing.SupportsIndex, Parameters]
     ],
@@ -577,8 +586,8 @@ def poses(
     nthread: typing.SupportsInt | typing.SupportsIndex,
 ) -> numpy.typing.NDArray[numpy.float64]:
     """
-    Simulated poses (variants, frames and bodies of all trajectories, 7): position (m),
-    quaternion (w x y z).
+    What is simulated (variants, n). Within a trajectory: poses (frames, bodies, 7), position
+    (m) and quaternion (w x y z), then sensors (frames, channels).
     """
 
 def propagate(
@@ -616,7 +625,8 @@ def residuals(
 ) -> numpy.typing.NDArray[numpy.float64]:
     """
     Residuals (variants, n) of all (model address, Parameters or None) x trajectories, on
-    threads with the GIL released. Within a trajectory: (frames, bodies, 6), position first.
+    threads with the GIL released. Within a trajectory: (frames, bodies, 6), position first,
+    then (frames, channels).
     """
 
 def restitution_to_damping_ratio(

@@ -9,6 +9,7 @@
 #include "dashpot/parameters.hpp"
 
 struct mjModel_;
+struct mjData_;
 
 namespace dashpot {
 
@@ -62,7 +63,14 @@ class Simulation {
   void update_kinematics();
   void body_pose(int body, double* position, double* quaternion) const;
 
+  // Those of sensordata() that positions and velocities make, of the present state; they are of the
+  // start of the last step before. Updates kinematics too.
+  void update_sensors();
+
  private:
+  // Calls a function of MuJoCo that may call back; throws as step() where that raises.
+  void call(void (*function)(const mjModel_*, mjData_*));
+
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

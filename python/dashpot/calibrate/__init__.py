@@ -1,7 +1,8 @@
 """Calibration of contact parameters against reference trajectories.
 
 State what moves, what is unknown and what was observed in a `Problem`; `fit` estimates, gives
-intervals, and says for each parameter whether the data identify it.
+intervals, and says for each parameter whether the data identify it. Observed are poses of bodies,
+or sensors of the model: encoders, accelerometers, force plates (`Trajectory.of_sensors`).
 
 Five throws of a ball, with time (s), position (m) and quaternion (scalar first) of every frame, of
 which four are fitted and one is predicted::

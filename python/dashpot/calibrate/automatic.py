@@ -41,7 +41,7 @@ def growing_windows(objective: Objective, residuals: Array) -> list[float]:
     onsets, ends = [], []
     for t, trajectory in enumerate(problem.trajectories):
         rows = residuals[:, objective.offsets[t] : objective.offsets[t + 1]]
-        frames = rows.reshape(len(rows), -1, 6 * len(trajectory.bodies))
+        frames = objective.layouts[t].by_frame(rows)
         low, high = np.percentile(frames, [25.0, 75.0], axis=0)
         parted = np.flatnonzero((high - low > _PARTED).any(axis=1))
         time = trajectory.time - trajectory.time[0]

@@ -285,17 +285,17 @@ def _result(
         )
         for i, parameter in enumerate(problem.parameters)
     )
-    by_trajectory = tuple(
-        residuals[first:last].reshape(-1, len(trajectory.bodies), 6)
-        for trajectory, first, last in zip(
-            problem.trajectories, objective.offsets[:-1], objective.offsets[1:], strict=True
+    parts = [
+        layout.split(residuals[first:last])
+        for layout, first, last in zip(
+            objective.layouts, objective.offsets[:-1], objective.offsets[1:], strict=True
         )
-    )
+    ]
     velocity, displacement = objective.initial_estimates(point)
     return Fit(
         estimates=estimates,
         correlation=correlation,
-        residuals=by_trajectory,
+        residuals=tuple(poses for poses, _ in parts),
         cost=float(search.costs(residuals)),
         cost_history=np.array(search.budget.history),
         residual_variance=estimated.residual_variance,
@@ -312,6 +312,10 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
+        sensor_residuals=tuple(
+            trajectory.by_sensor(channels)
+            for trajectory, (_, channels) in zip(problem.trajectories, parts, strict=True)
+        ),
     )
 
 

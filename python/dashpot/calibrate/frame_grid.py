@@ -34,7 +34,7 @@ def frame_numbers(time: Array) -> NDArray[np.intp]:
             f"time must increase strictly, but time[{i}] = {time[i]:.6g} s "
             f"follows time[{i - 1}] = {time[i - 1]:.6g} s"
         )
-    usual = float(np.median(interval))
+    usual = float(np.sort(interval)[(interval.size - 1) // 2])  # of two the shorter
     single = np.abs(interval - usual) <= SPACING_TOLERANCE * usual
     # Rounding of single times averages out, which long gaps need.
     mean = float(interval[single].mean()) if single.any() else usual

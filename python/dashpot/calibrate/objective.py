@@ -19,7 +19,8 @@ from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.candidates import Candidate, SimulationError, batch, failure_of
 from dashpot.calibrate.differences import derivatives_along
 from dashpot.calibrate.idle_states import without_idle_states
-from dashpot.calibrate.problem import Problem, body_id
+from dashpot.calibrate.observations import observed, simulated
+from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.setters import System, model_of
 
 Array = NDArray[np.float64]
@@ -31,8 +32,6 @@ _POSE_DIFFERENCE = 1e-6
 # Residuals of a channel that carries noise reach this many standard deviations; of one that does
 # not, a rounding.
 _LIVE = 1e-6
-# Stands for a quaternion that was not measured.
-_ANY = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class Objective:
@@ -52,11 +51,13 @@ class Objective:
         model = model_of(problem.build(problem.start if held is None else held))
         self._model = model
         self._qpos, self._qvel = problem.initial_states(model, held)
-        self._observed = [self._observe(i, model) for i in range(len(problem.trajectories))]
+        self._observed = [observed(problem, t, model) for t in problem.trajectories]
         counts = [observed.residuals for observed in self._observed]
         #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
         self.offsets = np.concatenate([[0], np.cumsum(counts)])
-        self._measured = np.concatenate([m.reshape(-1) for m in problem.measured()])
+        #: Of each trajectory.
+        self.layouts = problem.layouts()
+        self._measured = np.concatenate(problem.measured())
 
     @property
     def parameters(self) -> int:
@@ -87,10 +88,10 @@ class Objective:
     def live(self, residuals: Array) -> NDArray[np.bool_]:
         """Return (residual_count,) whether each residual carries noise.
 
-        A channel (trajectory, body, component) whose residuals all stay below a millionth of a
-        standard deviation was not measured, or neither moved nor had noise: the rotation of a
-        pendulum about the other axes, say. It is no evidence of how large noise is. Where all
-        channels are so, as of data without noise, all that were measured count.
+        A channel (trajectory, body or sensor, component) whose residuals all stay below a
+        millionth of a standard deviation was not measured, or neither moved nor had noise: the
+        rotation of a pendulum about the other axes, say. It is no evidence of how large noise is.
+        Where all channels are so, as of data without noise, all that were measured count.
 
         Parameters
         ----------
@@ -98,10 +99,11 @@ class Objective:
             (residual_count,) at the estimate.
         """
         live = np.empty(self.residual_count, dtype=bool)
-        for t, trajectory in enumerate(self.problem.trajectories):
+        for t, layout in enumerate(self.layouts):
             rows = slice(self.offsets[t], self.offsets[t + 1])
-            channels = np.abs(residuals[rows]).reshape(-1, 6 * len(trajectory.bodies))
-            live[rows] = np.tile((channels >= _LIVE).any(axis=0), len(channels))
+            poses, sensors = layout.split(np.abs(residuals[rows]))
+            parts = (np.broadcast_to((p >= _LIVE).any(axis=0), p.shape) for p in (poses, sensors))
+            live[rows] = np.concatenate([part.reshape(-1) for part in parts])
         live &= self._measured
         return live if live.any() else self._measured
 
@@ -223,8 +225,11 @@ class Objective:
         own = np.array([p.difference for p in self.unknown])
         return np.concatenate([own, np.tile(self._initial_differences(), len(self._observed))])
 
-    def poses(self, point: Array) -> list[tuple[Array, Array]]:
-        """Return simulated (position (n, bodies, 3), quaternion (n, bodies, 4)) by trajectory.
+    def observe(self, point: Array) -> list[tuple[Array, Array, dict[str, Array]]]:
+        """Return what is simulated by trajectory.
+
+        That is position (n, bodies, 3), quaternion (n, bodies, 4), and sensors (n, size) by name,
+        NaN at the first frame where they are means.
 
         Raises
         ------
@@ -236,15 +241,10 @@ class Objective:
             raise failures[0]
         variants, qpos, qvel = batch(candidates.values())
         try:
-            flat = np.asarray(_core.poses(variants, self._observed, qpos, qvel, self.nthread))[0]
+            flat = np.asarray(_core.observe(variants, self._observed, qpos, qvel, self.nthread))[0]
         except ValueError as error:
             raise failure_of(self.values(point), error) from error
-        result = []
-        for t, trajectory in enumerate(self.problem.trajectories):
-            rows = flat[self.offsets[t] // 6 : self.offsets[t + 1] // 6]
-            poses = rows.reshape(-1, len(trajectory.bodies), 7)
-            result.append((poses[..., :3].copy(), poses[..., 3:].copy()))
-        return result
+        return simulated(self.problem, self.layouts, flat)
 
     def initial_states(self, point: Array) -> tuple[Array, Array]:
         """Return qpos (trajectories, nq) and qvel (trajectories, nv) of the starts at a point."""
@@ -266,30 +266,6 @@ class Objective:
         nv = int(self._model.nv)
         steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
         return np.array(steps[: self.initial_size])
-
-    def _observe(self, index: int, model: mujoco.MjModel) -> _core.ObservedTrajectory:
-        problem = self.problem
-        weight = 1.0 / problem.sigma
-        trajectory = problem.trajectories[index]
-        substeps = problem.steps_per_frame(trajectory, model)
-        timestep = trajectory.spacing / substeps
-        if problem.window is not None:
-            trajectory = trajectory.head(problem.window)
-        frame = trajectory.frame_number
-        control: Array = np.empty((0, 0))
-        if trajectory.control is not None:
-            control = np.repeat(trajectory.control, substeps * np.diff(frame), axis=0)
-        return _core.ObservedTrajectory(
-            name=trajectory.name,
-            timestep=timestep,
-            frame_step=(substeps * frame).tolist(),
-            body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
-            position=np.nan_to_num(trajectory.position),
-            quaternion=np.where(np.isnan(trajectory.quaternion), _ANY, trajectory.quaternion),
-            control=control,
-            position_weight=list(weight[:3]),
-            rotation_weight=float(weight[3]),
-        )
 
     def _candidates(self, points: Array) -> tuple[dict[int, Candidate], dict[int, SimulationError]]:
         """Build the systems and initial states of points; say why where that fails.

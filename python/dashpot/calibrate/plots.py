@@ -32,10 +32,15 @@ def plot_fit(fit: Fit) -> Figure:
 
 def measured_residuals(fit: Fit) -> list[Array]:
     """Return by trajectory the weighted residuals (frames, components), NaN of what was lost."""
-    return [
-        np.where(measured, residuals, np.nan).reshape(len(residuals), -1)
-        for residuals, measured in zip(fit.residuals, fit.problem.measured(), strict=True)
-    ]
+    result = []
+    for t, (layout, measured) in enumerate(
+        zip(fit.problem.layouts(), fit.problem.measured(), strict=True)
+    ):
+        parts = [fit.residuals[t], *fit.sensor_residuals[t].values()]
+        rows = np.concatenate([part.reshape(layout.frames, -1) for part in parts], axis=1)
+        seen = layout.by_frame(measured.astype(np.float64))
+        result.append(np.where(seen > 0.0, rows, np.nan))
+    return result
 
 
 def draw_residuals(axes: Axes, fit: Fit) -> None:

@@ -47,6 +47,11 @@ class Prediction:
         (nq,) where the simulation started.
     initial_qvel
         (nv,)
+    sensors
+        By name, (frames, size) simulated readings of the sensors that were observed, in their
+        units; NaN at the first frame of those that are means.
+    sensor_errors
+        By name, (frames, size) simulated less observed.
     """
 
     trajectory: Trajectory
@@ -56,6 +61,8 @@ class Prediction:
     rotation_error: Array = field(repr=False)
     initial_qpos: Array = field(repr=False)
     initial_qvel: Array = field(repr=False)
+    sensors: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    sensor_errors: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
 
 def predict(
@@ -159,7 +166,7 @@ def predictions(
     objective = Objective(problem.with_window(None), nthread=nthread, held=values)
     qpos, qvel = objective.initial_states(states)
     result = []
-    for t, (position, quaternion) in enumerate(objective.poses(states)):
+    for t, (position, quaternion, sensors) in enumerate(objective.observe(states)):
         trajectory = problem.trajectories[t]
         turn = np.empty_like(position)
         for frame, body in np.ndindex(turn.shape[:2]):
@@ -175,6 +182,10 @@ def predictions(
                 rotation_error=turn,
                 initial_qpos=qpos[t].copy(),
                 initial_qvel=qvel[t].copy(),
+                sensors=sensors,
+                sensor_errors={
+                    name: readings - trajectory.sensors[name] for name, readings in sensors.items()
+                },
             )
         )
     return tuple(result)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import copy
+import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
@@ -14,15 +14,19 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.clock import gravity_of, in_milliseconds
 from dashpot.calibrate.first_guess import free_bodies, free_joint, initial_state, robust_guess
+from dashpot.calibrate.layout import Layout
+from dashpot.calibrate.noise import deviation, position_deviations, sensor_deviations
+from dashpot.calibrate.observables import Sensor, body_id, find_sensor
 from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.problem_entries import all_of, check_targets, check_unique
 from dashpot.calibrate.replaced_materials import check_nothing_is_lost
-from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter, System, model_of
+from dashpot.calibrate.setters import System, model_of
+from dashpot.calibrate.systems import Builder, own_system, put_in
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import number, positive_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
-Builder: TypeAlias = Callable[[Mapping[str, float]], System]
 StartStates: TypeAlias = Callable[[Mapping[str, float]], tuple[Array, Array]]
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
@@ -52,6 +56,9 @@ class Problem:
     rotation_sigma
         Standard deviation of an observed rotation about an axis, rad, > 0; infinite: not measured
         (any unit quaternion will do).
+    sensor_sigma
+        Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
+        for each of its numbers; infinite: not measured. All sensors of trajectories need one.
     substeps
         Steps per frame, >= 1. None: as many as keep the step at or below the model's timestep.
     window
@@ -83,21 +90,25 @@ class Problem:
     window: float | None = None
     initial_state: InitialState = "given"
     start_states: StartStates | None = None
+    sensor_sigma: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    _sensors: dict[str, Sensor] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", _all("parameters", self.parameters, Parameter))
+        object.__setattr__(self, "parameters", all_of("parameters", self.parameters, Parameter))
         object.__setattr__(
-            self, "trajectories", _all("trajectories", self.trajectories, Trajectory)
+            self, "trajectories", all_of("trajectories", self.trajectories, Trajectory)
         )
         if not self.parameters:
             raise ValueError("a problem needs at least one parameter")
         if not self.trajectories:
             raise ValueError("a problem needs at least one trajectory")
-        _check_unique("parameter", [p.name for p in self.parameters])
-        _check_unique("trajectory", [t.name for t in self.trajectories])
-        object.__setattr__(self, "position_sigma", _position_sigma(self.position_sigma))
-        object.__setattr__(self, "rotation_sigma", _noise("rotation_sigma", self.rotation_sigma))
-        if not np.isfinite(self.sigma).any():
+        check_unique("parameter", [p.name for p in self.parameters])
+        check_unique("trajectory", [t.name for t in self.trajectories])
+        object.__setattr__(self, "position_sigma", position_deviations(self.position_sigma))
+        object.__setattr__(self, "rotation_sigma", deviation("rotation_sigma", self.rotation_sigma))
+        sensor_sigma = sensor_deviations(self.sensor_sigma)
+        object.__setattr__(self, "sensor_sigma", sensor_sigma)
+        if not np.isfinite([*self.sigma, *itertools.chain(*sensor_sigma.values())]).any():
             raise ValueError(
                 "position_sigma and rotation_sigma are all infinite: nothing was measured"
             )
@@ -116,8 +127,15 @@ class Problem:
             if self.initial_state != "given":
                 raise ValueError("start_states needs initial_state='given'")
         model = model_of(self.build(self.start))
-        _check_targets(self.parameters, model)
-        untouched = self._own_system(self.start)
+        check_targets(self.parameters, model)
+        object.__setattr__(self, "_sensors", {})
+        for name, sigma in sensor_sigma.items():
+            sensor = self._sensors[name] = find_sensor(model, name, "sensor_sigma")
+            if len(sigma) not in (1, sensor.size):
+                raise ValueError(
+                    f"sensor_sigma[{name!r}] must be one number or {sensor.size}, got {len(sigma)}"
+                )
+        untouched = own_system(self.system, self.start)
         if isinstance(untouched, Engine):
             check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
@@ -151,42 +169,29 @@ class Problem:
             raise ValueError(
                 f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
             )
-        system = self._own_system(values)
-        changed = False
-        for parameter in self.parameters:
-            if parameter.apply is None:
-                continue
-            value = values[parameter.name]
-            try:
-                parameter.apply(system, value)
-            except (ValueError, TypeError) as error:
-                raise type(error)(f"parameter '{parameter.name}' = {value:.6g}: {error}") from error
-            changed = changed or parameter.changes_model
-        for parameter in self.parameters:
-            if isinstance(parameter.apply, ModelSetter):
-                try:
-                    parameter.apply.check_result(system)
-                except ValueError as error:
-                    value = values[parameter.name]
-                    raise ValueError(
-                        f"parameter '{parameter.name}' = {value:.6g}: {error}"
-                    ) from None
-        if changed:
-            model = model_of(system)
-            try:
-                mujoco.mj_setConst(model, mujoco.MjData(model))
-            except mujoco.FatalError as error:
-                names = ", ".join(p.name for p in self.parameters if p.changes_model)
-                raise ValueError(
-                    f"the model does not take the values of {names}: {error}"
-                ) from error
+        system = own_system(self.system, values)
+        put_in(system, self.parameters, values)
         return system
 
+    def layouts(self) -> list[Layout]:
+        """Return by trajectory where its residuals within the window stand."""
+        return [
+            Layout(t.frames, len(t.bodies), sum(v.shape[1] for v in t.sensors.values()))
+            for t in self._used()
+        ]
+
     def measured(self) -> list[NDArray[np.bool_]]:
-        """Return by trajectory (frames, bodies, 6) what was measured within the window."""
-        counted = np.isfinite(self.sigma)
-        used = (t if self.window is None else t.head(self.window) for t in self.trajectories)
-        return [t.measured & counted for t in used]
+        """Return by trajectory which of its residuals (as `layouts`) are of what was measured."""
+        return [np.concatenate([m.reshape(-1) for m in self._seen(t)]) for t in self._used()]
+
+    def sensors(self, trajectory: Trajectory) -> list[Sensor]:
+        """Return the sensors that a trajectory observes, in order."""
+        return [self._sensors[name] for name in trajectory.sensors]
+
+    def channel_sigma(self, sensor: Sensor) -> Array:
+        """Return the standard deviations (size,) of a sensor's numbers."""
+        sigma = np.asarray(self.sensor_sigma[sensor.name], dtype=np.float64)
+        return np.broadcast_to(sigma, sensor.size)
 
     def with_window(self, window: float | None) -> Problem:
         """Return the same problem over another window."""
@@ -241,7 +246,7 @@ class Problem:
         """
         if not self._starts_at_first_poses():
             return ()
-        model = model_of(self._own_system(self.start))
+        model = model_of(own_system(self.system, self.start))
         return tuple(
             trajectory.name
             for trajectory in self.trajectories
@@ -250,7 +255,7 @@ class Problem:
 
     def slow_falls(self) -> tuple[str, ...]:
         """Return the trajectories that begin in a fall as of times given in milliseconds."""
-        model = model_of(self._own_system(self.start))
+        model = model_of(own_system(self.system, self.start))
         found = []
         for trajectory in self.trajectories:
             ids = [model.body(body).id for body in trajectory.bodies]
@@ -266,25 +271,23 @@ class Problem:
         # The slack keeps rounding in the times from adding a step.
         return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
 
+    def _used(self) -> list[Trajectory]:
+        """Return the trajectories within the window."""
+        window = self.window
+        return [t if window is None else t.head(window) for t in self.trajectories]
+
+    def _seen(self, trajectory: Trajectory) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return what counts of poses (frames, bodies, 6) and sensors (frames, channels)."""
+        channels = [np.empty((trajectory.frames, 0), dtype=bool)]
+        for sensor in self.sensors(trajectory):
+            seen = ~np.isnan(trajectory.sensors[sensor.name])
+            if sensor.mean:
+                seen[0] = False  # no step comes before
+            channels.append(seen & np.isfinite(self.channel_sigma(sensor)))
+        return trajectory.measured & np.isfinite(self.sigma), np.concatenate(channels, axis=1)
+
     def _starts_at_first_poses(self) -> bool:
         return self.initial_state != "pose_and_velocity" and self.start_states is None
-
-    def _own_system(self, values: Mapping[str, float]) -> System:
-        """Return a copy of the system, or a new one, before any parameter is put in."""
-        if isinstance(self.system, mujoco.MjModel | Engine):
-            return copy.copy(self.system)
-        if not callable(self.system):
-            raise TypeError(
-                "system must be a dashpot.Engine, a mujoco.MjModel or a function that returns "
-                f"one, got {type(self.system).__name__}"
-            )
-        system = self.system(dict(values))
-        if not isinstance(system, mujoco.MjModel | Engine):
-            raise TypeError(
-                "the function that builds the system must return a dashpot.Engine or a "
-                f"mujoco.MjModel, got {type(system).__name__}"
-            )
-        return system
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"
@@ -296,7 +299,8 @@ class Problem:
                 f"{label} has no initial_qvel; give it, or estimate it with "
                 "initial_state='velocity'"
             )
-        if not (trajectory.measured & np.isfinite(self.sigma)).any():
+        self._check_sensors(trajectory, model)
+        if not any(seen.any() for seen in self._seen(trajectory)):
             raise ValueError(f"{label}: nothing that was measured is left of it")
         if trajectory.initial_qpos is None and self._starts_at_first_poses():
             for i, _ in free_bodies(trajectory, model):
@@ -306,74 +310,22 @@ class Problem:
                         "frame; give initial_qpos, or estimate the start with "
                         "initial_state='pose_and_velocity'"
                     )
-        for field, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
-            value = getattr(trajectory, field)
+        for name, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
+            value = getattr(trajectory, name)
             if value is not None and value.shape != (size,):
-                raise ValueError(f"{label}: {field} must be ({size},), got {value.shape}")
+                raise ValueError(f"{label}: {name} must be ({size},), got {value.shape}")
         if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
             raise ValueError(
                 f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
             )
 
-
-def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
-    """Return the id of a body or raise ValueError beginning with `label`."""
-    row = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
-    if row < 0:
-        known = [model.body(i).name for i in range(model.nbody)]
-        raise ValueError(f"{label}: the model has no body {name!r}; it has {', '.join(known)}")
-    return row
-
-
-Entry = TypeVar("Entry")
-
-
-def _noise(name: str, value: object) -> float:
-    """Return a standard deviation > 0, or inf; raise TypeError or ValueError naming it."""
-    result = number(name, value)
-    if not result > 0:
-        raise ValueError(f"{name} must be > 0, or inf where nothing was measured, got {value!r}")
-    return result
-
-
-def _position_sigma(value: object) -> float | tuple[float, float, float]:
-    if isinstance(value, str) or not isinstance(value, Iterable):
-        return _noise("position_sigma", value)
-    several = tuple(value)
-    if len(several) != 3:
-        raise ValueError(f"position_sigma must be one number or three (x, y, z), got {value!r}")
-    x, y, z = (_noise(f"position_sigma[{i}]", entry) for i, entry in enumerate(several))
-    return x, y, z
-
-
-def _all(field: str, entries: Iterable[Entry], kind: type[Entry]) -> tuple[Entry, ...]:
-    """Return a tuple; raise TypeError naming the field, and the entry that is of another type."""
-    if not isinstance(entries, Iterable):
-        raise TypeError(
-            f"{field} must be a sequence of {kind.__name__}, got {type(entries).__name__}"
-        )
-    result = tuple(entries)
-    for i, entry in enumerate(result):
-        if not isinstance(entry, kind):
-            raise TypeError(f"{field}[{i}] is {type(entry).__name__}; it must be a {kind.__name__}")
-    return result
-
-
-def _check_unique(kind: str, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"two {kind} entries are named {name!r}")
-
-
-def _check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> None:
-    """Raise ValueError where two parameters set the same quantity."""
-    setter_of: dict[str, str] = {}
-    for parameter in parameters:
-        if not isinstance(parameter.apply, MaterialSetter | PairSetter | ModelSetter):
-            continue
-        for target in parameter.apply.targets(model):
-            if target in setter_of:
+    def _check_sensors(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
+        label = f"trajectory '{trajectory.name}'"
+        for name, readings in trajectory.sensors.items():
+            size = find_sensor(model, name, label).size
+            if readings.shape[1] != size:
                 raise ValueError(
-                    f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
+                    f"{label}: sensor '{name}' has {size} numbers, got readings {readings.shape}"
                 )
-            setter_of[target] = parameter.name
+            if name not in self._sensors:
+                raise ValueError(f"{label}: sensor '{name}' has no sensor_sigma")

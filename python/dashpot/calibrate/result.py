@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from dashpot.calibrate.identifiability import (
     percent,
 )
 from dashpot.calibrate.losses import LossName
+from dashpot.calibrate.metrics import root_mean_squares
 from dashpot.calibrate.prediction import Prediction, predict, predictions
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.trajectory import Trajectory
@@ -70,6 +71,8 @@ class Fit:
         The search's last word.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
+    sensor_residuals
+        By trajectory and sensor, (frames, size): weighted residuals at the estimate.
     """
 
     estimates: tuple[Estimate, ...]
@@ -91,6 +94,7 @@ class Fit:
     problem: Problem = field(repr=False)
     initial_velocity: Array | None = None
     initial_displacement: Array | None = None
+    sensor_residuals: tuple[Mapping[str, Array], ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         for estimate in self.estimates:
@@ -203,18 +207,11 @@ class Fit:
         """Return root mean squares over all frames and bodies.
 
         ``position_rms`` (m, of the distance in the coordinates that were measured),
-        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured, and
+        ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured,
+        ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector), and
         ``residual_variance``.
         """
-        errors = np.concatenate([r.reshape(-1, 6) for r in self.residuals])
-        errors *= np.where(np.isfinite(self.problem.sigma), self.problem.sigma, 0.0)
-        measured = np.concatenate([m.reshape(-1, 6) for m in self.problem.measured()])
-        result = {}
-        for name, part in (("position_rms", slice(0, 3)), ("rotation_rms", slice(3, 6))):
-            frames = measured[:, part].any(axis=1)
-            if frames.any():
-                squares = np.sum(errors[frames, part] ** 2, axis=1)
-                result[name] = float(np.sqrt(np.mean(squares)))
+        result = root_mean_squares(self.problem, self.residuals, self.sensor_residuals)
         return {**result, "residual_variance": self.residual_variance}
 
     def table(self, truth: dict[str, float] | None = None) -> Table:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dashpot.calibrate.frame_grid import check_grid, even_grid, frame_numbers
 
 Array = NDArray[np.float64]
+T = TypeVar("T", np.float64, np.bool_)
 
 # A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
 UNIT_TOLERANCE = 1e-4
@@ -18,7 +20,9 @@ UNIT_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Observed poses of one or more bodies at times of an even grid, some of which may be lost.
+    """Observed poses of bodies, and readings of sensors, at times of an even grid.
+
+    Frames of it may be lost.
 
     Arrays are copied, so the caller's data stay as they are and later edits do not reach in.
 
@@ -50,6 +54,13 @@ class Trajectory:
         from the first five frames (with a robust loss from as many as fly freely, outliers aside).
     control
         (n - 1, nu) controls held constant between successive frames, through gaps too. None: zero.
+    sensors
+        Readings of sensors of the model by name, (n, size) or, of one number, (n,), in the unit of
+        the sensor: joint encoders (``jointpos``), accelerometers, force plates (``touch``,
+        ``force``), positions of markers (``framepos`` of a site, in the frame of a camera, too).
+        What positions and velocities make is compared at the times of the frames; what needs
+        accelerations or forces as the mean over the spacing before the frame, so that there is none
+        at the first. NaN: not measured. `of_sensors` makes trajectories of sensors alone.
 
     Raises
     ------
@@ -65,6 +76,7 @@ class Trajectory:
     initial_qpos: Array | None = None
     initial_qvel: Array | None = None
     control: Array | None = None
+    sensors: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -76,7 +88,12 @@ class Trajectory:
         bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
         if not all(isinstance(body, str) for body in bodies):
             raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
-        if not bodies or len(set(bodies)) != len(bodies):
+        if not isinstance(self.sensors, Mapping):
+            raise TypeError(
+                f"{self._label}: sensors must be a mapping from names to readings, "
+                f"got {self.sensors!r}"
+            )
+        if not (bodies or self.sensors) or len(set(bodies)) != len(bodies):
             raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
         time = self._finite("time", self.time)
         if time.ndim != 1 or time.size < 2:
@@ -95,8 +112,10 @@ class Trajectory:
             raise ValueError(
                 f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
             )
-        if missing.all() and np.isnan(position).all():
+        if bodies and missing.all() and np.isnan(position).all() and not self.sensors:
             raise ValueError(f"{self._label}: all positions and quaternions are nan")
+        sensors = {name: self._readings(name, value, n) for name, value in self.sensors.items()}
+        object.__setattr__(self, "sensors", sensors)
         norm = np.linalg.norm(quaternion, axis=-1)
         off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
         if off.size:
@@ -109,27 +128,60 @@ class Trajectory:
         object.__setattr__(self, "time", _frozen(time))
         object.__setattr__(self, "position", _frozen(position))
         object.__setattr__(self, "quaternion", _frozen(quaternion / norm[..., None]))
-        for field, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
-            value = getattr(self, field)
+        for name, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
+            value = getattr(self, name)
             if value is None:
                 continue
-            array = self._finite(field, value)
+            array = self._finite(name, value)
             if array.ndim != ndim:
-                raise ValueError(f"{self._label}: {field} must be {ndim}-D, got {array.shape}")
-            if field == "control" and array.shape[0] != n - 1:
+                raise ValueError(f"{self._label}: {name} must be {ndim}-D, got {array.shape}")
+            if name == "control" and array.shape[0] != n - 1:
                 raise ValueError(
                     f"{self._label}: control must have a row for each of the {n - 1} frame "
                     f"intervals, got {array.shape[0]}"
                 )
-            object.__setattr__(self, field, _frozen(array))
+            object.__setattr__(self, name, _frozen(array))
+
+    @classmethod
+    def of_sensors(
+        cls,
+        name: str,
+        time: ArrayLike,
+        sensors: Mapping[str, ArrayLike],
+        *,
+        initial_qpos: ArrayLike | None = None,
+        initial_qvel: ArrayLike | None = None,
+        control: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Return a trajectory of which sensors alone were observed; fields as in the class.
+
+        A leg that lands, with an accelerometer and an encoder that the MJCF names ``imu`` and
+        ``knee``, and no pose in the world::
+
+            landing = Trajectory.of_sensors("landing", time, {"imu": acceleration, "knee": angle},
+                                            initial_qpos=qpos, initial_qvel=qvel, control=control)
+            problem = Problem(engine, unknown, [landing], math.inf, math.inf,
+                              sensor_sigma={"imu": 0.5, "knee": 1e-3})
+        """
+        n = np.size(time)
+        arrays = {
+            "position": np.empty((n, 0, 3)),
+            "quaternion": np.empty((n, 0, 4)),
+            "initial_qpos": initial_qpos,
+            "initial_qvel": initial_qvel,
+            "control": control,
+        }
+        # Arrays are checked and converted where the trajectory is made.
+        return cls(name, time=time, bodies=(), sensors=sensors, **arrays)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""
         left_out = int(self.frame_number[-1]) + 1 - self.frames
+        sensors = f", sensors={tuple(self.sensors)}" if self.sensors else ""
         lost = f" ({left_out} left out)" if left_out else ""
         return (
             f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart{lost}, "
-            f"bodies={self.bodies})"
+            f"bodies={self.bodies}{sensors})"
         )
 
     @property
@@ -153,6 +205,11 @@ class Trajectory:
         turned = ~np.isnan(self.quaternion[..., :1])
         return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
 
+    def by_sensor(self, channels: NDArray[T]) -> dict[str, NDArray[T]]:
+        """Return the columns of (..., channels) of all sensors together, by sensor."""
+        ends = np.cumsum([readings.shape[1] for readings in self.sensors.values()], dtype=np.intp)
+        return dict(zip(self.sensors, np.split(channels, ends, axis=-1)[:-1], strict=True))
+
     def head(self, duration: float) -> Trajectory:
         """Return the frames up to `duration` s after the first, at least two of them."""
         if not duration > 0:
@@ -171,6 +228,7 @@ class Trajectory:
             initial_qpos=self.initial_qpos,
             initial_qvel=self.initial_qvel,
             control=None if self.control is None else self.control[: n - 1],
+            sensors={name: readings[:n] for name, readings in self.sensors.items()},
         )
 
     @property
@@ -190,6 +248,19 @@ class Trajectory:
             index = tuple(int(i) for i in bad[0])
             raise ValueError(f"{self._label}: {field}{list(index)} is {array[index]}")
         return array
+
+    def _readings(self, name: str, value: ArrayLike, n: int) -> Array:
+        if not isinstance(name, str):
+            raise TypeError(f"{self._label}: sensors must have names as keys, got {name!r}")
+        array = self._finite(f"sensors[{name!r}]", value, lost=True)
+        if array.shape == (n,):
+            array = array[:, None]
+        if array.ndim != 2 or array.shape[0] != n:
+            raise ValueError(
+                f"{self._label}: sensors[{name!r}] must be ({n}, size) or ({n},) for {n} times, "
+                f"got {array.shape}"
+            )
+        return _frozen(array)
 
     def _poses(self, field: str, value: ArrayLike, n: int, b: int, width: int) -> Array:
         array = self._finite(field, value, lost=True)

@@ -14,8 +14,8 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "calibrate",
         help="fit contact parameters to reference trajectories",
-        description="Fit the parameters of a model to observed poses, with 95 % intervals and a "
-        "plain statement for each parameter whether the data identify it.",
+        description="Fit the parameters of a model to observed poses and sensors, with 95 % "
+        "intervals and a plain statement for each parameter whether the data identify it.",
         epilog=FORMAT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -53,6 +53,9 @@ def run(arguments: argparse.Namespace) -> int:
         errors.append(f"{1e3 * metrics['position_rms']:.4g} mm")
     if "rotation_rms" in metrics:
         errors.append(f"{metrics['rotation_rms']:.4g} rad")
+    for name, value in metrics.items():
+        if name.startswith("sensors."):
+            errors.append(f"{name.removeprefix('sensors.').removesuffix('_rms')} {value:.4g}")
     print(
         f"residuals: {', '.join(errors)} (root mean square); "
         f"{result.evaluations} simulations in {result.seconds:.1f} s"

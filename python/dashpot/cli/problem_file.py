@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import difflib
 import json
-import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dashpot.calibrate import Parameter, Problem, Trajectory
+from dashpot.cli.recordings import check_keys, read_csv, read_npz
 from dashpot.compare.runner import load_model
 from dashpot.engine import Engine
 from dashpot.materials import Material
@@ -24,7 +20,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-_POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FIT_OPTIONS = (
     "method",
     "loss",
@@ -77,17 +72,17 @@ def _parse(file: Path) -> dict[str, Any]:
 
 
 def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[str, Any]]:
-    optional = ("initial_state", "substeps", "window", "materials", "fit")
+    optional = ("initial_state", "substeps", "window", "sensor_sigma", "materials", "fit")
     required = ("model", "position_sigma", "rotation_sigma", "parameters", "trajectories")
-    _check_keys("the problem", content, required, optional)
+    check_keys("the problem", content, required, optional)
     engine = Engine(load_model(folder / _typed("model", content["model"], str)))
     for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
         label = f"materials.{geom}"
-        _check_keys(label, _typed(label, fields, dict), (), tuple(Material.__dataclass_fields__))
+        check_keys(label, _typed(label, fields, dict), (), tuple(Material.__dataclass_fields__))
         engine.set_material(geom, Material(**fields))
     options = _typed("fit", content.get("fit", {}), dict)
-    _check_keys("fit", options, (), _FIT_OPTIONS)
-    chosen = {key: content[key] for key in optional[:3] if key in content}
+    check_keys("fit", options, (), _FIT_OPTIONS)
+    chosen = {key: content[key] for key in optional[:4] if key in content}
     problem = Problem(
         engine,
         [
@@ -111,7 +106,7 @@ def _parameter(label: str, entry: Any) -> Parameter:
         raise ValueError(f"{label}: kind is {kind!r}, none of {', '.join(_PARAMETER_KINDS)}")
     own = _PARAMETER_KINDS[kind]
     required = tuple(key for key in own if key != "index")
-    _check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
+    check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
     values = {key: value for key, value in entry.items() if key not in ("kind", *own)}
     values["bounds"] = tuple(_typed(f"{label}.bounds", entry["bounds"], list))
     try:
@@ -129,64 +124,19 @@ def _parameter(label: str, entry: Any) -> Parameter:
 
 
 def _trajectory(label: str, entry: Any, folder: Path) -> Trajectory:
-    _check_keys(label, _typed(label, entry, dict), ("file", "bodies"), ("name",))
+    check_keys(label, _typed(label, entry, dict), ("file",), ("name", "bodies"))
     file = folder / _typed(f"{label}.file", entry["file"], str)
-    bodies = _names(f"{label}.bodies", entry["bodies"])
+    bodies = _names(f"{label}.bodies", entry.get("bodies", []))
     if not file.is_file():
         raise FileNotFoundError(f"{label}: no file {file}")
+    name = str(entry.get("name", file.stem))
     try:
-        arrays = _read_csv(file, bodies) if file.suffix == ".csv" else _read_npz(file)
+        arrays = read_csv(file, bodies) if file.suffix == ".csv" else read_npz(file, bodies)
+        if not bodies:
+            return Trajectory.of_sensors(name, **arrays)
     except (KeyError, OSError, ValueError) as error:
         raise ValueError(f"{label}: {file}: {error}") from error
-    return Trajectory(name=str(entry.get("name", file.stem)), bodies=bodies, **arrays)
-
-
-def _read_npz(file: Path) -> dict[str, Any]:
-    required = ("time", "position", "quaternion")
-    optional = ("initial_qpos", "initial_qvel", "control")
-    with np.load(file, allow_pickle=False) as archive:
-        if not isinstance(archive, np.lib.npyio.NpzFile):
-            raise ValueError("it holds one array; an .npz archive of named arrays is needed")
-        arrays = {key: archive[key] for key in archive.files}
-    _check_keys("the arrays", arrays, required, optional)
-    return arrays
-
-
-def _read_csv(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
-    # With or without the mark that spreadsheets put in front of UTF-8.
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        reader = csv.reader(stream)
-        lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    rows = [row for _, row in lines]
-    if len(rows) < 3:
-        raise ValueError("a header and at least two rows are needed")
-    header = [name.strip() for name in rows[0]]
-    prefixes = [""] if len(bodies) == 1 and "x" in header else [f"{body}." for body in bodies]
-    wanted = ["time", *(prefix + name for prefix in prefixes for name in _POSE)]
-    missing = [name for name in wanted if name not in header]
-    if missing:
-        raise ValueError(f"no column {missing[0]!r}; there are {', '.join(header)}")
-    twice = [name for name in wanted if header.count(name) > 1]
-    if twice:
-        raise ValueError(f"{header.count(twice[0])} columns are named {twice[0]!r}")
-    for number, row in lines[1:]:
-        if len(row) != len(header):
-            raise ValueError(f"line {number} has {len(row)} values, the header {len(header)}")
-    columns = [(name, header.index(name)) for name in wanted]
-    table = np.array(
-        [[_cell(row[i], number, name) for name, i in columns] for number, row in lines[1:]]
-    )
-    poses = table[:, 1:].reshape(len(table), len(bodies), 7)
-    return {"time": table[:, 0], "position": poses[..., :3], "quaternion": poses[..., 3:]}
-
-
-def _cell(text: str, line: int, column: str) -> float:
-    if not text.strip() and column != "time":
-        return math.nan  # as trackers write what they lost
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"line {line}, column {column!r}: {text!r} is not a number") from None
+    return Trajectory(name=name, bodies=bodies, **arrays)
 
 
 def _names(label: str, value: Any) -> tuple[str, ...]:
@@ -200,17 +150,3 @@ def _typed(label: str, value: Any, kind: type | tuple[type, ...]) -> Any:
         expected = " or ".join(k.__name__ for k in kinds)
         raise ValueError(f"{label} is {value!r}, not of type {expected}")
     return value
-
-
-def _check_keys(
-    label: str, table: Mapping[str, Any], required: Sequence[str], optional: Sequence[str]
-) -> None:
-    known = [*required, *optional]
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
-            raise ValueError(f"{label}: unknown key {key!r}{hint}")
-    for key in required:
-        if key not in table:
-            raise ValueError(f"{label}: {key!r} is missing")

@@ -12,6 +12,9 @@ initial_state = "pose_and_velocity"   # estimated; or "velocity", "given"; optio
 substeps = 4                     #   steps per frame, and
 window = 0.5                     #   seconds of each trajectory that are used
 
+[sensor_sigma]                   # standard deviations of sensors of the model, in their units;
+# encoder = 1e-4                 #   optional
+
 [materials.ball]                 # starting materials, fields of dashpot.Material; optional
 stiffness = 1e4
 friction = 0.5
@@ -25,9 +28,11 @@ bounds = [1e2, 1e6]
 
 [[trajectories]]                 # observations
 file = "throw.npz"               # arrays time, position, quaternion, and if known
-bodies = ["ball"]                #   initial_qpos, initial_qvel, control; or a .csv file with
-                                 #   columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for several);
-                                 #   nan or an empty cell: not measured in that frame
+bodies = ["ball"]                #   initial_qpos, initial_qvel, control, sensors.NAME; or a .csv
+                                 #   file with columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for
+                                 #   several), sensors.NAME (sensors.NAME.0, .1 ... for several);
+                                 #   nan or an empty cell: not measured in that frame; without
+                                 #   bodies sensors alone
 
 [fit]                            # options of dashpot.calibrate.fit; optional
 method = "least_squares"

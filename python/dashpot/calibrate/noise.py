@@ -1,0 +1,42 @@
+"""How well things were measured: standard deviations, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from dashpot.checks import number
+
+
+def deviation(name: str, value: object) -> float:
+    """Return a standard deviation > 0, or inf; raise TypeError or ValueError naming it."""
+    result = number(name, value)
+    if not result > 0:
+        raise ValueError(f"{name} must be > 0, or inf where nothing was measured, got {value!r}")
+    return result
+
+
+def position_deviations(value: object) -> float | tuple[float, float, float]:
+    """Return one standard deviation, or three, of x, y and z."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return deviation("position_sigma", value)
+    several = tuple(value)
+    if len(several) != 3:
+        raise ValueError(f"position_sigma must be one number or three (x, y, z), got {value!r}")
+    x, y, z = (deviation(f"position_sigma[{i}]", entry) for i, entry in enumerate(several))
+    return x, y, z
+
+
+def sensor_deviations(value: object) -> dict[str, tuple[float, ...]]:
+    """Return the standard deviations of sensors by name: one, or one for each of its numbers."""
+    if not isinstance(value, Mapping):
+        raise TypeError(f"sensor_sigma must be a mapping from sensors to numbers, got {value!r}")
+    result: dict[str, tuple[float, ...]] = {}
+    for name, entry in value.items():
+        if not isinstance(name, str):
+            raise TypeError(f"sensor_sigma must have names of sensors as keys, got {name!r}")
+        label = f"sensor_sigma[{name!r}]"
+        if isinstance(entry, str) or not isinstance(entry, Iterable):
+            result[name] = (deviation(label, entry),)
+        else:
+            result[name] = tuple(deviation(f"{label}[{i}]", e) for i, e in enumerate(entry))
+    return result

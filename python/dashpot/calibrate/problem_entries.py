@@ -1,0 +1,47 @@
+"""The parameters and trajectories of a problem: of one kind, and none twice."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+import mujoco
+
+from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter
+
+Entry = TypeVar("Entry")
+
+
+def all_of(field: str, entries: Iterable[Entry], kind: type[Entry]) -> tuple[Entry, ...]:
+    """Return a tuple; raise TypeError naming the field, and the entry that is of another type."""
+    if not isinstance(entries, Iterable):
+        raise TypeError(
+            f"{field} must be a sequence of {kind.__name__}, got {type(entries).__name__}"
+        )
+    result = tuple(entries)
+    for i, entry in enumerate(result):
+        if not isinstance(entry, kind):
+            raise TypeError(f"{field}[{i}] is {type(entry).__name__}; it must be a {kind.__name__}")
+    return result
+
+
+def check_unique(kind: str, names: list[str]) -> None:
+    """Raise ValueError where two entries have one name."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"two {kind} entries are named {name!r}")
+
+
+def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> None:
+    """Raise ValueError where two parameters set the same quantity."""
+    setter_of: dict[str, str] = {}
+    for parameter in parameters:
+        if not isinstance(parameter.apply, MaterialSetter | PairSetter | ModelSetter):
+            continue
+        for target in parameter.apply.targets(model):
+            if target in setter_of:
+                raise ValueError(
+                    f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
+                )
+            setter_of[target] = parameter.name
