@@ -10,7 +10,7 @@ import pytest
 
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
-from dashpot.calibrate import Parameter, Problem, fit, strategy
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit, strategy
 from dashpot.calibrate.automatic import growing_windows
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.search import sobol_points
@@ -195,3 +195,38 @@ def test_the_example_of_the_package_runs():
     # A flight of 11 frames tells 0.1 mm of noise to 1 mm/s, which 0.4 s and bounces make a few 0.1
     # mm of; the frames' noise is beside that.
     assert np.sqrt(np.mean(scope["prediction"].position_error ** 2)) < 1e-3
+
+
+@pytest.mark.parametrize("loss", ["linear", "soft_l1"])
+def test_a_ball_that_rolls_is_not_thought_to_fall(loss):
+    """Recorded 50 times a second: a free ball would be 31 mm lower after the first five frames."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option timestep="0.002"/><worldbody>
+          <geom name="floor" type="plane" size="5 5 .1" condim="6"/>
+          <body name="ball" pos="0 0 .05"><freejoint/>
+            <geom name="ball" size=".05" mass=".2" condim="6"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    truth = dashpot.Material(friction=(0.5, 0.005, 8e-4))
+    engine.set_pair_material("ball", "floor", truth)
+    rng = np.random.default_rng(3)
+    rolls = []
+    for i, v in enumerate((0.6, 0.9)):
+        data = engine.make_data()
+        data.qvel[[0, 4]] = v, v / 0.05
+        poses = np.empty((80, 7))
+        for pose in poses:
+            pose[:] = data.qpos
+            engine.step(data, 10)
+        poses[:, :3] += 5e-4 * rng.normal(size=(80, 3))
+        time = 0.02 * np.arange(80)
+        rolls.append(Trajectory(f"roll {i}", time, poses[:, :3], poses[:, 3:], "ball"))
+    unknown = [Parameter.pair("ball", "floor", "rolling_friction", start=1e-3, bounds=(1e-5, 0.1))]
+    problem = Problem(
+        dashpot.Engine(model), unknown, rolls, 5e-4, 5e-3, initial_state="pose_and_velocity"
+    )
+    velocity = Objective(problem).start(robust=loss != "linear")[1:].reshape(2, 2, 6)[:, 0, 2]
+    assert (np.abs(velocity) < 0.05).all()  # of noise; a fall would make 0.39 m/s of it
+    result = fit(problem, loss=loss, starts=0)
+    assert result.noise_explains
+    assert result["rolling_friction"].value == pytest.approx(8e-4, rel=0.02)

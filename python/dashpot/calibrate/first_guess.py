@@ -1,6 +1,7 @@
 """Initial states of trajectories, and first guesses of those that are not known.
 
-Guesses are straight lines through a trajectory's first frames.
+Guesses are straight lines through a trajectory's first frames, of bodies that fall freely or of
+bodies that rest on something or roll over it, whichever the frames are nearer to.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ _START_FRAMES = 5
 _LONGER = 1.5
 _MOST_FRAMES = 64
 _ON_THE_LINE = 2.0
+
+
+# Bodies count as carried where that leaves less than this share of what a fall leaves.
+_CARRIED = 0.5
 
 
 def free_joint(model: mujoco.MjModel, body: int) -> int | None:
@@ -58,7 +63,7 @@ def initial_state(
         if not path.time.size:
             continue
         q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        position, quaternion, slope = _start(path, gravity_of(model))
+        position, quaternion, slope = _start(path, _fall(path, gravity_of(model)))
         if trajectory.initial_qpos is None:
             qpos[q : q + 3] = np.where(path.known[:3], position, qpos[q : q + 3])
             if path.known[3]:
@@ -80,11 +85,12 @@ def robust_guess(
         path = _path(trajectory, i, np.isfinite(sigma))
         if path.time.size < 2:
             continue
-        position, first, _ = _start(path, gravity_of(model))
+        fall = _fall(path, gravity_of(model))
+        position, first, _ = _start(path, fall)
         start, reference = np.empty(6), path.quaternion[0].copy()
         # Vectors from a first frame that is itself an outlier are no straight line: twice, then.
         for _ in range(2):
-            time, motion = _motion(path, gravity_of(model), reference, _MOST_FRAMES)
+            time, motion = _motion(path, fall, reference, _MOST_FRAMES)
             lines = [_robust_line(time, motion[:, k], sigma[k]) for k in (slice(3), slice(3, 6))]
             value, slope = (np.concatenate(part) for part in zip(*lines, strict=True))
             mujoco.mju_quatIntegrate(reference, value[3:], 1.0)
@@ -128,6 +134,20 @@ def _path(trajectory: Trajectory, body: int, measured: NDArray[np.bool_]) -> _Pa
         np.where(known[3:4], trajectory.quaternion[seen, body], (1.0, 0.0, 0.0, 0.0)),
         known,
     )
+
+
+def _fall(path: _Path, gravity: Array) -> Array:
+    """Return the acceleration of a body in its first frames: gravity, or 0 where it is carried."""
+    time = path.time[:_START_FRAMES]
+    if time.size < 3:
+        return gravity
+    left = []
+    for acceleration in (gravity, np.zeros(3)):
+        way = path.position[: time.size] - 0.5 * acceleration * time[:, None] ** 2
+        value, slope = _medians(time, way)
+        off = np.median(np.abs(way - value - time[:, None] * slope), axis=0)
+        left.append(float(np.linalg.norm(off[path.known[:3]])))
+    return np.zeros(3) if left[1] < _CARRIED * left[0] else gravity
 
 
 def _start(path: _Path, gravity: Array) -> tuple[Array, Array, Array]:
