@@ -64,7 +64,8 @@ def fit(
     A trajectory with impacts makes a cost with many valleys: shortly after the first impact there
     are few, so `windows` can be searched first, each from the last one's estimate, before the
     problem's own window; `starts` spreads further starts over the bounds. Where neither is given,
-    both are chosen: 31 more starts and windows that grow from the onset of contact. Least squares
+    both are chosen: values at which parameters begin to act that do not (friction that always
+    holds), then 31 more starts and windows that grow from the onset of contact. Least squares
     takes them only where the stated noise does not explain the residuals at the end of a search
     from the parameters' own start, and searches from the best starts in turn; the others take them
     at once, from the best start.

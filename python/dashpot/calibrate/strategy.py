@@ -24,6 +24,7 @@ from dashpot.calibrate.search import (
     sobol_points,
     spread_starts,
 )
+from dashpot.calibrate.waking import waking_starts
 
 Array = NDArray[np.float64]
 Method = Literal["least_squares", "cma", "cma+least_squares"]
@@ -75,13 +76,17 @@ def run_automatic(
 
     They are searched through windows that grow from the onset of contact. Least squares searches
     from the given start first, with a quarter of the budget, and from others only where noise does
-    not explain its end; what they leave goes to the best end if it has not converged.
+    not explain its end: first from where parameters act that do not there. What they leave goes to
+    the best end if it has not converged.
     """
     final = Search(objective, loss, budget)
     begin = objective.start(robust=loss.robust)
     if method == "least_squares":
         with budget.share(_FIRST_SHARE), _going_on(final):
             least_squares(final, begin, _MOST_ITERATIONS)
+        if not final.best_explained(_EXPLAINED):
+            with budget.share(_FIRST_SHARE):
+                _wake(final)
         if final.best_explained(_EXPLAINED):
             _finish(final)
             return final
@@ -117,6 +122,17 @@ def _finish(search: Search) -> None:
     if not search.converged and search.budget.left > 0:
         with _going_on(search):
             least_squares(search, search.best_point, _MOST_ITERATIONS)
+
+
+def _wake(search: Search) -> None:
+    """Search on from where parameters act that do not at the best end, until noise explains one."""
+    if search.best_residuals.size == 0 or search.budget.left == 0:
+        return
+    for start in waking_starts(search):
+        with _going_on(search):
+            least_squares(search, start, _MOST_ITERATIONS)
+        if search.best_explained(_EXPLAINED) or search.budget.left == 0:
+            break
 
 
 @contextmanager
