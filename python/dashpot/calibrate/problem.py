@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import mujoco
 import numpy as np
@@ -92,6 +92,22 @@ class Problem:
     start_states: StartStates | None = None
     sensor_sigma: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            system: System | Builder,
+            parameters: Sequence[Parameter],
+            trajectories: Sequence[Trajectory],
+            position_sigma: float | Sequence[float],
+            rotation_sigma: float,
+            substeps: int | None = None,
+            window: float | None = None,
+            initial_state: InitialState = "given",
+            start_states: StartStates | None = None,
+            sensor_sigma: Mapping[str, float | Sequence[float]] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", all_of("parameters", self.parameters, Parameter))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -77,6 +77,21 @@ class Trajectory:
     initial_qvel: Array | None = None
     control: Array | None = None
     sensors: Mapping[str, Array] = field(default_factory=dict)
+
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            name: str,
+            time: ArrayLike,
+            position: ArrayLike,
+            quaternion: ArrayLike,
+            bodies: str | Sequence[str],
+            initial_qpos: ArrayLike | None = None,
+            initial_qvel: ArrayLike | None = None,
+            control: ArrayLike | None = None,
+            sensors: Mapping[str, ArrayLike] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -164,15 +179,17 @@ class Trajectory:
                               sensor_sigma={"imu": 0.5, "knee": 1e-3})
         """
         n = np.size(time)
-        arrays = {
-            "position": np.empty((n, 0, 3)),
-            "quaternion": np.empty((n, 0, 4)),
-            "initial_qpos": initial_qpos,
-            "initial_qvel": initial_qvel,
-            "control": control,
-        }
-        # Arrays are checked and converted where the trajectory is made.
-        return cls(name, time=time, bodies=(), sensors=sensors, **arrays)  # type: ignore[arg-type]
+        return cls(
+            name,
+            time,
+            np.empty((n, 0, 3)),
+            np.empty((n, 0, 4)),
+            bodies=(),
+            initial_qpos=initial_qpos,
+            initial_qvel=initial_qvel,
+            control=control,
+            sensors=sensors,
+        )
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""
