@@ -92,6 +92,68 @@ def test_encoders_read_the_frame_and_accelerometers_the_mean_before_it(stepped_b
     assert objective.measured_count == 4 + 4 + 9
 
 
+ARM = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <camera name="eye" pos="2 0 1" xyaxes="0 1 0 0 0 1"/>
+    <body name="upper" pos="0 0 .5"><joint name="shoulder" axis="0 1 0" damping=".1"/>
+      <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass=".5"/>
+      <body name="fore" pos=".3 0 0"><joint name="elbow" axis="0 1 0" damping=".1"/>
+        <geom name="fore" type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass=".3"/>
+        <site name="tip" pos=".3 0 0"/></body></body>
+  </worldbody>
+  <tendon><fixed name="both"><joint joint="shoulder" coef="1"/>
+    <joint joint="elbow" coef="2"/></fixed></tendon>
+  <actuator><position name="servo" joint="elbow" kp="5" gear="3"/></actuator>
+  <sensor>
+    <jointpos name="angle" joint="elbow"/> <jointvel name="rate" joint="elbow"/>
+    <tendonpos name="length" tendon="both"/> <tendonvel name="speed" tendon="both"/>
+    <actuatorpos name="turns" actuator="servo"/> <actuatorvel name="spin" actuator="servo"/>
+    <framepos name="seen" objtype="site" objname="tip" reftype="camera" refname="eye"/>
+    <framelinvel name="moves" objtype="site" objname="tip"/> <gyro name="gyro" site="tip"/>
+    <velocimeter name="flow" site="tip"/> <subtreecom name="centre" body="upper"/>
+    <subtreelinvel name="drift" body="upper"/> <subtreeangmom name="momentum" body="upper"/>
+    <rangefinder name="range" site="tip"/> <e_potential name="potential"/>
+    <e_kinetic name="kinetic"/> <clock name="clock"/>
+  </sensor>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("stepped_by", [lambda m: m, dashpot.Engine], ids=["mujoco", "dashpot"])
+def test_what_positions_and_velocities_make_is_that_of_the_frame(stepped_by):
+    """As mj_forward says it of the state there; the arm swings down and hits the floor."""
+    model = load(ARM)
+    names = [model.sensor(i).name for i in range(model.nsensor)]
+    shapes = {name: (5, *model.sensor(name).dim) for name in names}
+    trajectory = Trajectory.of_sensors(
+        "swing", 0.1 * np.arange(5), {k: np.zeros(v) for k, v in shapes.items()},
+        initial_qvel=[0.0, 0.0], control=np.full((4, 1), 0.7),
+    )  # fmt: skip
+    mass = Parameter.model("body_mass", "fore", start=0.3, bounds=(0.1, 1.0))
+    sigma = dict.fromkeys(names, 1.0)
+    system = stepped_by(model)
+    problem = Problem(system, [mass], [trajectory], 1.0, 1.0, sensor_sigma=sigma)
+    objective = Objective(problem)
+    ((_, _, found),) = objective.observe(objective.start())
+    data = system.make_data() if isinstance(system, dashpot.Engine) else mujoco.MjData(model)
+    own = system.model if isinstance(system, dashpot.Engine) else model
+    own.body("fore").mass = float(np.exp(np.log(0.3)))
+    mujoco.mj_setConst(own, mujoco.MjData(own))
+    for frame in range(5):
+        there = mujoco.MjData(own)
+        there.time, there.qpos[:], there.qvel[:] = data.time, data.qpos, data.qvel
+        mujoco.mj_forward(own, there)
+        for name in names:
+            expected = there.sensor(name).data
+            np.testing.assert_allclose(found[name][frame], expected, atol=1e-12, err_msg=name)
+        data.ctrl[:] = 0.7
+        for _ in range(50):
+            system.step(data) if own is not model else mujoco.mj_step(model, data)
+
+
 def test_through_a_gap_means_are_over_the_last_spacing():
     readings = {"imu": np.zeros((3, 3))}
     problem = push(readings, time=[0.0, 0.1, 0.3], control=CONTROL[:2])

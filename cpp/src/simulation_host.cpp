@@ -119,6 +119,8 @@ void Simulation::update_kinematics() { mj_kinematics(impl_->model.get(), impl_->
 void Simulation::update_sensors() {
   mjModel* model = impl_->model.get();
   mjData* data = impl_->data.get();
+  // Sensors compute these where no one has since the last step.
+  data->flg_energypos = data->flg_energyvel = data->flg_subtreevel = 0;
   mj_fwdKinematics(model, data);
   mj_makeM(model, data);  // of kinetic energy
   mj_transmission(model, data);
