@@ -1,5 +1,6 @@
 """Calibration: what fitted or any parameter values predict of trajectories."""
 
+import pickle
 from dataclasses import replace
 
 import mujoco
@@ -146,3 +147,12 @@ def test_bad_values_and_starts_of_others_are_named():
     assert predict(started, TRUTH)[0].position.shape == (40, 1, 3)
     with pytest.raises(ValueError, match="start_states gives the initial states"):
         predict(started, TRUTH, [throw])
+
+
+def test_a_pickled_fit_predicts_the_same():
+    engine = ball_engine()
+    throw = observe(engine, SIDEWAYS, 30, np.random.default_rng(4))
+    result = fit(Problem(engine, ball_parameters(), [throw], 1e-4, 1e-3), max_evaluations=20)
+    kept = pickle.loads(pickle.dumps(result))
+    assert kept.estimates == result.estimates
+    np.testing.assert_array_equal(kept.predict()[0].position, result.predict()[0].position)

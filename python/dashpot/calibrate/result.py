@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 class Fit:
     """Estimates, their intervals and how well they explain the data.
 
+    It can be pickled where the functions of its parameters and system can. A search goes on from it
+    where parameters start at its ``values``.
+
     Attributes
     ----------
     estimates
