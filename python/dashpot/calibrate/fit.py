@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.candidates import SimulationError
+from dashpot.calibrate.data_warnings import warn_of_milliseconds, warn_of_noisy_starts
+from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.identifiability import judge, noise_explains
-from dashpot.calibrate.intervals import Covariance, check_count, covariance
-from dashpot.calibrate.linearisation import over_its_region
+from dashpot.calibrate.intervals import Covariance, check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
@@ -37,10 +35,6 @@ Errors = Literal["auto", "independent", "clustered"]
 
 # Clustered errors need many clusters to be estimated well; with fewer they are too small.
 _MIN_CLUSTERS = 20
-# Differences for the intervals start at this width in the search coordinate and may stay wider
-# than the interval by this factor.
-_WIDEST_DIFFERENCE = 0.2
-_WIDTH_SLACK = 2.0
 
 
 def fit(
@@ -160,8 +154,8 @@ def fit(
     objective = objectives[-1]
     check_count(objective.measured_count, objective.size)
     errors_kind = _errors_kind(errors, problem, objective)
-    _warn_of_noisy_starts(problem)
-    _warn_of_milliseconds(problem)
+    warn_of_noisy_starts(problem)
+    warn_of_milliseconds(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
@@ -172,7 +166,7 @@ def fit(
             )
         point, searched = search.best_point, objective.evaluations
         residuals = objective.residuals(point)[0]
-        estimated, departure, failure = _covariance(
+        estimated, departure, failure = covariance_around(
             objective,
             point,
             residuals,
@@ -196,52 +190,6 @@ def fit(
         errors=errors_kind,
         confidence=confidence,
     )
-
-
-def _covariance(
-    objective: Objective,
-    point: Array,
-    residuals: Array,
-    loss: Loss,
-    errors: str,
-    confidence: float,
-    seed: int | None,
-) -> tuple[Covariance, Array, str | None]:
-    """Covariance of a linear model over the region that it implies, and its departure from one.
-
-    It starts from a Jacobian whose differences of parameters are as wide as the intervals that it
-    gives: they start wide and shrink, never below the parameters' own. Where `seed` is None, as no
-    interval around the end of a search that has not converged is that of a minimum, it ends there;
-    and so it does where simulations in the region fail, of which the last value returned tells.
-    """
-    live = objective.live(residuals)
-    offsets = objective.offsets if errors == "clustered" else None
-
-    def from_jacobian(jacobian: ArrowMatrix) -> Covariance:
-        return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets)
-
-    own = np.array([p.difference for p in objective.problem.parameters])
-    widths = np.maximum(own, _WIDEST_DIFFERENCE)
-    while True:
-        estimated = from_jacobian(objective.jacobian(point, widths=widths))
-        implied = estimated.half_width(confidence)[: objective.parameters]
-        wanted = np.clip(implied, own, widths)
-        if (widths <= _WIDTH_SLACK * wanted).all():
-            break
-        widths = wanted
-    # Data without any noise leave a region of no size.
-    if seed is None or estimated.residual_variance == 0.0:
-        return estimated, np.zeros(objective.size), None
-    slopes = loss.slopes(residuals)
-    rise = float(slopes[live].mean())
-    if not rise > 0.0:
-        return estimated, np.zeros(objective.size), None
-    relative = slopes / rise if loss.robust else None
-    try:
-        region = over_its_region(objective, point, estimated, from_jacobian, relative, seed)
-    except SimulationError as error:
-        return estimated, np.zeros(objective.size), str(error)
-    return *region, None
 
 
 def _result(
@@ -318,31 +266,6 @@ def _result(
             for trajectory, (_, channels) in zip(problem.trajectories, parts, strict=True)
         ),
     )
-
-
-def _warn_of_noisy_starts(problem: Problem) -> None:
-    """Warn where simulations start at a measured pose as if it had no noise."""
-    noisy = problem.noisy_starts()
-    if noisy:
-        others = f" and {len(noisy) - 1} more" if len(noisy) > 1 else ""
-        warnings.warn(
-            f"trajectory '{noisy[0]}'{others}: no initial_qpos, so that the simulation starts at "
-            "the first observed pose as if that had no noise, and intervals are too narrow; give "
-            "initial_qpos, or estimate the start with initial_state='pose_and_velocity'",
-            stacklevel=3,
-        )
-
-
-def _warn_of_milliseconds(problem: Problem) -> None:
-    """Warn where bodies begin in a fall at a millionth of gravity."""
-    slow = problem.slow_falls()
-    if slow:
-        others = f" and {len(slow) - 1} more" if len(slow) > 1 else ""
-        warnings.warn(
-            f"trajectory '{slow[0]}'{others}: it begins in a fall at a millionth of gravity, as "
-            "with times in milliseconds; they must be in s",
-            stacklevel=3,
-        )
 
 
 def _errors_kind(errors: Errors, problem: Problem, objective: Objective) -> str:

@@ -18,7 +18,13 @@ from dashpot.calibrate.layout import Layout
 from dashpot.calibrate.noise import deviation, position_deviations, sensor_deviations
 from dashpot.calibrate.observables import Sensor, body_id, find_sensor
 from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.problem_entries import all_of, check_targets, check_unique
+from dashpot.calibrate.problem_entries import (
+    all_of,
+    check_sensors,
+    check_shapes,
+    check_targets,
+    check_unique,
+)
 from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import System, model_of
 from dashpot.calibrate.systems import Builder, own_system, put_in
@@ -315,7 +321,7 @@ class Problem:
                 f"{label} has no initial_qvel; give it, or estimate it with "
                 "initial_state='velocity'"
             )
-        self._check_sensors(trajectory, model)
+        check_sensors(trajectory, model, self._sensors)
         if not any(seen.any() for seen in self._seen(trajectory)):
             raise ValueError(f"{label}: nothing that was measured is left of it")
         if trajectory.initial_qpos is None and self._starts_at_first_poses():
@@ -326,22 +332,4 @@ class Problem:
                         "frame; give initial_qpos, or estimate the start with "
                         "initial_state='pose_and_velocity'"
                     )
-        for name, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
-            value = getattr(trajectory, name)
-            if value is not None and value.shape != (size,):
-                raise ValueError(f"{label}: {name} must be ({size},), got {value.shape}")
-        if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
-            raise ValueError(
-                f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
-            )
-
-    def _check_sensors(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
-        label = f"trajectory '{trajectory.name}'"
-        for name, readings in trajectory.sensors.items():
-            size = find_sensor(model, name, label).size
-            if readings.shape[1] != size:
-                raise ValueError(
-                    f"{label}: sensor '{name}' has {size} numbers, got readings {readings.shape}"
-                )
-            if name not in self._sensors:
-                raise ValueError(f"{label}: sensor '{name}' has no sensor_sigma")
+        check_shapes(trajectory, model)

@@ -1,14 +1,16 @@
-"""The parameters and trajectories of a problem: of one kind, and none twice."""
+"""The parameters and trajectories of a problem: of one kind, none twice, and of its model."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from typing import TypeVar
 
 import mujoco
 
+from dashpot.calibrate.observables import find_sensor
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter
+from dashpot.calibrate.trajectory import Trajectory
 
 Entry = TypeVar("Entry")
 
@@ -45,3 +47,29 @@ def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> Non
                     f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
                 )
             setter_of[target] = parameter.name
+
+
+def check_sensors(trajectory: Trajectory, model: mujoco.MjModel, known: Container[str]) -> None:
+    """Raise ValueError where readings are of no sensor, or of one whose noise is not `known`."""
+    label = f"trajectory '{trajectory.name}'"
+    for name, readings in trajectory.sensors.items():
+        size = find_sensor(model, name, label).size
+        if readings.shape[1] != size:
+            raise ValueError(
+                f"{label}: sensor '{name}' has {size} numbers, got readings {readings.shape}"
+            )
+        if name not in known:
+            raise ValueError(f"{label}: sensor '{name}' has no sensor_sigma")
+
+
+def check_shapes(trajectory: Trajectory, model: mujoco.MjModel) -> None:
+    """Raise ValueError where states and controls are not of the model's size."""
+    label = f"trajectory '{trajectory.name}'"
+    for name, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
+        value = getattr(trajectory, name)
+        if value is not None and value.shape != (size,):
+            raise ValueError(f"{label}: {name} must be ({size},), got {value.shape}")
+    if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
+        raise ValueError(
+            f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
+        )
