@@ -47,7 +47,8 @@ class Trajectory:
         (nq,) full position of the model at ``time[0]``. None: observed bodies with a free joint
         start at their first observed pose and every other joint at the model's ``qpos0``. That
         pose is as noisy as the others: where it is measured, estimate the start with
-        ``Problem(initial_state="pose_and_velocity")``.
+        ``Problem(initial_state="pose_and_velocity")``. What is estimated starts from what is given:
+        of robots, whose joints no pose tells, give the first readings of encoders.
     initial_qvel
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
