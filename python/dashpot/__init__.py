@@ -11,6 +11,7 @@ from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine import Engine, StepStats
 from dashpot.features import Feature, Report
+from dashpot.linearization import Linearization, linearize
 from dashpot.materials import CombinationRules, Material
 from dashpot.query import (
     Closest,
@@ -36,6 +37,7 @@ __all__ = [
     "Energy",
     "Engine",
     "Feature",
+    "Linearization",
     "Material",
     "Report",
     "StepStats",
@@ -50,6 +52,7 @@ __all__ = [
     "distances",
     "gymnasium",
     "law",
+    "linearize",
     "rollout",
     "time_of_impact",
     "times_of_impact",

@@ -1,0 +1,159 @@
+"""Derivatives of a step, for controllers and estimators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.checks import positive_number
+from dashpot.engine import Engine
+from dashpot.rollouts import rollout
+
+Array = NDArray[np.float64]
+
+# What a step starts from, without user data: contact memory lies there.
+_START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """A step about a state and controls, ``x' = A x + B u`` and ``y = C x + D u``.
+
+    All are deviations. x is (displacement of the configuration (nv), velocity (nv), activation
+    (na)), nx = 2 nv + na numbers in the units of the model; displacements are tangent vectors, as
+    ``mj_differentiatePos`` has them: of a quaternion a rotation vector in the body's frame. u are
+    controls, y the sensors of the step.
+
+    Attributes
+    ----------
+    A : (nx, nx)
+    B : (nx, nu)
+    C : (nsensordata, nx)
+    D : (nsensordata, nu)
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+
+def linearize(
+    engine: Engine,
+    data: mujoco.MjData,
+    *,
+    eps: float = 1e-6,
+    centered: bool = True,
+    nthread: int | None = None,
+) -> Linearization:
+    """Differentiate one step by finite differences, as ``mujoco.mjd_transitionFD`` does.
+
+    The step is that of a state without contact memory: friction springs start unstretched where
+    the bodies are, contacts of a given stiffness are compressed by their overlap, as in the first
+    step of data. So the result is a function of the state alone, and what sticks has no stiffness
+    against a displacement, but keeps its place. Where contact begins, ends or starts to slip within
+    the step, the derivative jumps, and differences are of either side.
+
+    Parameters
+    ----------
+    engine
+        Steps; it is only read.
+    data
+        Made by :meth:`Engine.make_data`: state, controls, applied forces, mocap poses and active
+        equalities to linearise about. It is only read.
+    eps
+        Size of the differences, > 0, in the unit of each number that is displaced.
+    centered
+        Differences of both sides, with errors of order ``eps**2``, in twice the number of steps.
+        Controls at a limit of theirs are displaced away from it.
+    nthread
+        Number of threads, >= 1. None: one per core. The result does not depend on it.
+
+    Raises
+    ------
+    TypeError
+        If `engine` is no `Engine`, `data` no ``mujoco.MjData`` or `eps` no number.
+    ValueError
+        If `eps` is out of range, `data` was made from another model, or a step fails.
+    """
+    if not isinstance(engine, Engine):
+        raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
+    eps = positive_number("eps", eps)
+    engine._check_data(data)
+    model = engine.model
+    base = engine.make_data()
+    start = np.empty(mujoco.mj_stateSize(model, _START))
+    mujoco.mj_getState(model, data, start, _START)
+    mujoco.mj_setState(model, base, start, _START)
+
+    nx = 2 * model.nv + model.na
+    # By column of (A, B): the displacements of both sides, 0 where a side is left out.
+    sides = np.zeros((nx + model.nu, 2))
+    sides[:, 0] = -eps if centered else 0.0
+    sides[:, 1] = eps
+    _keep_within_limits(model, base.ctrl, sides[nx:], eps)
+    columns, of_side = np.nonzero(sides)
+    states = [_displaced(model, base, start, 0, 0.0)]
+    for column, side in zip(columns, of_side, strict=True):
+        states.append(_displaced(model, base, start, int(column), sides[column, side]))
+    state, sensor = (steps[:, 0] for steps in rollout(engine, states, nthread=nthread))
+
+    index = np.zeros(sides.shape, dtype=int)  # of the step of each side; 0, that of no displacement
+    index[columns, of_side] = 1 + np.arange(len(columns))
+    change = np.array([_difference(model, base, state[low], state[high]) for low, high in index])
+    width = np.diff(sides, axis=1)
+    by_state = (change.reshape(len(index), nx) / width).T
+    by_sensor = ((sensor[index[:, 1]] - sensor[index[:, 0]]) / width).T
+    return Linearization(
+        A=by_state[:, :nx], B=by_state[:, nx:], C=by_sensor[:, :nx], D=by_sensor[:, nx:]
+    )
+
+
+def _keep_within_limits(model: mujoco.MjModel, control: Array, sides: Array, eps: float) -> None:
+    """Leave out displacements of a control (nu, 2) beyond a limit of its range.
+
+    Where both are, both are kept: no step feels them.
+    """
+    limited = model.actuator_ctrllimited.astype(bool)
+    limited &= not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+    least, most = model.actuator_ctrlrange.T
+    at_low, at_high = limited & (control - eps < least), limited & (control + eps > most)
+    sides[at_low & ~at_high] = [0.0, eps]
+    sides[at_high & ~at_low] = [-eps, 0.0]
+
+
+def _displaced(
+    model: mujoco.MjModel, data: mujoco.MjData, start: Array, column: int, by: float
+) -> Array:
+    """Return the integration state of `start` with one number of (x, u) displaced; sets `data`."""
+    mujoco.mj_setState(model, data, start, _START)
+    if column < model.nv:
+        direction = np.zeros(model.nv)
+        direction[column] = 1.0
+        mujoco.mj_integratePos(model, data.qpos, direction, by)
+    else:
+        for values, first in (
+            (data.qvel, model.nv),
+            (data.act, 2 * model.nv),
+            (data.ctrl, 2 * model.nv + model.na),
+        ):
+            if first <= column < first + len(values):
+                values[column - first] += by
+    state = np.empty(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION)))
+    mujoco.mj_getState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
+    return state
+
+
+def _difference(model: mujoco.MjModel, data: mujoco.MjData, before: Array, after: Array) -> Array:
+    """Return x of one integration state less that of another; sets `data`."""
+    position, rest = [], []
+    for state in (before, after):
+        mujoco.mj_setState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
+        position.append(data.qpos.copy())
+        rest.append(np.concatenate([data.qvel, data.act]))
+    displacement = np.empty(model.nv)
+    mujoco.mj_differentiatePos(model, displacement, 1.0, *position)
+    return np.concatenate([displacement, rest[1] - rest[0]])
