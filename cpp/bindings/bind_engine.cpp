@@ -17,6 +17,7 @@
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_features.hpp"
+#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"
 #include "model_lock.hpp"
@@ -78,8 +79,8 @@ py::tuple values(const StepStats& s) {
                         s.max_penetration, s.max_compression, s.cuts);
 }
 
-py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
-  const ContactReport report = report_contacts(model_at(model), data_at(data));
+py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data, int contact_capacity) {
+  const ContactReport report = report_contacts(model_at(model), data_at(data), contact_capacity);
   const py::ssize_t n = static_cast<py::ssize_t>(report.gap.size());
   py::array_t<int> geom({n, py::ssize_t(2)}), flex({n, py::ssize_t(2)});
   if (n > 0) std::memcpy(geom.mutable_data(), report.geom.data(), sizeof(int) * 2 * n);
@@ -101,10 +102,11 @@ py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data) {
   return result;
 }
 
-py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t scratch) {
-  const EnergyLedger ledger = read_ledger(model_at(model), data_at(data));
+py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t scratch,
+                     int contact_capacity) {
+  const EnergyLedger ledger = read_ledger(model_at(model), data_at(data), contact_capacity);
   const auto [kinetic, potential] =
-      mechanical_energy(model_at(model), data_at(data), data_at(scratch));
+      mechanical_energy(model_at(model), data_at(data), data_at(scratch), contact_capacity);
   py::dict result;
   result["kinetic"] = kinetic;
   result["potential"] = potential;
@@ -148,7 +150,8 @@ void bind_engine(py::module_& module) {
       .def(py::init<const Parameters&>())
       .def_readwrite("options", &Parameters::options)
       .def_readwrite("geom_material", &Parameters::geom_material)
-      .def_readwrite("pair_material", &Parameters::pair_material);
+      .def_readwrite("pair_material", &Parameters::pair_material)
+      .def_readwrite("contact_capacity", &Parameters::contact_capacity);
 
   py::class_<StepStats>(module, "StepStats",
                         "What a call of step() did; counts of the last step unless said otherwise.")
@@ -204,20 +207,24 @@ void bind_engine(py::module_& module) {
       [](std::uintptr_t model) {
         mjModel_* m = model_at(model);
         host::join_coupled_trees(m);
-        host::reserve_memory(m, memory_layout(m).size());
+        const int capacity = host::contact_capacity(m);
+        host::reserve_memory(m, memory_layout(m, capacity).size());
+        return capacity;
       },
       py::arg("model_address"),
       "Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees "
-      "that a single constraint row couples by more than two.");
+      "that a single constraint row couples by more than two. Returns for how many contacts the "
+      "memory is.");
   module.def(
       "have_same_sizes",
       [](std::uintptr_t model, std::uintptr_t other) {
         return host::have_same_sizes(model_at(model), model_at(other));
       },
       py::arg("model_address"), py::arg("other_address"));
-  module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"));
+  module.def("contacts", &contacts_dict, py::arg("model_address"), py::arg("data_address"),
+             py::arg("contact_capacity"));
   module.def("energy", &energy_dict, py::arg("model_address"), py::arg("data_address"),
-             py::arg("scratch_address"));
+             py::arg("scratch_address"), py::arg("contact_capacity"));
   module.def(
       "features",
       [](std::uintptr_t model, Law law) {

@@ -16,14 +16,8 @@ namespace dashpot {
 
 namespace {
 
-// Contacts that data remember at most: generous, since detection reaches ahead.
-constexpr int kMinimumContacts = 128;
-constexpr int kContactsPerSite = 32;
-// Those of prisms of six sides packed like a honeycomb, each with four pairs of twelve points.
-constexpr int kMoreOfMesh = 16;
-
-Memory memory_of(const mjModel_* m, mjData_* d) {
-  const MemoryLayout layout = memory_layout(m);
+Memory memory_of(const mjModel_* m, mjData_* d, int contact_capacity) {
+  const MemoryLayout layout = memory_layout(m, contact_capacity);
   const Memory memory(host::memory(m, d, layout.size()), layout);
   memory.check();
   return memory;
@@ -40,10 +34,9 @@ double along(const ContactInput& input, const double* local, int row) {
 
 }  // namespace
 
-MemoryLayout memory_layout(const mjModel_* m) {
+MemoryLayout memory_layout(const mjModel_* m, int contact_capacity) {
   MemoryLayout layout;
-  layout.contacts = kMinimumContacts + kContactsPerSite * host::contact_site_count(m) +
-                    kMoreOfMesh * host::colliding_mesh_count(m);
+  layout.contacts = contact_capacity;
   layout.geoms = host::geom_count(m);
   layout.flexes = host::flex_count(m);
   layout.constraints = host::constraint_memory_count(m);
@@ -59,13 +52,15 @@ MemoryLayout memory_layout(const mjModel_* m) {
   return layout;
 }
 
-EnergyLedger read_ledger(const mjModel_* m, mjData_* d) { return memory_of(m, d).ledger(); }
+EnergyLedger read_ledger(const mjModel_* m, mjData_* d, int contact_capacity) {
+  return memory_of(m, d, contact_capacity).ledger();
+}
 
-ContactReport report_contacts(const mjModel_* m, mjData_* d) {
+ContactReport report_contacts(const mjModel_* m, mjData_* d, int contact_capacity) {
   ContactReport report;
   std::vector<ContactInput> inputs;
   host::read_contacts(m, d, inputs);
-  const Memory memory = memory_of(m, d);
+  const Memory memory = memory_of(m, d, contact_capacity);
   std::vector<int> slot_of(host::detected_count(d), -1);
   for (int i = 0; i < memory.contact_count(); ++i) {
     const double source = memory.contact(i).source;
@@ -100,10 +95,11 @@ ContactReport report_contacts(const mjModel_* m, mjData_* d) {
   return report;
 }
 
-std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch) {
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch,
+                                        int contact_capacity) {
   host::copy_state(m, d, scratch);
   host::MocapBuffers buffers;
-  host::MocapMotion mocap(m, scratch, true, 0.0, memory_of(m, scratch), buffers);
+  host::MocapMotion mocap(m, scratch, true, 0.0, memory_of(m, scratch, contact_capacity), buffers);
   mocap.show(0.0);
   return host::mechanical_energy(m, scratch);
 }

@@ -50,7 +50,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +
                                 " entries; the model has " + std::to_string(geoms) + " geoms");
   detection.takes_faces = p.options.law != Law::kComFree;
-  memory_layout = dashpot::memory_layout(m);
+  memory_layout = dashpot::memory_layout(m, p.contact_capacity);
   data_size = host::data_size(m);
 }
 
@@ -181,10 +181,6 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
-  if (static_cast<int>(contacts.size()) > memory_layout.contacts)
-    throw std::runtime_error(std::to_string(contacts.size()) + " contacts exceed the memory for " +
-                             std::to_string(memory_layout.contacts) +
-                             " contacts that data reserve");
   assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials);
 }
 
@@ -216,6 +212,7 @@ void Stepper::Impl::run_islands() {
     if (!stays_apart(rows, island, length, data))
       microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data);
   check_velocities();
+  check_memory();
   find_touched_trees();
   leapfrog.lead(length, held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data), ledger);
@@ -284,6 +281,18 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
 void Stepper::Impl::check_velocities() const {
   for (const Tree& tree : motion.trees().tree)
     check_bounded(tree, data.velocity.data(), host::kLargestValue);
+}
+
+// Before anything is changed: what is compressed has to be remembered.
+void Stepper::Impl::check_memory() const {
+  const auto compressed =
+      std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {
+        return c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
+      });
+  if (compressed > memory_layout.contacts)
+    throw std::runtime_error(std::to_string(compressed) + " contacts exceed the memory for " +
+                             std::to_string(memory_layout.contacts) +
+                             " contacts that data reserve");
 }
 
 // MuJoCo's integrator starts from it then.

@@ -28,6 +28,37 @@ std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
   return {f[0], f[1], f[2]};
 }
 
+namespace {
+
+// Contacts that may be compressed at once, of a scene, and more of each geom that moves, is fixed,
+// or only to be seen until a user gives it a contype, and of each vertex of a flex: what dense
+// heaps have, half of the points of every pair, and as much again.
+constexpr int kCapacityOfAll = 64, kCapacityStatic = 8, kCapacityUnseen = 2, kCapacityOfVertex = 16;
+// Prisms of six sides packed like a honeycomb have four pairs of twelve points each.
+constexpr int kMostOfGeom = 48;
+
+int capacity_of(int type) {
+  switch (type) {
+    case mjGEOM_SPHERE:
+    case mjGEOM_ELLIPSOID:
+      return 12;
+    case mjGEOM_CAPSULE:
+      return 16;
+    case mjGEOM_BOX:
+    case mjGEOM_CYLINDER:
+      return 24;
+    default:
+      return kMostOfGeom;
+  }
+}
+
+bool is_in_pair(const mjModel* m, int geom) {
+  return std::find(m->pair_geom1, m->pair_geom1 + m->npair, geom) != m->pair_geom1 + m->npair ||
+         std::find(m->pair_geom2, m->pair_geom2 + m->npair, geom) != m->pair_geom2 + m->npair;
+}
+
+}  // namespace
+
 int geom_priority(const mjModel_* m, int geom) {
   return geom < 0 ? m->flex_priority[-1 - geom] : m->geom_priority[geom];
 }
@@ -60,16 +91,23 @@ double contact_mass(const mjModel_* m, const ContactInput& input) {
   return mass;
 }
 
-int contact_site_count(const mjModel_* m) { return static_cast<int>(m->ngeom + m->nflexvert); }
-
 bool may_collide(const mjModel_* m, int geom) {
   return m->geom_contype[geom] || m->geom_conaffinity[geom] || m->npair > 0;
 }
 
-int colliding_mesh_count(const mjModel_* m) {
-  int count = 0;
-  for (int geom = 0; geom < m->ngeom; ++geom)
-    count += m->geom_type[geom] == mjGEOM_MESH && may_collide(m, geom);
+int contact_capacity(const mjModel_* m) {
+  const bool on_terrain =
+      std::find(m->geom_type, m->geom_type + m->ngeom, mjGEOM_HFIELD) != m->geom_type + m->ngeom;
+  int count = kCapacityOfAll + kCapacityOfVertex * static_cast<int>(m->nflexvert);
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    const int body = m->geom_bodyid[geom];
+    if (!m->geom_contype[geom] && !m->geom_conaffinity[geom] && !is_in_pair(m, geom))
+      count += kCapacityUnseen;
+    else if (m->body_treeid[body] < 0 && m->body_mocapid[m->body_rootid[body]] < 0)
+      count += kCapacityStatic;
+    else
+      count += on_terrain ? kMostOfGeom : capacity_of(m->geom_type[geom]);
+  }
   return count;
 }
 

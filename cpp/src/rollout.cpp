@@ -1,29 +1,40 @@
 #include "dashpot/rollout.hpp"
 
 #include <algorithm>
-#include <memory>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "dashpot/parallel.hpp"
 
 namespace dashpot {
 
-void rollout(const mjModel_* model, const Parameters& parameters, const RolloutInput& input,
-             int nthread, double* state, double* sensordata) {
+namespace {
+
+int state_size(const ModelSizes& sizes, StateKind kind) {
+  return kind == StateKind::kFullPhysics ? sizes.full_physics : sizes.integration;
+}
+
+}  // namespace
+
+void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
+                   double* sensordata) {
   const ModelSizes sizes = sizes_of(model);
-  const int nstate = input.kind == StateKind::kFullPhysics ? sizes.full_physics : sizes.integration;
+  const int from = state_size(sizes, input.kind), to = state_size(sizes, input.record);
   const int threads = thread_count(nthread, input.nbatch);
-  std::vector<std::unique_ptr<Simulation>> simulations(threads);
+  if (threads > static_cast<int>(simulations_.size())) simulations_.resize(threads);
+  std::vector<char> updated(threads, 0);
 
   parallel_for(input.nbatch, threads, [&](int worker, int item) {
-    if (!simulations[worker]) {
-      simulations[worker] = std::make_unique<Simulation>(model, &parameters);
+    std::unique_ptr<Simulation>& own = simulations_[worker];
+    if (!own) {
+      own = std::make_unique<Simulation>(model, &parameters_);
+    } else if (!updated[worker]) {
+      own->update_model(model);
     }
-    Simulation& simulation = *simulations[worker];
+    updated[worker] = 1;
+    Simulation& simulation = *own;
     simulation.reset();
-    simulation.set_state(input.initial_state + std::size_t(item) * nstate, input.kind);
+    simulation.set_state(input.initial_state + std::size_t(item) * from, input.kind);
     for (int step = 0; step < input.nstep; ++step) {
       const std::size_t row = std::size_t(item) * input.nstep + step;
       if (input.control) simulation.set_control(input.control + row * sizes.nu);
@@ -33,7 +44,7 @@ void rollout(const mjModel_* model, const Parameters& parameters, const RolloutI
         throw std::invalid_argument("rollout " + std::to_string(item) + ", step " +
                                     std::to_string(step) + ": " + error.what());
       }
-      simulation.get_state(state + row * nstate, input.kind);
+      simulation.get_state(state + row * to, input.record);
       std::copy_n(simulation.sensordata(), sizes.nsensordata, sensordata + row * sizes.nsensordata);
     }
   });

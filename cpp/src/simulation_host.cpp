@@ -9,6 +9,8 @@
 
 #include "dashpot/engine.hpp"
 #include "dashpot/mujoco_errors.hpp"
+#include "dashpot/mujoco_model_view.hpp"
+#include "dashpot/mujoco_owned.hpp"
 
 namespace dashpot {
 namespace {
@@ -45,26 +47,29 @@ ModelSizes sizes_of(const mjModel_* model) {
   return sizes;
 }
 
-ModelCopy::ModelCopy(const mjModel_* model) : model_(host::copy_model(model)) {}
-
 struct Simulation::Impl {
-  host::OwnedModel model;
+  explicit Impl(const mjModel* m) : model(m) {}
+  host::ModelView model;
   host::OwnedData data;
   std::optional<Stepper> stepper;
 };
 
 Simulation::Simulation(const mjModel_* model, const Parameters* parameters)
-    : impl_(std::make_unique<Impl>()) {
-  impl_->model = host::copy_model(model);
-  // A diverging run has to be seen, not silently started over.
-  impl_->model->opt.disableflags |= mjDSBL_AUTORESET;
+    : impl_(std::make_unique<Impl>(model)) {
+  update_model(model);
   if (parameters) impl_->stepper.emplace(impl_->model.get(), *parameters);
   impl_->data = host::make_data(impl_->model.get());
 }
 
 Simulation::~Simulation() = default;
 
-void Simulation::set_timestep(double timestep) { impl_->model->opt.timestep = timestep; }
+void Simulation::update_model(const mjModel_* model) {
+  impl_->model.update(model);
+  // A diverging run has to be seen, not silently started over.
+  impl_->model.get()->opt.disableflags |= mjDSBL_AUTORESET;
+}
+
+void Simulation::set_timestep(double timestep) { impl_->model.get()->opt.timestep = timestep; }
 
 void Simulation::reset() { mj_resetData(impl_->model.get(), impl_->data.get()); }
 
@@ -77,12 +82,12 @@ void Simulation::get_state(double* state, StateKind kind) const {
 }
 
 void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
-  std::copy_n(qpos, impl_->model->nq, impl_->data->qpos);
-  std::copy_n(qvel, impl_->model->nv, impl_->data->qvel);
+  std::copy_n(qpos, impl_->model.get()->nq, impl_->data->qpos);
+  std::copy_n(qvel, impl_->model.get()->nv, impl_->data->qvel);
 }
 
 void Simulation::set_control(const double* control) {
-  std::copy_n(control, impl_->model->nu, impl_->data->ctrl);
+  std::copy_n(control, impl_->model.get()->nu, impl_->data->ctrl);
 }
 
 const double* Simulation::sensordata() const { return impl_->data->sensordata; }

@@ -60,6 +60,7 @@ struct Stepper::Impl {
   bool lands_in_next_step(const RowGroup& c) const;
   bool gets_second_half_in_flight(int tree) const;
   void check_velocities() const;
+  void check_memory() const;
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
 

@@ -55,6 +55,8 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std
 
 namespace {
 
+constexpr int kContactCapacity = 400;
+
 int failures = 0;
 
 void check(bool passed, const char* claim) {
@@ -100,12 +102,13 @@ mjModel* compile(const std::string& xml) {
     std::exit(EXIT_FAILURE);
   }
   mj_deleteSpec(spec);
-  dashpot::host::reserve_memory(m, dashpot::memory_layout(m).size());
+  dashpot::host::reserve_memory(m, dashpot::memory_layout(m, kContactCapacity).size());
   return m;
 }
 
 dashpot::Parameters parameters(const mjModel* m) {
   dashpot::Parameters result;
+  result.contact_capacity = kContactCapacity;
   result.geom_material.resize(m->ngeom);
   for (int geom = 0; geom < m->ngeom; geom += 2) {
     dashpot::Material& material = result.geom_material[geom];
@@ -131,7 +134,7 @@ void check_steps(mjModel* m, const dashpot::Parameters& p) {
     d->ctrl[0] = std::sin(0.02 * step);
     const dashpot::StepStats stats = stepper.step(d);
     touching = std::max(touching, stats.touching);
-    const dashpot::ContactReport report = dashpot::report_contacts(m, d);
+    const dashpot::ContactReport report = dashpot::report_contacts(m, d, kContactCapacity);
     for (std::size_t c = 0; c < report.force.size(); ++c) {
       check(report.force[c][0] >= 0.0, "a contact never pulls");
       check(report.compression[c] >= 0.0, "a spring is never longer than its rest length");
@@ -192,8 +195,8 @@ void check_rollouts(const mjModel* m, const dashpot::Parameters& p) {
   input.initial_state = initial.data();
   std::vector<double> one(nbatch * nstep * sizes.full_physics), two(one.size());
   std::vector<double> sensors(nbatch * nstep * sizes.nsensordata);
-  dashpot::rollout(m, p, input, 1, one.data(), sensors.data());
-  dashpot::rollout(m, p, input, 2, two.data(), sensors.data());
+  Rollouts(p).run(m, input, 1, one.data(), sensors.data());
+  Rollouts(p).run(m, input, 2, two.data(), sensors.data());
   check(std::memcmp(one.data(), two.data(), one.size() * sizeof(double)) == 0,
         "rollouts do not depend on the number of threads");
 }

@@ -25,6 +25,7 @@ __all__: list[str] = [
     "ObservedTrajectory",
     "Options",
     "Parameters",
+    "Rollouts",
     "StepStats",
     "Stepper",
     "StiffnessRule",
@@ -51,7 +52,6 @@ __all__: list[str] = [
     "residuals",
     "restitution_to_damping_ratio",
     "return_to_limit",
-    "rollout",
     "solref_to_spring",
     "solref_to_spring_at_rest",
 ]
@@ -330,6 +330,10 @@ class Parameters:
     @typing.overload
     def __init__(self, arg0: Parameters) -> None: ...
     @property
+    def contact_capacity(self) -> int: ...
+    @contact_capacity.setter
+    def contact_capacity(self, arg0: typing.SupportsInt | typing.SupportsIndex) -> None: ...
+    @property
     def geom_material(self) -> list[Material]: ...
     @geom_material.setter
     def geom_material(self, arg0: collections.abc.Sequence[Material]) -> None: ...
@@ -420,6 +424,28 @@ class Stepper:
         nstep: typing.SupportsInt | typing.SupportsIndex,
     ) -> StepStats: ...
 
+class Rollouts:
+    """
+    Rolls out one model; see dashpot.rollout.
+    """
+    def __init__(
+        self,
+        model_address: typing.SupportsInt | typing.SupportsIndex,
+        lock: ModelLock,
+        parameters: Parameters,
+    ) -> None: ...
+    def run(
+        self,
+        initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,
+        nstep: typing.SupportsInt | typing.SupportsIndex,
+        nthread: typing.SupportsInt | typing.SupportsIndex,
+        with_memory: bool,
+    ) -> tuple:
+        """
+        Roll out on threads, GIL released. Returns (state, sensordata).
+        """
+
 class ObservedTrajectory:
     """
     What was observed of one motion, in simulation steps.
@@ -478,6 +504,7 @@ def contact_material(
 def contacts(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     data_address: typing.SupportsInt | typing.SupportsIndex,
+    contact_capacity: typing.SupportsInt | typing.SupportsIndex,
 ) -> dict: ...
 def damping_of(
     material: Material,
@@ -499,6 +526,7 @@ def energy(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     data_address: typing.SupportsInt | typing.SupportsIndex,
     scratch_address: typing.SupportsInt | typing.SupportsIndex,
+    contact_capacity: typing.SupportsInt | typing.SupportsIndex,
 ) -> dict: ...
 def features(model_address: typing.SupportsInt | typing.SupportsIndex, law: Law) -> list: ...
 def flow_contact(
@@ -609,9 +637,9 @@ def radial_return(
     Factor in [0, 1]; see dashpot.law.radial_return.
     """
 
-def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> None:
+def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> int:
     """
-    Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees that a single constraint row couples by more than two.
+    Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees that a single constraint row couples by more than two. Returns for how many contacts the memory is.
     """
 
 def residuals(
@@ -644,19 +672,6 @@ def return_to_limit(
 ) -> tuple:
     """
     Impulses (n, m) and whether they stick (n); see dashpot.law.return_to_limit.
-    """
-
-def rollout(
-    model_address: typing.SupportsInt | typing.SupportsIndex,
-    lock: ModelLock,
-    parameters: Parameters,
-    initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,
-    nstep: typing.SupportsInt | typing.SupportsIndex,
-    nthread: typing.SupportsInt | typing.SupportsIndex,
-) -> tuple:
-    """
-    Roll out on threads, GIL released; see dashpot.rollout. Returns (state, sensordata).
     """
 
 def solref_to_spring(

@@ -147,11 +147,12 @@ class Engine:
         _core.check_supported(model._address, _core.Law[law])
         self._model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        _core.reserve_memory(self.model._address)
+        self._contact_capacity = _core.reserve_memory(self.model._address)
         self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
         self._lock = _core.ModelLock()
         self._stepper: _core.Stepper | None = None
+        self._rollouts: _core.Rollouts | None = None
         self._scratch: mujoco.MjData | None = None
 
     @property
@@ -210,7 +211,7 @@ class Engine:
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
         self._check_takes_materials()
         self._geom_material[self.geom_id(geom)] = material
-        self._stepper = None
+        self._stepper = self._rollouts = None
 
     def set_pair_material(self, geom1: str | int, geom2: str | int, material: Material) -> None:
         """Give contacts between two geoms a material of their own, in place of the combination."""
@@ -221,7 +222,7 @@ class Engine:
         if first == second:
             raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
         self._pair_material[first, second] = material
-        self._stepper = None
+        self._stepper = self._rollouts = None
 
     def material(self, geom: str | int) -> Material:
         """Material of a geom; the rigid default where none was set."""
@@ -348,7 +349,9 @@ class Engine:
             because the memory of the model (``<size memory="..."/>``) was too small for them.
         """
         self._check_data(data)
-        found = Contacts(**_core.contacts(self.model._address, data._address))
+        found = Contacts(
+            **_core.contacts(self.model._address, data._address, self._contact_capacity)
+        )
         chosen = np.ones(len(found), dtype=np.bool_)
         if geom is not None:
             chosen &= (found.geom == object_id(self.model, geom, "geom", "geom")).any(axis=1)
@@ -370,7 +373,8 @@ class Engine:
         self._check_data(data)
         if self._scratch is None:
             self._scratch = mujoco.MjData(self.model)
-        return Energy(**_core.energy(self.model._address, data._address, self._scratch._address))
+        model, scratch = self.model._address, self._scratch._address
+        return Energy(**_core.energy(model, data._address, scratch, self._contact_capacity))
 
     def report(self) -> Report:
         """Which MJCF options and features of the model are honoured, mapped or refused."""
@@ -399,6 +403,7 @@ class Engine:
         return {
             "_model": model,
             "_options": self._options,
+            "_contact_capacity": self._contact_capacity,
             "_geom_material": dict(self._geom_material),
             "_pair_material": dict(self._pair_material),
         }
@@ -407,13 +412,14 @@ class Engine:
         """Take a copied or pickled state."""
         self.__dict__.update(state)
         self._lock = _core.ModelLock()
-        self._stepper = None
+        self._stepper = self._rollouts = None
         self._scratch = None
 
     def _parameters(self) -> _core.Parameters:
         """Options and materials for the C++ core."""
         parameters = _core.Parameters()
         parameters.options = self._options.to_core()
+        parameters.contact_capacity = self._contact_capacity
         geom_material = []
         for geom in range(self.model.ngeom):
             material = self._geom_material.get(geom, Material())._to_core()
@@ -422,6 +428,12 @@ class Engine:
         parameters.geom_material = geom_material
         parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
         return parameters
+
+    def _rollout_workers(self) -> _core.Rollouts:
+        """Workers that roll out the model, kept until a material changes."""
+        if self._rollouts is None:
+            self._rollouts = _core.Rollouts(self.model._address, self._lock, self._parameters())
+        return self._rollouts
 
     def _geom_pair(self, geom1: str | int, geom2: str | int) -> tuple[int, int]:
         """Ids of two geoms, the lower first."""

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dashpot import _core
 from dashpot.checks import finite_array, positive_count, thread_count
 from dashpot.engine import Engine
 
@@ -20,6 +19,7 @@ def rollout(
     *,
     nstep: int | None = None,
     nthread: int | None = None,
+    with_memory: bool = True,
 ) -> tuple[Array, Array]:
     """Step many initial states, or many control sequences, in parallel C++ threads.
 
@@ -30,6 +30,7 @@ def rollout(
     ----------
     engine
         Steps; it is only read, as it is before or after the steps that other threads take with it.
+        Its model must not be edited meanwhile.
     initial_state
         (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
         mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
@@ -43,12 +44,15 @@ def rollout(
     nstep
         Number of steps, >= 1. None: from `control`, else 1.
     nthread
-        Number of threads, >= 1. None: one per core.
+        Number of threads, >= 1. None: one per core. The engine keeps their data for the next call.
+    with_memory
+        False: integration states come back as full-physics states. Contact memory is most of the
+        state of a robot, 100 kB of it in every step.
 
     Returns
     -------
     state : (nbatch, nstep, nstate)
-        State after each step, of the same kind as `initial_state`.
+        State after each step, of the same kind as `initial_state`, or full-physics.
     sensordata : (nbatch, nstep, nsensordata)
         Sensor data of each step.
 
@@ -89,9 +93,7 @@ def rollout(
     if controls is not None:
         controls = np.ascontiguousarray(np.broadcast_to(controls, (nbatch, steps, model.nu)))
     threads = thread_count(nthread)
-    return _core.rollout(
-        model._address, engine._lock, engine._parameters(), states, controls, steps, threads
-    )
+    return engine._rollout_workers().run(states, controls, steps, threads, bool(with_memory))
 
 
 def _state_size(model: mujoco.MjModel, kind: mujoco.mjtState) -> int:

@@ -29,15 +29,17 @@ struct ContactReport {
   std::vector<std::array<double, 3>> displacement;  // m, elastic: normal (-compression), sliding
   std::vector<char> sticking;
 };
-ContactReport report_contacts(const mjModel_* m, mjData_* d);
+ContactReport report_contacts(const mjModel_* m, mjData_* d, int contact_capacity);
 
-EnergyLedger read_ledger(const mjModel_* m, mjData_* d);
+EnergyLedger read_ledger(const mjModel_* m, mjData_* d, int contact_capacity);
 // Kinetic and potential energy of the present state, J, with mocap bodies where they are on the way
 // to their commands. Evaluated in `scratch`, other data of the same model, so that what the last
 // step computed in `d` stays.
-std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch);
+std::array<double, 2> mechanical_energy(const mjModel_* m, const mjData_* d, mjData_* scratch,
+                                        int contact_capacity);
 
-// Room that memory takes in the user data of this model.
-MemoryLayout memory_layout(const mjModel_* m);
+// Room that memory for so many contacts takes in the user data of this model. Users may edit what
+// host::contact_capacity() goes by; data keep the room that they were made with.
+MemoryLayout memory_layout(const mjModel_* m, int contact_capacity);
 
 }  // namespace dashpot

@@ -34,11 +34,9 @@ double contact_radius(const mjModel_* m, const ContactInput& input);
 // Mass (kg) of the lighter of the kinematic trees whose geoms touch; infinite for flexes.
 double contact_mass(const mjModel_* m, const ContactInput& input);
 
-// Number of geoms, and vertices of flexes, that may have contacts.
-int contact_site_count(const mjModel_* m);
 // Geoms that are only to be seen may still be named in a contact pair.
 bool may_collide(const mjModel_* m, int geom);
-// Meshes among them: their faces may have more corners than those of other geoms.
-int colliding_mesh_count(const mjModel_* m);
+// How many contacts there is memory for.
+int contact_capacity(const mjModel_* m);
 
 }  // namespace dashpot::host

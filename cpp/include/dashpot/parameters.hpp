@@ -33,6 +33,7 @@ struct Parameters {
   Options options;
   std::vector<Material> geom_material;                    // one per geom
   std::map<std::pair<int, int>, Material> pair_material;  // geom ids, smaller first
+  int contact_capacity = 0;  // contacts that data of the model remember, see memory_layout()
 };
 
 }  // namespace dashpot

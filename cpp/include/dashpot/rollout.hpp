@@ -5,6 +5,9 @@
 
 #pragma once
 
+#include <memory>
+#include <vector>
+
 #include "dashpot/simulation_host.hpp"
 
 namespace dashpot {
@@ -12,18 +15,31 @@ namespace dashpot {
 struct RolloutInput {
   int nbatch = 0;
   int nstep = 0;
-  StateKind kind = StateKind::kFullPhysics;
-  const double* initial_state = nullptr;  // (nbatch, nstate), nstate by `kind`
+  StateKind kind = StateKind::kFullPhysics;    // of the initial states
+  StateKind record = StateKind::kFullPhysics;  // of the states that are written
+  const double* initial_state = nullptr;       // (nbatch, nstate), nstate by `kind`
   // (nbatch, nstep, nu) or null. Null with full-physics states: zero; with integration states: the
   // controls in the state, held.
   const double* control = nullptr;
 };
 
-// Rolls out and writes after every step `state` (nbatch, nstep, nstate) and `sensordata` (nbatch,
-// nstep, nsensordata). Full-physics states start without contact memory, integration states carry
-// it. `nthread` 0: one per core. Throws std::invalid_argument naming rollout and step where one
-// fails.
-void rollout(const mjModel_* model, const Parameters& parameters, const RolloutInput& input,
-             int nthread, double* state, double* sensordata);
+// The workers of rollouts of one model, kept from call to call: to make one, and what it learns
+// about the hulls of meshes, takes as long as a hundred steps.
+class Rollouts {
+ public:
+  explicit Rollouts(const Parameters& parameters) : parameters_(parameters) {}
+
+  // Rolls out and writes after every step `state` (nbatch, nstep, nstate by `record`) and
+  // `sensordata` (nbatch, nstep, nsensordata). Full-physics states start without contact memory,
+  // integration states carry it. `model`: the same in every call, or one of its sizes; its values
+  // are those of the call. `nthread` 0: one per core. Throws std::invalid_argument naming rollout
+  // and step where one fails. One call at a time.
+  void run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
+           double* sensordata);
+
+ private:
+  Parameters parameters_;
+  std::vector<std::unique_ptr<Simulation>> simulations_;  // by worker
+};
 
 }  // namespace dashpot

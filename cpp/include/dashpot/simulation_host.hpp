@@ -1,11 +1,10 @@
-// One worker's own simulation: a copy of a model, its data and a stepper. Rollouts and residuals
+// One worker's own simulation: a view of a model, its data and a stepper. Rollouts and residuals
 // step through it and so need no mujoco.h.
 
 #pragma once
 
 #include <memory>
 
-#include "dashpot/mujoco_owned.hpp"
 #include "dashpot/parameters.hpp"
 
 struct mjModel_;
@@ -26,24 +25,17 @@ struct ModelSizes {
 };
 ModelSizes sizes_of(const mjModel_* model);
 
-// A copy of a model, to be copied on while others change the original.
-class ModelCopy {
- public:
-  explicit ModelCopy(const mjModel_* model);
-  const mjModel_* get() const { return model_.get(); }
-
- private:
-  host::OwnedModel model_;
-};
-
 class Simulation {
  public:
-  // Copies `model`. Steps with dashpot's Stepper, or with mj_step where `parameters` is null.
+  // Of a view of `model`, which must outlive it. Steps with dashpot's Stepper, or with mj_step
+  // where `parameters` is null.
   Simulation(const mjModel_* model, const Parameters* parameters);
   ~Simulation();
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
+  // Goes on with the values that the model, or another of its sizes, has now.
+  void update_model(const mjModel_* model);
   // s, > 0.
   void set_timestep(double timestep);
   // Everything as in fresh data of the model: no contact memory, no controls.
