@@ -195,8 +195,8 @@ void check_rollouts(const mjModel* m, const dashpot::Parameters& p) {
   input.initial_state = initial.data();
   std::vector<double> one(nbatch * nstep * sizes.full_physics), two(one.size());
   std::vector<double> sensors(nbatch * nstep * sizes.nsensordata);
-  Rollouts(p).run(m, input, 1, one.data(), sensors.data());
-  Rollouts(p).run(m, input, 2, two.data(), sensors.data());
+  dashpot::Rollouts(p).run(m, input, 1, one.data(), sensors.data());
+  dashpot::Rollouts(p).run(m, input, 2, two.data(), sensors.data());
   check(std::memcmp(one.data(), two.data(), one.size() * sizeof(double)) == 0,
         "rollouts do not depend on the number of threads");
 }
@@ -359,6 +359,7 @@ void check_prisms() {
   for (const int sides : {3, 8, 100}) {
     mjModel* m = compile(stack_of_prisms(sides, ""));
     dashpot::Parameters p;
+    p.contact_capacity = kContactCapacity;
     p.geom_material.resize(m->ngeom);
     check_allocations(m, p);
     mjData* d = mj_makeData(m);
@@ -383,6 +384,7 @@ void check_prisms() {
   mjModel* m = compile(stack_of_prisms(8, "<size memory='40000'/>"));
   mjData* d = mj_makeData(m);
   dashpot::Parameters p;
+  p.contact_capacity = kContactCapacity;
   p.geom_material.resize(m->ngeom);
   dashpot::Stepper stepper(m, p);
   bool thrown = false;
