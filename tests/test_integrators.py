@@ -288,7 +288,7 @@ def test_a_tip_on_soft_ground_converges_to_second_order():
     # 16, but for the step in which it lands; 4 with the geometry of the start.
     assert errors["RK4", 0.008] / errors["RK4", 0.002] > 12.0
     for h in (0.008, 0.002):
-        assert errors["RK4", h] < 0.25 * errors["Euler", h]
+        assert errors["RK4", h] < errors["Euler", h] / 3
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.004, 0.01])

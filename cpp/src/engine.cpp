@@ -181,7 +181,28 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
+  damp_held_trees(d);
   assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials);
+}
+
+// Dry friction has no position to keep, and leaves a tree the dampers of MuJoCo's integrator. What
+// the last step left over was found with those of its micro-steps.
+void Stepper::Impl::damp_held_trees(mjData_* d) {
+  if (parameters.options.law == Law::kComFree) return;
+  const HeldMotion before = memory(d).held_motion();
+  if (!before.length) return;
+  may_be_held.resize(motion.tree_count());
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    may_be_held[tree] = before.length[tree] > 0.0;
+  const auto hold = [&](const std::array<int, 2>& trees) {
+    for (int tree : trees)
+      if (tree >= 0) may_be_held[tree] = 1;
+  };
+  for (const ContactInput& contact : contacts) hold(contact.tree);
+  for (const ConstraintInput& constraint : constraints)
+    if (constraint.kind != RowKind::kSlider) hold(constraint.tree);
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (may_be_held[tree]) motion.damp_in_microsteps(d, tree);
 }
 
 void Stepper::Impl::finish_last_step(mjData_* d) {
@@ -274,7 +295,7 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
   if (parameters.options.law == Law::kComFree) return false;
   const double gap =
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
-  return overlaps_semi_implicitly(rows, c, gap, motion.start_motion().data(),
+  return overlaps_semi_implicitly(rows, c, gap, data.start_motion.data(),
                                   data.smooth_acceleration.data(), length);
 }
 
@@ -308,7 +329,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
       host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
   const bool stages = host::is_runge_kutta(model);
   if (stages)
-    held_stages.find(rows, data, motion.trees(), motion.start_motion(), trapezoid.added_velocity(),
+    held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                      length);
   host::integrate(model, d, new_control, runge_kutta, held_stages);
   const bool comfree = parameters.options.law == Law::kComFree;

@@ -56,6 +56,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   mean_displacement.resize(start_velocity.size());
+  added_in_flight.assign(start_velocity.size(), 0.0);
   for (size_t i = 0; i < start_velocity.size(); ++i)
     mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
   if (parameters.options.law != Law::kComFree) {
@@ -64,8 +65,10 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       const Tree& tree = motion.trees().tree[index];
       if (gets_second_half_in_flight(index)) {
         const double* added = trapezoid.added_velocity() + tree.begin;
-        for (int i = 0; i < tree.dof_count; ++i)
+        for (int i = 0; i < tree.dof_count; ++i) {
           mean_displacement[tree.dof_begin + i] += 0.5 * length * added[i];
+          added_in_flight[tree.dof_begin + i] = added[i];
+        }
       }
       if (!moved(index)) continue;
       double* mean = mean_displacement.data() + tree.dof_begin;
@@ -81,7 +84,8 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   smooth_work.find(
       model, d, motion.trees(),
       {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
-       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated()});
+       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated(),
+       data.braked.data(), added_in_flight.data()});
   ledger.dissipated_damping -= smooth_work.damping;
   ledger.work += smooth_work.applied;
   book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);

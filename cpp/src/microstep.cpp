@@ -29,10 +29,12 @@ bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double re
   return amplitude - balance <= bearable_compression(rows, c, recovery_speed);
 }
 
-// Whether an island is one frictionless row, whose flow is closed form over any time, with overlap
-// that recovers at one speed or not at all.
-bool flows_alone(const Rows& rows, const Island& island, double recovery_speed,
+// Whether an island is one frictionless row of trees without dampers, whose flow is closed form
+// over any time, with overlap that recovers at one speed or not at all.
+bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
                  const RowData& data) {
+  for (int tree : island.tree)
+    if (trees.tree[tree].damped) return false;
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   const double time = island.microsteps * island.duration, offset = data.offset[index];
@@ -63,6 +65,7 @@ struct MicrostepLoop::Impl {
   AllBlocks blocks;
   std::vector<Tree> island_trees;
   AlignedDoubles displacement, force, impulse, moment, acceleration;
+  AlignedDoubles slowing, drag;
   AlignedDoubles sparse_values;  // what SparseLanes point to
   int packed_values = 0;
 
@@ -191,7 +194,7 @@ void MicrostepLoop::Impl::pack() {
   std::apply([](auto&... list) { (list.clear(), ...); }, blocks);
   make_room_for_sparse_rows();
   // After every micro-step forces and impulses are zero again, but for those on the ground.
-  for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration}) {
+  for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration, &slowing, &drag}) {
     array->resize(trees->coordinates, 0.0);
     std::fill_n(array->begin(), kGroundCoordinates, 0.0);
   }
@@ -199,7 +202,7 @@ void MicrostepLoop::Impl::pack() {
   for (int index : island->tree) {
     const Tree& t = trees->tree[index];
     island_trees.push_back(t);
-    for (auto* array : {&displacement, &moment})
+    for (auto* array : {&displacement, &moment, &data->braked})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
   }
   const auto append_contact = [&](auto jacobian, int index, int dim) {
@@ -245,6 +248,13 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.coordinate_impulse = data->coordinate_impulse.data();
   m.smooth_acceleration = data->smooth_acceleration.data();
   m.inverse = trees->inverse.data();
+  m.start_motion = data->start_motion.data();
+  m.damping = trees->damping.data();
+  m.cross_damping = trees->cross_damping.data();
+  m.lag = h * count - trees->implicit_time;
+  m.slowing = slowing.data();
+  m.drag = drag.data();
+  m.braked = data->braked.data();
   acceleration[kTurningCoordinate] = 1.0;
   double& turning = data->velocity[kTurningCoordinate];
   const double turning_at_start = turning;
@@ -315,7 +325,7 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const Island& isla
   impl_->island = &island;
   impl_->data = &data;
   // Its stiffness is that of the micro-steps planned.
-  const bool at_once = flows_alone(rows, island, recovery_speed, data);
+  const bool at_once = flows_alone(rows, trees, island, recovery_speed, data);
   impl_->count = at_once ? 1 : island.microsteps;
   impl_->h = at_once ? island.microsteps * island.duration : island.duration;
   impl_->recovery_speed = recovery_speed;

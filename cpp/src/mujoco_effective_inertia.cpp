@@ -16,6 +16,11 @@ namespace dashpot::host {
 
 namespace {
 
+// Part of H that D stays implicit for beside rows: with less, what drives gain within a step
+// (trapezoid.hpp) throws about light links that dampers hold; with more, what strong dampers hold
+// follows late.
+constexpr double kImplicitPart = 0.25;
+
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
 // armature, and without forces that the integrator treats implicitly.
 bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
@@ -50,10 +55,10 @@ void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* in
   }
 }
 
-// Factor of the effective inertia, row-major and dof_count wide.
-void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double* factor) {
+// Factor of M + h D, row-major and dof_count wide.
+void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double h,
+                 double* factor) {
   const Tree& t = trees.tree[tree];
-  const double h = m->opt.timestep;
   const bool derived = takes_derivatives(m);
   const double weight = joint_damping_weight(m);
   std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
@@ -68,6 +73,28 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
       factor[i * t.dof_count + i] += weight * h * joint_damping(m, dof, d->qvel[dof]);
   }
   factor_inertia(trees, tree, factor);
+}
+
+// Fills in D of a tree.
+void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
+  double* diagonal = trees.damping.data() + t.begin;
+  double* beside = trees.cross_damping.data() + t.inverse;
+  if (t.cross_damped) std::fill_n(beside, t.count * t.count, 0.0);
+  t.damped = t.cross_damped = false;
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    diagonal[i] = damping_of(m, d, dof, d->qvel[dof]);
+    t.damped = t.damped || diagonal[i] != 0.0;
+    if (!takes_derivatives(m)) continue;
+    // The diagonal is the last of a row.
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof] - 1; ++k) {
+      const int j = m->M_colind[k] - t.dof_begin;
+      const double entry = -d->qDeriv[m->mapD2M[k]];
+      if (entry == 0.0) continue;
+      beside[i * t.count + j] = beside[j * t.count + i] = entry;
+      t.damped = t.cross_damped = true;
+    }
+  }
 }
 
 // u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
@@ -127,6 +154,12 @@ double damping_form(const mjModel_* m, const mjData_* d, const Tree& t,
   return weight * sum;
 }
 
+double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity) {
+  if (takes_derivatives(m)) return -d->qDeriv[m->mapD2M[m->M_rowadr[dof] + m->M_rownnz[dof] - 1]];
+  const double weight = joint_damping_weight(m);
+  return weight > 0.0 ? weight * joint_damping(m, dof, velocity) : 0.0;
+}
+
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
   for (int i = 0; i < m->nv; ++i)
     for (int k = m->M_rowadr[i]; k < m->M_rowadr[i] + m->M_rownnz[i]; ++k) {
@@ -145,11 +178,21 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, index);
+    t.damped = false;
     if (t.free_body)
       invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
     else
-      factor_tree(m, d, trees, index, trees.factor.data() + t.inverse);
+      factor_tree(m, d, trees, index, m->opt.timestep, trees.factor.data() + t.inverse);
   }
+}
+
+void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
+  Tree& t = trees.tree[tree];
+  if (t.free_body || is_free_body(m, tree) || is_runge_kutta(m)) return;
+  find_damping(m, d, t, trees);
+  trees.implicit_time = kImplicitPart * m->opt.timestep;
+  if (t.damped)
+    factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse);
 }
 
 void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration) {

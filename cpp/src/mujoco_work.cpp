@@ -130,7 +130,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
   const auto add_braking = [&](std::vector<Braking>& to, double sign) {
     for (int index = 0; index < count; ++index)
       if (brakes(trees.tree[index]))
-        to[group[index]] += implicit_braking(m, d, trees.tree[index], kept_[index], sign, motion);
+        to[group[index]] += implicit_braking(m, d, trees, index, kept_[index], sign, motion);
   };
   if (!takes_derivatives(m) || m->nu == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
     return add_braking(dampers_, 1.0);
@@ -157,17 +157,45 @@ double SmoothWork::kept_change(const mjModel_* m, const mjData_* d, const Tree& 
   return std::clamp(std::max(even, smooth) / size, 0.0, 1.0);
 }
 
-SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData_* d, const Tree& t,
-                                                 double kept, double sign,
-                                                 const StepMotion& motion) const {
-  const int tree = m->dof_treeid[t.dof_begin];
+// What the drag of a tree took, and of each degree of freedom the part that the present D has in
+// it.
+double SmoothWork::work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
+                                const Tree& t, double sign, const StepMotion& motion) {
+  double work = 0.0;
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    const double all = trees.damping[t.begin + i];
+    const double part = all != 0.0 ? damping_of(m, d, dof, motion.start_velocity[dof]) / all : 1.0;
+    work += part * motion.braked[t.begin + i];
+  }
+  return sign * work;
+}
+
+SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData_* d,
+                                                 const Trees& trees, int tree, double kept,
+                                                 double sign, const StepMotion& motion) const {
+  const Tree& t = trees.tree[tree];
   const auto form = [&](const double* u, const double* v) {
     return sign * damping_form(m, d, t, motion.start_velocity, u, v);
   };
   const double* change = change_.data();
-  const double integrated =
-      m->opt.timestep * (form(change, motion.start_velocity) + 0.5 * form(change, change));
-  if (!(*motion.touched)[tree]) return {integrated, integrated};
+  // v'D v / 2 of v0 + `by`, less that of v0.
+  const auto gain = [&](const double* by) {
+    return form(by, motion.start_velocity) + 0.5 * form(by, by);
+  };
+  const double step = m->opt.timestep;
+  double integrated = step * gain(change);
+  if (!(*motion.touched)[tree]) {
+    if (t.damped) integrated -= (step - trees.implicit_time) * gain(motion.added);
+    return {integrated, integrated};
+  }
+  if (t.damped) {
+    const double dragged =
+        work_of_drag(m, d, trees, t, sign, motion) +
+        (step - trees.implicit_time) * form(motion.acceleration, motion.displacement);
+    const double as_inertia = trees.implicit_time * gain(change);
+    return {dragged + as_inertia, dragged + kept * as_inertia};
+  }
   const double mean = form(motion.displacement, mean_change_.data());
   if (motion.end) return {integrated, 2.0 * mean};
   return {integrated, mean + 0.5 * kept * form(motion.displacement, change)};

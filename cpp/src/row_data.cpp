@@ -11,7 +11,7 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
 
 void RowData::reset_motion(int coordinates) {
   for (auto* array :
-       {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse, &shift})
+       {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse, &shift, &braked})
     array->assign(coordinates, 0.0);
   velocity[kSurfaceCoordinate] = 1.0;
   smooth_acceleration[kTurningCoordinate] = 1.0;

@@ -43,6 +43,7 @@ struct Stepper::Impl {
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
   void build_rows(mjData_* d);
+  void damp_held_trees(mjData_* d);
   void finish_last_step(mjData_* d);
   void plan_and_recall(mjData_* d);
   void run_islands();
@@ -97,10 +98,12 @@ struct Stepper::Impl {
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> held;                      // by tree: rows that have a position moved it
+  std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
   std::vector<char> turned;                    // by tree: its inertia is that of the middle
   std::vector<double> unpaid;                  // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
+  std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight
   std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized

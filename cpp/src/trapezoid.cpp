@@ -217,8 +217,10 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
       coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
     }
     if (left_half_[index]) {
+      const Trees& trees = motion.trees();
+      const double implicit = t.damped ? trees.implicit_time : length;
       const auto damped = [&](const double* v) {
-        return length * host::damping_form(model, d, t, velocity.data(), v, generalized_.data());
+        return implicit * host::damping_form(model, d, t, velocity.data(), v, generalized_.data());
       };
       coupled.damped_linear += damped(velocity.data());
       coupled.damped_square += 0.5 * damped(generalized_.data());

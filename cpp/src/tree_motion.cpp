@@ -70,7 +70,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     to_coordinates(index, start_velocity_.data() + tree.dof_begin,
                    data.velocity.data() + tree.begin);
   }
-  start_motion_ = data.velocity;
+  data.start_motion = data.velocity;
   for (size_t i = 0; i < smooth_acceleration_.size(); ++i)
     if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
       throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
@@ -96,7 +96,7 @@ void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
     to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
     to_coordinates(index, velocity, data.velocity.data() + tree.begin);
   }
-  start_motion_ = data.velocity;
+  data.start_motion = data.velocity;
 }
 
 void TreeMotion::freeze_ahead(int index, double time) {
@@ -108,6 +108,11 @@ void TreeMotion::freeze_ahead(int index, double time) {
   Inverse inverse(trees_.inverse.data() + trees_.tree[index].inverse + 4);
   const Eigen::Matrix3d rotation = turn.toRotationMatrix();
   inverse = (rotation * inverse * rotation.transpose()).eval();
+}
+
+void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
+  if (inverted_[index]) return;
+  host::damp_in_microsteps(model_, d, index, trees_);
 }
 
 void TreeMotion::invert_inertia(const std::array<int, 2>& tree) {
@@ -178,7 +183,7 @@ void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOn
                                    RowData& data) const {
   for (int i = 0; i < tree.dof_count; ++i) {
     const int k = tree.begin + i;
-    double twice_mean = start_motion_[k] + data.velocity[k];
+    double twice_mean = data.start_motion[k] + data.velocity[k];
     if (by_rows.added_velocity) twice_mean -= by_rows.added_velocity[k];
     data.total_displacement[k] +=
         length * (by_rows.mean_velocity[tree.dof_begin + i] - 0.5 * twice_mean);
@@ -237,7 +242,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
     // What contacts added to the smooth motion.
     double change[kBodyCoordinates], move[kBodyCoordinates];
     for (int i = 0; i < tree.count; ++i) {
-      const double velocity = start_motion_[tree.begin + i];
+      const double velocity = data.start_motion[tree.begin + i];
       const double acceleration = data.smooth_acceleration[tree.begin + i];
       change[i] = data.velocity[tree.begin + i] - velocity - length * acceleration;
       move[i] = data.total_displacement[tree.begin + i] -
@@ -274,11 +279,11 @@ double TreeMotion::contact_work(int index, double length, const RowData& data) c
     if (tree.free_body) return of_body(own);
     return motion_of_centre(free_motion_[index], Eigen::Map<const Vector6>(own));
   };
-  const Vector6 twice_mean = centre(start_motion_) + centre(data.velocity);
+  const Vector6 twice_mean = centre(data.start_motion) + centre(data.velocity);
   const Vector6 load = wrench_of(free_motion_[index], centre(data.smooth_acceleration));
   double work = load.dot(0.5 * length * twice_mean - centre(data.total_displacement));
   for (int i = tree.begin; i < tree.begin + tree.count; ++i)
-    work += 0.5 * data.coordinate_impulse[i] * (start_motion_[i] + data.velocity[i]);
+    work += 0.5 * data.coordinate_impulse[i] * (data.start_motion[i] + data.velocity[i]);
   return work;
 }
 

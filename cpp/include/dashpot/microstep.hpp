@@ -16,6 +16,17 @@
 // of the bodies is exact: over all micro-steps they move by the sum of h v + h^2/2 a + inv(H) J' r,
 // and the springs meet that in the end.
 //
+// Dampers. Those that the integrator treats implicitly act along with the rows: with f the smooth
+// forces at the velocity v0 of the start, and H = M + e D,
+//
+//     M v' = f - D (v + e v' - v0) + J'F,
+//
+// so that beside F there is the drag D ((T - e) a - (v - v0)), T the length of the step and a =
+// inv(M + T D) f what MuJoCo's integrator makes of f. Held over the step, dampers would act half a
+// step late: from what rows swing by the angle z in a step they would take sin z / z of what they
+// ought to, which drives it for z from pi to 2 pi, and just below pi it would settle into motion
+// that turns round in every step.
+//
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work
 //     p (u_0 + u_1) / 2 + (J a) (h p / 2 - r) ,

@@ -4,6 +4,9 @@
 //     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
 //     RK4            half of the joint damping: the trapezoidal rule, of second order.
+//
+// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp) but with RK4, and H D / 4
+// is left in the inertia through which these rows act.
 
 #pragma once
 
@@ -29,6 +32,9 @@ double damping_derivative(double damping, const double* high_order, double veloc
 double damping_form(const mjModel_* m, const mjData_* d, const Tree& tree,
                     const double* start_velocity, const double* u, const double* v);
 
+// D of one degree of freedom at `velocity`.
+double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity);
+
 // Adds D v (nv) of a D that comes from derivatives.
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
 
@@ -37,6 +43,9 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
 // factor_inertia.
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees);
+// Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
+// micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
+void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia.
 void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
 

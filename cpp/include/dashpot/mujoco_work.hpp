@@ -30,6 +30,14 @@
 // more than there is energy. But passive dampers dissipate no less than nothing, and no more than
 // what they and the rows took from the motion together.
 //
+// Dampers of damped trees (trees.hpp) brake at the velocities that there are, but for the part
+// e D in H: they take, as counted in the micro-steps,
+//
+//     integral of v'D (v - v0) dt - x'g  +  s e (v1'D v1 - v0'D v0) / 2 ,
+//
+// the last being what is left to rows with 1 - s. A tree in flight that the last step left a second
+// half k has it from an inertia with e D, and goes on with H D.
+//
 // With RK4, D is half of the joint damping, so that dampers brake at the mean velocity: w - v0 is
 // 2 (x / H - v0). Instead of f stands the mean of the smooth forces at both ends of the step, that
 // of dampers without what D accounts for.
@@ -56,6 +64,8 @@ struct StepMotion {
   const std::vector<char>* touched;
   const SmoothForces* end;
   const std::vector<char>* integrated;
+  const double* braked;  // RowData::braked
+  const double* added;   // velocity that the last step left to trees in flight (nv)
 };
 
 // Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
@@ -83,8 +93,10 @@ class SmoothWork {
   void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
   double kept_change(const mjModel_* m, const mjData_* d, const Tree& t,
                      const StepMotion& motion) const;
-  Braking implicit_braking(const mjModel_* m, const mjData_* d, const Tree& t, double kept,
-                           double sign, const StepMotion& motion) const;
+  static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
+                             const Tree& tree, double sign, const StepMotion& motion);
+  Braking implicit_braking(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                           double kept, double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
   void find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion);

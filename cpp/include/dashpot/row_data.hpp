@@ -36,6 +36,10 @@ struct RowData {
   // normal and arms turn.
   std::vector<double> turning_work;
 
+  // Per motion coordinate: velocity at the start, which smooth forces know of; and the energy (J)
+  // that the drag of damped trees took (microstep.hpp).
+  AlignedDoubles start_motion, braked;
+
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
   // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in
   // `total_displacement`.

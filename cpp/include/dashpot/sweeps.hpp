@@ -51,6 +51,10 @@ struct IslandMotion {
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
   const double *smooth_acceleration, *inverse;
+  // For the drag of damped trees.
+  const double *start_motion, *damping, *cross_damping;
+  double lag = 0.0;  // T - e of microstep.hpp, s
+  double *slowing, *drag, *braked;
 };
 
 // A micro-step is four sweeps, over rows and trees in turn; one sweep over rows comes before the
@@ -130,12 +134,46 @@ template <typename Jacobian, typename Law>
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
 
+// The drag of a tree, beside the forces of rows: what it takes by the velocity at the start of the
+// micro-step, and its moment.
+[[gnu::always_inline]] inline void add_drag(const Tree& t, const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    const Lanes slowing = m.lag * load_lanes(m.smooth_acceleration + i) -
+                          load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
+    store_lanes(slowing, m.slowing + i);
+    store_lanes(load_lanes(m.damping + i) * slowing, m.drag + i);
+  }
+  if (t.cross_damped) respond(t, m.cross_damping, m.slowing, m.drag);
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    const Lanes drag = load_lanes(m.drag + i);
+    store_lanes(load_lanes(m.braked + i) - 0.5 * m.h * drag * load_lanes(m.velocity + i),
+                m.braked + i);
+    store_lanes(load_lanes(m.force + i) + drag, m.force + i);
+    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * drag, m.moment + i);
+  }
+}
+
+// Its impulse.
+[[gnu::always_inline]] inline void add_impulse_of_drag(const Tree& t, const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes)
+    store_lanes(load_lanes(m.impulse + i) + m.h * load_lanes(m.drag + i), m.impulse + i);
+}
+
+// What it takes by the velocity at the end.
+[[gnu::always_inline]] inline void account_drag(const Tree& t, const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes)
+    store_lanes(
+        load_lanes(m.braked + i) - 0.5 * m.h * load_lanes(m.drag + i) * load_lanes(m.velocity + i),
+        m.braked + i);
+}
+
 [[gnu::always_inline]] inline void set_to_zero(const Tree& t, double* applied) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
 }
 
 [[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const IslandMotion& m) {
   if (sweep == Sweep::kSmoothMotion) {
+    if (t.damped) add_drag(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
       store_lanes(a, m.acceleration + i);
@@ -151,7 +189,9 @@ template <typename Jacobian, typename Law>
       add_lanes(m.displacement + i, m.total_displacement + i);
     return;
   }
+  if (t.damped) add_impulse_of_drag(t, m);
   respond(t, m.inverse, m.impulse, m.velocity);
+  if (t.damped) account_drag(t, m);
   set_to_zero(t, m.force);
   set_to_zero(t, m.impulse);
 }

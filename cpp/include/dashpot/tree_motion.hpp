@@ -59,6 +59,8 @@ class TreeMotion {
   void freeze_ahead(int tree, double time);
   // Whether it is a free body in the coordinates of one, and moves accurately.
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
+  // Before inv(H) is asked for: lets the dampers of a tree act in its micro-steps.
+  void damp_in_microsteps(const mjData_* d, int tree);
   // Fills in inv(H) of up to two trees (-1: none), which is that of another step until then.
   void invert_inertia(const std::array<int, 2>& tree);
 
@@ -78,7 +80,6 @@ class TreeMotion {
   int tree_count() const { return static_cast<int>(trees_.tree.size()); }
   const std::vector<double>& start_velocity() const { return start_velocity_; }            // (nv)
   const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
-  const AlignedDoubles& start_motion() const { return start_motion_; }  // motion coordinates
 
  private:
   bool is_accurate(int tree) const;
@@ -97,9 +98,8 @@ class TreeMotion {
   Trees trees_;
   std::vector<double> start_position_, start_velocity_;  // generalized
   std::vector<double> smooth_acceleration_;              // generalized
-  AlignedDoubles start_motion_;
-  std::vector<FreeMotion> free_motion_;  // by tree; meaningful for free bodies
-  std::vector<char> inverted_;           // by tree: its inverse inertia is filled in
+  std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
+  std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
   std::vector<char> integrated_;
   std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
 };

@@ -32,10 +32,12 @@ inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is 
 struct Tree {
   int dof_begin = 0;  // range of generalized velocities
   int dof_count = 0;
-  int begin = 0;           // range of motion coordinates
-  int count = 0;           // a multiple of four
-  bool free_body = false;  // in the coordinates of a free body, of which there are six in eight
-  int inverse = 0;         // offset in Trees::inverse
+  int begin = 0;              // range of motion coordinates
+  int count = 0;              // a multiple of four
+  bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
+  int inverse = 0;            // offset in Trees::inverse
+  bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
+  bool cross_damped = false;  // and D is more than a diagonal
 };
 
 struct Trees {
@@ -48,6 +50,10 @@ struct Trees {
   AlignedDoubles factor;
   // By motion coordinate of these: 1 / sqrt(D).
   AlignedDoubles inverse_root;
+  // D of damped trees: by motion coordinate its diagonal and, at the offset of the inverse of those
+  // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
+  AlignedDoubles damping, cross_damping;
+  double implicit_time = 0.0;
   // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
   // below it, and to no others.
   std::vector<int> above;
