@@ -11,6 +11,7 @@
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
+#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
 #include "dashpot/terrain_contacts.hpp"
 
@@ -95,27 +96,40 @@ class TurningPair {
       side.body = model_->geom_bodyid[side.geom];
     }
     const bool on_plane = model_->geom_type[side_[0].geom] == mjGEOM_PLANE;
-    if (on_plane && is_ball(model_, side_[1].geom)) return false;
     for (int i = 0; i < 2; ++i) find_motion(first_->tree[i], trees, motion, side_[i]);
+    if (on_plane && side_[1].is_free && is_ball(model_, side_[1].geom)) return false;
     mju_sub3(relative_, side_[1].linear, side_[0].linear);
     const double way = 2.0 * time_ * speed_along();
     const double turn =
         2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
-    if (is_still(turn, way)) return false;
+    at_rest_ = is_still(turn, way);
+    if (at_rest_) return false;
     if (way > kFarWay * size() && !on_plane) return false;
     if (are_round() && parts_early()) return false;
     way_ = way_to_middle();
     return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
   }
 
+  // Of a pair whose contacts stay where they are, takes to the middle the axes of the joints that
+  // hold it there: those of a leg turn though its foot stands.
+  void turn_axes() {
+    if (!at_rest_ || !(joints_move(side_[0]) || joints_move(side_[1]))) return;
+    find_twists();
+    for (ContactInput* contact = first_; contact != last_; ++contact) {
+      if (contact->gap > 0.0) continue;
+      const std::array<double, 3> start = point_rate(*contact, 0), middle = point_rate(*contact, 1);
+      mjtNum change[3];
+      mju_sub3(change, middle.data(), start.data());
+      if (2.0 * time_ * mju_norm3(change) <= kStill * kStill * size()) continue;
+      contact->ahead = time_;
+      for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / time_;
+    }
+  }
+
   // Takes the contacts that are found there to the middle; whether there were any.
   bool take() {
     find_contacts();
-    for (Side& side : side_) {
-      if (side.is_free) continue;
-      twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
-      twist_ahead(model_, data_, side.body, time_, side.twist[1]);
-    }
+    find_twists();
     const bool corners = has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
     bool any = false;
     for (ContactInput* contact = first_; contact != last_; ++contact) {
@@ -204,6 +218,22 @@ class TurningPair {
                (model_->geom_rbound[side.geom] +
                 mju_dist3(data_->geom_xpos + 3 * side.geom, data_->xipos + 3 * side.body));
     return time_ * speed;
+  }
+
+  // Whether any joint does that a link hangs on.
+  bool joints_move(const Side& side) const {
+    if (side.is_free) return false;
+    for (int dof = last_dof(model_, side.body); dof >= 0; dof = model_->dof_parentid[dof])
+      if (2.0 * time_ * std::abs(data_->qvel[dof]) > kStill) return true;
+    return false;
+  }
+
+  void find_twists() {
+    for (Side& side : side_) {
+      if (side.is_free) continue;
+      twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
+      twist_ahead(model_, data_, side.body, time_, side.twist[1]);
+    }
   }
 
   void find_contacts() {
@@ -331,6 +361,7 @@ class TurningPair {
   FaceBuffers& faces_;
   ContactInput *first_, *last_;
   std::array<Side, 2> side_;
+  bool at_rest_ = false;  // its geoms, on each other
   mjtNum relative_[3]{};  // velocity of side 1 to side 0
   double way_ = 0.0;      // m, to the middle
   std::array<MiddleContact, mjMAXCONPAIR> middle_;
@@ -347,7 +378,11 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
     last = first + 1;
     while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
     TurningPair pair(m, d, 0.5 * length, faces, contacts.data() + first, contacts.data() + last);
-    if (!pair.moves(trees, motion) || !pair.take()) continue;
+    if (!pair.moves(trees, motion)) {
+      pair.turn_axes();
+      continue;
+    }
+    if (!pair.take()) continue;
     for (int tree : contacts[first].tree)
       if (tree >= 0) taken[tree] = 1;
   }

@@ -14,9 +14,11 @@
 // That holds for forces that last. A blow between round bodies that begins or ends early in the
 // step keeps the geometry of the start.
 //
-// Of links the axes of the joints go to the middle (mujoco_moved_axes). Their inertia stays that of
-// the start, where smooth forces are: the second half of the step corrects both (trapezoid.hpp). So
-// does that of free bodies that constraints hold, whose rows have the geometry of the start.
+// Of links the axes of the joints go to the middle (mujoco_moved_axes), also where they turn above
+// a foot that stands: of its own motion the floor sees none, but a trunk that swung above it gained
+// energy as what rolls does. Their inertia stays that of the start, where smooth forces are: the
+// second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
+// constraints hold, whose rows have the geometry of the start.
 
 #pragma once
 
