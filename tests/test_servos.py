@@ -212,3 +212,41 @@ def test_the_ledger_closes_for_a_robot_whose_commands_jump(held: int) -> None:
     turned_over += energy.dissipated_damping
     # Legs turn by up to 0.02 rad in a step, in which hits have no time.
     assert off < 3e-3 * turned_over
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+def test_light_fingers_hold_a_heavy_block_as_damped_as_their_servos_are(timestep: float) -> None:
+    """The block swings between two servos; a push of its own has brought it off its place.
+
+    The servos' change within a step would throw the fingers about without the block.
+    """
+    gain, damping, block, finger = 2000.0, 4.0, 1.0, 0.05
+    fingers = servos = ""
+    for name, side in (("a", 1), ("b", -1)):
+        fingers += f"""<body pos="{-0.035 * side} 0 .03" gravcomp="1">
+          <joint name="{name}" type="slide" axis="{side} 0 0"/>
+          <geom type="box" size=".005 .01 .01" mass="{finger}"/></body>"""
+        servos += f'<position joint="{name}" kp="{gain}" kv="{damping}"/>'
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <geom type="plane" size="0 0 1" friction="1e-4" priority="1"/>
+          <body pos="0 0 .03"><freejoint/>
+            <geom type="box" size=".03 .03 .03" mass="{block}"/></body>
+          {fingers}</worldbody><actuator>{servos}</actuator></mujoco>""")
+    )
+    data = engine.make_data()
+    data.ctrl[:] = 0.02  # pressed by 40 N
+    places = []
+    for step in range(round(1.3 / timestep)):
+        data.qfrc_applied[0] = 8.0 if step * timestep < 0.5 else 0.0
+        engine.step(data)
+        places.append(data.qpos[0])
+    first, last = (
+        np.ptp(places[round(start / timestep) : round((start + 0.1) / timestep)])
+        for start in (0.5, 1.2)
+    )
+    mass = block + 2 * finger
+    # Changes are counted on where they last: less than all of it where a swing turns. At 5 ms it
+    # has 21 steps, and grew at omega^2 H / 4 less the rate.
+    rate = np.log(first / last) / 0.7
+    assert rate == pytest.approx(2 * damping / (2 * mass), rel=0.2)

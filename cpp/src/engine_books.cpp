@@ -78,6 +78,9 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
       if (!tree.free_body)
         for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
+      if (trapezoid.load())
+        for (int i = 0; i < tree.dof_count; ++i)
+          ledger.work += trapezoid.load()[tree.dof_begin + i] * mean[i];
     }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   }

@@ -249,6 +249,7 @@ void MicrostepLoop::Impl::run_microsteps() {
   m.smooth_acceleration = data->smooth_acceleration.data();
   m.inverse = trees->inverse.data();
   m.start_motion = data->start_motion.data();
+  m.added = data->added_acceleration.data();
   m.damping = trees->damping.data();
   m.cross_damping = trees->cross_damping.data();
   m.lag = h * count - trees->implicit_time;

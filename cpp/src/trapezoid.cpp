@@ -28,6 +28,12 @@ constexpr double kBoost = 0.03;
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
 
+// What two changes, one after the other, have in common: the smaller if both have one sign.
+double lasting_part(double before, double now) {
+  if (before * now <= 0.0) return 0.0;
+  return std::abs(before) < std::abs(now) ? before : now;
+}
+
 // Whether the smooth motion of a tree already knows of its forces at the end of a step.
 bool moves_accurately(const mjModel_* model, int tree) {
   return host::is_free_body(model, tree) || host::is_runge_kutta(model);
@@ -106,6 +112,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
                                  const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
                                  RowData& data, EnergyLedger& ledger) {
   added_.clear();
+  load_.clear();
   const HeldMotion before = memory.held_motion();
   if (!before.length) return;
   const Trees& trees = motion.trees();
@@ -113,6 +120,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   find_held_trees(model, rows);
   find_freed_trees(model, before);
   host::drives(model, d, motion.start_velocity(), drive_);
+  drive_change_.assign(drive_.size(), 0.0);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
@@ -149,7 +157,30 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
       data.velocity[i] += added_[i];
     }
   }
+  load_drives(length, memory, trees, data);
   stop_fast_turns(length, rows);
+}
+
+void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
+                            RowData& data) {
+  const HeldMotion before = memory.held_motion();
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!left_half_[index]) continue;
+    const Coupled& coupled = coupled_[first_[index]];
+    if (coupled.follows_drives || coupled.by_equalities) continue;
+    const Tree& t = trees.tree[index];
+    if (load_.empty()) load_.assign(drive_.size(), 0.0);
+    const double ahead = 0.5 * std::min(1.0, length / before.length[index]);
+    std::fill_n(force_.begin() + t.begin, t.count, 0.0);
+    for (int i = 0; i < t.dof_count; ++i) {
+      const int dof = t.dof_begin + i;
+      load_[dof] = ahead * lasting_part(before.drive_change[dof], drive_change_[dof]);
+      force_[t.begin + i] = load_[dof];
+    }
+    double* added = data.added_acceleration.data() + t.begin;
+    add_response(trees, index, force_.data() + t.begin, added);
+    for (int i = 0; i < t.dof_count; ++i) data.smooth_acceleration[t.begin + i] += added[i];
+  }
 }
 
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
@@ -183,8 +214,9 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted += weight * potential * before.displacement[dof] +
                         0.5 * leads[index] * velocity[dof] * turning;
+      drive_change_[dof] = drive_[dof] - before.drive[dof];
       if (!coupled.follows_drives) continue;
-      const double change = weight * (drive_[dof] - before.drive[dof]);
+      const double change = weight * drive_change_[dof];
       force[i] += change;
       coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
@@ -291,6 +323,7 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
   std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
+  std::copy_n(drive_change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];

@@ -57,6 +57,7 @@ struct HeldMotion {
   double* energy = nullptr;        // by tree, J
   double* displacement = nullptr;  // over the step, by degree of freedom
   double* drive = nullptr;         // e, by degree of freedom
+  double* drive_change = nullptr;  // what e had changed by since the step before, by the same
   double* acceleration = nullptr;  // a, by motion coordinate
   double* other_force = nullptr;   // g, by motion coordinate
 };

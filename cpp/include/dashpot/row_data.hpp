@@ -36,9 +36,10 @@ struct RowData {
   // normal and arms turn.
   std::vector<double> turning_work;
 
-  // Per motion coordinate: velocity at the start, which smooth forces know of; and the energy (J)
-  // that the drag of damped trees took (microstep.hpp).
-  AlignedDoubles start_motion, braked;
+  // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth
+  // acceleration is no part of the integrator's; and the energy (J) that the drag of damped trees
+  // took (microstep.hpp).
+  AlignedDoubles start_motion, added_acceleration, braked;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
   // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in

@@ -52,7 +52,7 @@ struct IslandMotion {
   double *total_displacement, *coordinate_impulse;
   const double *smooth_acceleration, *inverse;
   // For the drag of damped trees.
-  const double *start_motion, *damping, *cross_damping;
+  const double *start_motion, *added, *damping, *cross_damping;
   double lag = 0.0;  // T - e of microstep.hpp, s
   double *slowing, *drag, *braked;
 };
@@ -138,8 +138,9 @@ template <typename Jacobian, typename Law>
 // micro-step, and its moment.
 [[gnu::always_inline]] inline void add_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes slowing = m.lag * load_lanes(m.smooth_acceleration + i) -
-                          load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
+    const Lanes slowing =
+        m.lag * (load_lanes(m.smooth_acceleration + i) - load_lanes(m.added + i)) -
+        load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
     store_lanes(slowing, m.slowing + i);
     store_lanes(load_lanes(m.damping + i) * slowing, m.drag + i);
   }

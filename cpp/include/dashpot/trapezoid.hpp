@@ -17,7 +17,10 @@
 // servos, and controllers that are asked once a step. Held over a step whose positions have both
 // halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
 // hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
-// may also jump: where no s near 1 is left with it, they are taken as held after all.
+// may also jump: where no s near 1 is left with it, they are taken as held after all. So it is with
+// servos of light fingers that hold something heavy, whose second half alone would throw them
+// about. There what e changed by in the last step and in the one before, the smaller of the two, is
+// taken to go on: half of it is a load beside e, which does its work as e does.
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
@@ -99,6 +102,8 @@ class Trapezoid {
   // was added to velocities, by motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
+  // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
+  const double* load() const { return load_.empty() ? nullptr : load_.data(); }
 
  private:
   // Of trees that equalities couple, or one that other rows may hold, J: v'M v / 2, v'M k and k'M k
@@ -130,6 +135,8 @@ class Trapezoid {
                      const TreeMotion& motion);
   // Finds the scales; whether there are trees to be looked at again, without changes of drives.
   bool find_scales();
+  // Where drives are not followed, lets them go on as they changed.
+  void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
   // Mean forces of equalities, also in `wrench_`, and the work that they did because they turned.
   void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
@@ -147,7 +154,8 @@ class Trapezoid {
   std::vector<Coupled> coupled_;                                   // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
-  std::vector<double> drive_;                                      // e of this step, by the same
+  // By the same: e of this step, its change since the last one, and loads for what it goes on by.
+  std::vector<double> drive_, drive_change_, load_;
 };
 
 }  // namespace dashpot
