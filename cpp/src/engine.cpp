@@ -279,7 +279,8 @@ void Stepper::Impl::find_touched_trees() {
   held.assign(motion.tree_count(), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (!data.touched[i] && !lands_in_next_step(c)) continue;
+    const bool recovers = c.kind == RowKind::kBilateral && data.offset[i] != 0.0;
+    if (!data.touched[i] && !recovers && !lands_in_next_step(c)) continue;
     for (int tree : c.tree) {
       if (tree < 0) continue;
       touched[tree] = 1;

@@ -17,6 +17,9 @@ constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(dou
 constexpr int kSlotCompression = offsetof(RememberedContact, compression) / sizeof(double);
 constexpr int kSlotStiffness = offsetof(RememberedContact, stiffness) / sizeof(double);
 
+// That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
+constexpr double kBearableAcceleration = 100.0 * 9.80665;
+
 double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
   for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
@@ -87,6 +90,19 @@ void Memory::recall(const std::vector<ContactInput>& contacts,
   recall_contacts(contacts, matches, rows, recovery_speed, length, data);
 }
 
+// Of a limit or equality that nothing is remembered of and whose solref the model sets: an
+// equality, which users switch on, takes what its spring bears in any step, a limit in the first of
+// all.
+double Memory::first_deformation(const ConstraintInput& input, const Rows& rows,
+                                 const RowGroup& c) const {
+  const double k = rows.stiffness[c.row];
+  const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
+  const bool acts = c.kind == RowKind::kBilateral || starts();
+  if (!input.has_solref || !acts || k * w == 0.0) return 0.0;
+  const double bearable = kBearableAcceleration / (k * w);
+  return std::clamp(input.position, -bearable, bearable);
+}
+
 void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
                                 double recovery_speed, RowData& data) const {
   for (size_t index = 0; index < rows.group.size(); ++index) {
@@ -106,11 +122,13 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    deformation =
-        slot[0] * input.position <= 0.0
-            ? 0.0
-            : rescaled(std::copysign(
-                  std::min(std::abs(slot[0]), std::abs(input.position) + slot[2]), input.position));
+    if (slot[1] == 0.0)
+      deformation = first_deformation(input, rows, c);
+    else if (slot[0] * input.position <= 0.0)
+      deformation = 0.0;
+    else
+      deformation = rescaled(std::copysign(
+          std::min(std::abs(slot[0]), std::abs(input.position) + slot[2]), input.position));
     data.offset[index] = deformation - input.position;
   }
 }

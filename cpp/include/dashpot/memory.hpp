@@ -6,7 +6,8 @@
 // compression remembered at the nearest point of the same geom pair, unless another contact is
 // nearer to that point; what geometry reports beyond that is an unstressed offset. Limits and
 // equalities do the same with their position. In the first step of all a contact of SI stiffness
-// takes what its spring bears.
+// takes what its spring bears, and so does a limit whose solref the model sets; an equality with
+// one does whenever nothing is remembered of it, as where it is switched on.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous; what that puts beyond the position is
@@ -143,6 +144,8 @@ class Memory {
                       std::vector<Match>& matches) const;
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
+  double first_deformation(const ConstraintInput& input, const Rows& rows,
+                           const RowGroup& group) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
                        const Rows& rows, double recovery_speed, double length, RowData& data) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
