@@ -100,6 +100,35 @@ def test_a_control_callback_drives_the_model(install):
     assert np.array_equal(data.qpos, by_hand.qpos)
 
 
+@pytest.mark.parametrize("name", ["control", "passive"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+def test_feedback_of_a_callback_on_sensors_is_that_of_mj_step(install, integrator, name):
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="0.004" integrator="{integrator}"/>
+      <worldbody><body pos="0 0 1"><joint name="hinge" axis="0 1 0"/>
+        <geom size="0.05" pos="0.3 0 0"/><site name="tip" pos="0.3 0 0"/></body></worldbody>
+      <actuator><motor joint="hinge"/></actuator>
+      <sensor><jointpos joint="hinge"/><framepos objtype="site" objname="tip"/>
+        <jointvel joint="hinge"/></sensor></mujoco>""")
+    engine = Engine(model)
+    data, theirs = engine.make_data(), mujoco.MjData(model)
+
+    def feedback(_, d):
+        torque = -5.0 * d.sensordata[0] - 3.0 * d.sensordata[3]
+        if name == "control":
+            d.ctrl[0] = torque - 0.5 * d.sensordata[4]
+        else:
+            d.qfrc_passive[0] += torque
+
+    install(name, feedback)
+    for _ in range(100):
+        engine.step(data)
+        mujoco.mj_step(model, theirs)
+        assert np.array_equal(data.qpos, theirs.qpos)
+        assert np.array_equal(data.sensordata, theirs.sensordata)
+    assert abs(data.qpos[0]) > 0.01
+
+
 def test_interrupts_pass_through_steps(install):
     engine = Engine(mujoco.MjModel.from_xml_string(MODEL))
     data = engine.make_data()

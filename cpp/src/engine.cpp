@@ -84,7 +84,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   motion.start(d);
   mocap.begin(length);
   const bool new_control = !parts.cut();
-  host::smooth_stage(model, d, new_control);
+  host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
   mocap.write_velocities();
   // A part that another will follow needs no more than directions for the search of its end.
   const bool rough = parts.cut() && cuts < kMaxCuts;

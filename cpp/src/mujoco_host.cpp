@@ -11,7 +11,17 @@
 
 namespace dashpot::host {
 
-void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
+namespace {
+
+bool callbacks_may_read_sensors(const mjModel* m) {
+  return m->nsensor > 0 &&
+         (mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias);
+}
+
+}  // namespace
+
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors) {
+  const bool reads = sensors == Sensors::kForCallbacks && callbacks_may_read_sensors(m);
   const bool adhesive = has_adhesion(m);
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
   d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
@@ -24,7 +34,9 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control) {
   for (int i = 0; i < d->ncon; ++i)
     if (d->contact[i].exclude == kIncluded) d->contact[i].exclude = kInGap;
   mj_transmission(m, d);
+  if (reads) call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_fwdVelocity, m, d);
+  if (reads) call_with_callbacks(mj_sensorVel, m, d);
   d->ncon = 0;
   if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION))
     call_with_callbacks(mjcb_control, m, d);

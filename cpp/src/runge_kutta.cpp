@@ -104,7 +104,7 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control, HeldSt
     find_slopes(m, d, new_control, held);
     get_state(m, d, kInputs, inputs_);
     start.restore_state();
-    smooth_stage(m, d, false);
+    smooth_stage(m, d, false, Sensors::kStay);
   } else {
     find_slopes(m, copy_state(m, d), new_control, held);
   }
@@ -133,7 +133,7 @@ void RungeKutta::find_slopes(const mjModel* m, mjData* d, bool new_control, Held
   const ErrorGuard guard(d);
   for (int stage = 1; stage < kStages; ++stage) {
     go_to_stage(m, d, stage, held);
-    smooth_stage(m, d, new_control);
+    smooth_stage(m, d, new_control, Sensors::kStay);
     read_slope(m, d, stage, held);
   }
   read_end(m, d);

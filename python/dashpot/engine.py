@@ -309,7 +309,9 @@ class Engine:
         ``mj_contactForce`` reads the mean forces over a step, are made in the last step of a call.
         In the steps before it, and in :func:`dashpot.rollout`, they are made only if the model has
         sensors, plugins or flexes, which read them. Rows of limits, equalities and dry friction are
-        made in every step. Control and passive callbacks see no contacts and no rows.
+        made in every step. Control and passive callbacks see no contacts and no rows, but sensors
+        of positions and velocities, which are computed for them first: a sensor callback is asked
+        twice for these then.
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)

@@ -17,8 +17,11 @@ struct mjData_;
 namespace dashpot::host {
 
 // Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
-// `new_control` false: controls are held, the control callback is not asked.
-void smooth_stage(const mjModel_* m, mjData_* d, bool new_control);
+// `new_control` false: controls are held, the control callback is not asked. Where the callbacks of
+// this stage may read sensors, those of positions and velocities are made for them, as in mj_step,
+// but without contacts and rows; detection makes them again. In the stages of RK4 they stay.
+enum class Sensors { kForCallbacks, kStay };
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors);
 
 // Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
 // row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
