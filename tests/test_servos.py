@@ -179,6 +179,30 @@ def test_a_stiff_velocity_servo_turns_a_cam_with_the_torque_that_it_asks_for(
     assert np.sqrt(np.mean(np.square(errors))) < 27 * offset * rate * timestep / 2
 
 
+def test_a_motor_without_a_control_brakes_like_the_servo_that_it_is() -> None:
+    """A DC motor whose terminals are short-circuited brakes with K^2 / R, and has no control."""
+    constant, resistance = 5.0, 2.0
+    motions = []
+    for actuator in (
+        f'<dcmotor joint="crank" motorconst="{constant}" resistance="{resistance}" input="none"/>',
+        f'<velocity joint="crank" kv="{constant**2 / resistance}"/>',
+    ):
+        model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+          <option timestep="0.005" integrator="implicitfast"/><worldbody>
+            <body><joint name="crank" axis="0 1 0"/><geom size=".05" pos=".1 0 0" mass=".1"/></body>
+            <body pos="0 0 1"><joint name="load" type="slide" axis="0 0 1"/>
+              <geom size=".05" mass="1"/></body></worldbody>
+          <equality><joint joint1="crank" joint2="load" polycoef="0 3 0 0 0"/></equality>
+          <actuator>{actuator}</actuator></mujoco>""")
+        engine = dashpot.Engine(model)
+        data = engine.make_data()
+        engine.step(data, nstep=100)
+        motions.append([*data.qpos, *data.qvel, engine.energy(data).work])
+    assert motions[0][4] < -0.1
+    # Two ways to write one brake: equal to rounding.
+    assert motions[0] == pytest.approx(motions[1], rel=1e-9)
+
+
 def quadruped(timestep: float) -> mujoco.MjModel:
     legs = servos = ""
     for i, (x, y) in enumerate(((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))):

@@ -211,6 +211,20 @@ void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* 
                                   std::to_string(friction[i]) + "; it must be finite and >= 0");
 }
 
+// MuJoCo stops the process, or writes beyond its rows, at others.
+void check_condim(const mjModel* m, const char* field, int type, const int* condim, mjtSize count) {
+  for (int i = 0; i < count; ++i)
+    if (condim[i] != 1 && condim[i] != 3 && condim[i] != 4 && condim[i] != 6)
+      throw std::invalid_argument("model." + std::string(field) + " of " + named(m, type, i) +
+                                  " is " + std::to_string(condim[i]) + "; it must be 1, 3, 4 or 6");
+}
+
+void check_condim(const mjModel* m) {
+  check_condim(m, "geom_condim", mjOBJ_GEOM, m->geom_condim, m->ngeom);
+  check_condim(m, "pair_dim", mjOBJ_PAIR, m->pair_dim, m->npair);
+  check_condim(m, "flex_condim", mjOBJ_FLEX, m->flex_condim, m->nflex);
+}
+
 void check_friction(const mjModel* m) {
   check_friction(m, "geom", mjOBJ_GEOM, m->geom_friction, m->ngeom, 3);
   check_friction(m, "pair", mjOBJ_PAIR, m->pair_friction, m->npair, 5);
@@ -234,6 +248,7 @@ void check_heights(const mjModel* m) {
 
 void check_options(const mjModel_* m, Law law) {
   check_friction(m);
+  check_condim(m);
   const mjOption& o = m->opt;
   if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
     throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
@@ -255,6 +270,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
 
 void check_supported(const mjModel_* m, Law law) {
   check_friction(m);
+  check_condim(m);
   check_heights(m);
   std::string refused;
   for (const Feature& feature : features(m, law))

@@ -51,7 +51,7 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof) {
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force) {
   driving_forces(m, d, force);
-  const bool implicit = takes_derivatives(m) && m->nu > 0;
+  const bool implicit = takes_derivatives(m) && m->nactuator > 0;
   for (int i = 0; i < m->nv; ++i) {
     force[i] -= d->qfrc_gravcomp[i];
     if (implicit) force[i] += damping_force(d, i);

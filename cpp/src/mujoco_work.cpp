@@ -132,7 +132,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
       if (brakes(trees.tree[index]))
         to[group[index]] += implicit_braking(m, d, trees, index, kept_[index], sign, motion);
   };
-  if (!takes_derivatives(m) || m->nu == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
+  if (!takes_derivatives(m) || m->nactuator == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
     return add_braking(dampers_, 1.0);
   // Of actuators: all less that of dampers.
   add_braking(actuators_, 1.0);
