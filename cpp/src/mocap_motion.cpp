@@ -91,11 +91,28 @@ void follow(double time_constant, double time, Vector& x, Vector& rate) {
   x = rate = {};
 }
 
+// The mocap body that a body is or is fixed to; -1 for none.
+int mocap_of(const mjModel* m, int body) {
+  return m->body_treeid[body] < 0 ? m->body_mocapid[m->body_rootid[body]] : -1;
+}
+
+// The bodies of a connect or weld; the world twice of other equalities.
+std::array<int, 2> joined_bodies(const mjModel* m, int equality) {
+  const int type = m->eq_type[equality];
+  if (type != mjEQ_CONNECT && type != mjEQ_WELD) return {0, 0};
+  const int first = m->eq_obj1id[equality], second = m->eq_obj2id[equality];
+  if (m->eq_objtype[equality] == mjOBJ_SITE) return {m->site_bodyid[first], m->site_bodyid[second]};
+  return {first, second};
+}
+
+bool holds(const mjModel* m, int equality, int mocap) {
+  const std::array<int, 2> body = joined_bodies(m, equality);
+  return mocap_of(m, body[0]) == mocap || mocap_of(m, body[1]) == mocap;
+}
+
 }  // namespace
 
-bool is_mocap(const mjModel_* m, int body) {
-  return m->body_treeid[body] < 0 && m->body_mocapid[m->body_rootid[body]] >= 0;
-}
+bool is_mocap(const mjModel_* m, int body) { return mocap_of(m, body) >= 0; }
 
 const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
   const int root = m->body_rootid[body];
@@ -103,11 +120,9 @@ const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
 }
 
 bool is_held_by_mocap(const mjModel_* m, int equality) {
-  const int type = m->eq_type[equality];
-  if (m->nmocap == 0 || (type != mjEQ_CONNECT && type != mjEQ_WELD)) return false;
-  const bool sites = m->eq_objtype[equality] == mjOBJ_SITE;
-  const auto is_mocap_object = [&](int id) { return is_mocap(m, sites ? m->site_bodyid[id] : id); };
-  return is_mocap_object(m->eq_obj1id[equality]) || is_mocap_object(m->eq_obj2id[equality]);
+  if (m->nmocap == 0) return false;
+  const std::array<int, 2> body = joined_bodies(m, equality);
+  return is_mocap(m, body[0]) || is_mocap(m, body[1]);
 }
 
 MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant,
@@ -125,9 +140,9 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     mju_normalize4(command.data() + 3);
     const bool knows = moves && is_pose(body.now.command) && is_pose(body.now.pose) &&
                        std::isfinite(norm(body.now.velocity) + norm(body.now.angular));
-    if (!knows || norm(offset(body.now.command, command)) > kJump ||
-        norm(turn(body.now.command, command)) > kJumpTurn)
-      body.now = {command, command, {}, {}};
+    body.jumps = knows && (norm(offset(body.now.command, command)) > kJump ||
+                           norm(turn(body.now.command, command)) > kJumpTurn);
+    if (!knows) body.now = {command, command, {}, {}};
     body.now.command = command;
   }
 }
@@ -151,8 +166,37 @@ bool MocapMotion::anything_moves() const {
   });
 }
 
+// The sum of the squared violations (m^2, rad^2) of what a mocap body holds, with the body in a
+// pose.
+double MocapMotion::violation(size_t index, const Pose& pose) {
+  place(index, pose);
+  data_->ncon = 0;
+  data_->parena = 0;  // what the last step left there is not needed any more
+  mj_fwdKinematics(model_, data_);
+  mj_makeConstraint(model_, data_);
+  double sum = 0.0;
+  for (int row = 0; row < data_->ne; ++row)
+    if (holds(model_, data_->efc_id[row], static_cast<int>(index)))
+      sum += data_->efc_pos[row] * data_->efc_pos[row];
+  return sum;
+}
+
+// Of a body that holds something a far jump is a motion, too, unless what it holds has been taken
+// along: it is no farther from the new pose than from the old one.
+void MocapMotion::settle_jump(size_t index) {
+  MocapBody& body = buffers_.body[index];
+  body.jumps = false;
+  bool holding = false;
+  for (int i = 0; i < model_->neq; ++i)
+    holding |= data_->eq_active[i] && holds(model_, i, static_cast<int>(index));
+  if (holding && violation(index, body.now.command) > violation(index, body.now.pose)) return;
+  body.now = {body.now.command, body.now.command, {}, {}};
+}
+
 void MocapMotion::begin(double length) {
   searched_ = length;
+  for (size_t i = 0; i < buffers_.body.size(); ++i)
+    if (buffers_.body[i].jumps) settle_jump(i);
   for (MocapBody& body : buffers_.body) {
     const RememberedMocap& now = body.now;
     body.velocity = body.angular = {};

@@ -12,7 +12,8 @@
 // with x the offset from the commanded pose: three numbers of translation, three
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
-// is meant by (kJump, kJumpTurn) takes the body there without any.
+// is meant by takes the body there without any: a far one (kJump, kJumpTurn), unless it leaves
+// behind what a connect or weld holds to the body.
 
 #pragma once
 
@@ -30,6 +31,7 @@ namespace dashpot::host {
 struct MocapBody {
   std::array<double, 7> given{}, placed{};  // poses that mjData had, and has meanwhile
   RememberedMocap now{};
+  bool jumps = false;  // far, and nobody has looked yet whether that is a motion
   std::array<double, 3> velocity{}, angular{};  // during the part, world
 };
 // Kept from step to step: a step allocates nothing.
@@ -72,6 +74,8 @@ class MocapMotion {
  private:
   bool anything_moves() const;
   void place(size_t index, const std::array<double, 7>& pose);
+  void settle_jump(size_t index);
+  double violation(size_t index, const std::array<double, 7>& pose);
   void find_constraints(double length);
 
   const mjModel_* model_;
