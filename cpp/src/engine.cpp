@@ -73,6 +73,7 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
     length = remaining;
     if (parts.cut()) parts.set_length(length);
     advance(d, parts, mocap);
+    parts.end_part();
     accumulate(statistics(), total);
   }
   parts.finish();

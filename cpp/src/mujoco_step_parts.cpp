@@ -2,6 +2,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
+
 namespace dashpot::host {
 
 StepParts::StepParts(mjModel_* m, mjData_* d)
@@ -22,6 +24,14 @@ void StepParts::set_length(double length) {
     mj_getState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
   }
   model_->opt.timestep = length;
+}
+
+void StepParts::end_part() {
+  if (!cut() || model_->nhistory == 0) return;
+  if (history_.empty())
+    history_.assign(data_->history, data_->history + model_->nhistory);
+  else
+    std::copy(history_.begin(), history_.end(), data_->history);
 }
 
 }  // namespace dashpot::host

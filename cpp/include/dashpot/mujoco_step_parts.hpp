@@ -22,6 +22,8 @@ class StepParts {
   double whole() const { return timestep_; }  // s
   bool cut() const { return !start_.empty(); }
   void set_length(double length);  // of the part, s; the first call cuts the step
+  // The buffers of delayed controls and sensors have one sample of a step, that of its start.
+  void end_part();
   void finish() { finished_ = true; }
 
  private:
@@ -29,7 +31,7 @@ class StepParts {
   mjData_* data_;
   double timestep_, end_;
   bool finished_ = false;
-  std::vector<double> start_;
+  std::vector<double> start_, history_;
 };
 
 }  // namespace dashpot::host
