@@ -132,10 +132,9 @@ def test_a_geom_adheres_only_within_its_own_reach():
     engine, data = engine_of(xml, 2e-3)
     data.qvel[2] = -4.0
     data.qvel[5] = 40.0  # a spin, for which detection reaches farther than the ball will go
-    engine.step(data)
-    assert len(engine.contacts(data)) == 1
+    assert engine.step(data).contacts == 1
     assert data.qvel[2] == pytest.approx(-4.0, rel=1e-12)
-    assert engine.contacts(data).force[0, 0] == 0.0
+    assert len(engine.contacts(data)) == 0
     engine.step(data)
     # Now it is 7 mm above the floor, inside the gap of 10 mm: 5 N act until it lands.
     assert data.qfrc_adhesion[2] == pytest.approx(-5.0, rel=1e-12)

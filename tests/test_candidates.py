@@ -105,7 +105,7 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
     contacts = 0
     for step in range(120):
         kept.mocap_pos[0, 0] = anew.mocap_pos[0, 0] = -0.4 + 0.002 * step
-        engine.step(kept)
+        contacts += engine.step(kept).contacts
         with mujoco_looks_itself():
             own.step(anew)
         for field in FIELDS:
@@ -113,7 +113,6 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
                 getattr(kept.contact, field), getattr(anew.contact, field), err_msg=field
             )
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
-        contacts += kept.ncon
     assert contacts > 900  # seven a step and more; fields have few where they are smooth
 
 
@@ -152,7 +151,7 @@ def test_pairs_that_are_known_to_be_apart_are(rotation: str) -> None:
         np.testing.assert_array_equal(kept.contact.dist, anew.contact.dist)
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
         touching += len(set(map(tuple, kept.contact.geom)))
-    assert 500 < touching < 3500  # of 7 pairs beside each other in 1000 steps: they come and go
+    assert 400 < touching < 3500  # of 7 pairs beside each other in 1000 steps: they come and go
 
 
 def grow(model: mujoco.MjModel) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 import pytest
 
 import dashpot
@@ -43,3 +44,39 @@ def test_contacts_filtered_by_geom_body_and_pair():
     for bad in ({"geom": "flor"}, {"body": "mid"}, {"pair": ("low", "low")}, {"pair": ("low",)}):
         with pytest.raises(ValueError, match=r"did you mean|no body|same geom|two geoms"):
             engine.contacts(data, **bad)
+
+
+@pytest.mark.parametrize("sensors", [True, False])
+def test_data_hold_contacts_that_touch_not_those_that_detection_sees_ahead(sensors):
+    """A ball and a box on a rail pass half a millimetre above the floor; a third rests on it."""
+    read = """<sensor><contact geom1="flies" data="found"/><contact geom1="slides" data="found"/>
+      <contact geom1="rests" data="found force"/></sensor>"""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="0.002"/><worldbody>
+      <geom name="floor" type="plane" size="5 5 .1"/>
+      <body pos="0 0 .1005" gravcomp="1"><freejoint/><geom name="flies" size=".1"/></body>
+      <body pos="0 1 .0505"><joint type="slide" axis="1 0 0"/><joint axis="0 0 1"/>
+        <geom name="slides" type="box" size=".05 .05 .05"/></body>
+      <body pos="0 2 .1"><freejoint/><geom name="rests" size=".1" mass="1"/></body>
+    </worldbody>{read * sensors}</mujoco>""")
+    engine = dashpot.Engine(model)
+    data, theirs = engine.make_data(), mujoco.MjData(model)
+    for start in (data, theirs):
+        start.qvel[[0, 3, 6]] = 3.0, 5.0, 1.0
+    for _ in range(50):
+        stats = engine.step(data)
+        mujoco.mj_step(model, theirs)
+    assert stats.contacts > 1
+    assert data.ncon == theirs.ncon == 1
+    rests = model.geom("rests").id
+    assert data.contact.geom.tolist() == engine.contacts(data).geom.tolist() == [[0, rests]]
+    assert engine.contacts(data).force[0, 0] == pytest.approx(9.81, rel=1e-6)
+    # What names a row's contact finds it, and rows of all others bear nothing.
+    rows = data.contact.efc_address
+    force = np.zeros(6)
+    mujoco.mj_contactForce(model, data, 0, force)
+    assert force[0] == pytest.approx(9.81, rel=1e-6)
+    assert data.efc_id[rows[0]] == 0
+    assert data.efc_force[: rows[0]].tolist() == [0.0] * rows[0]
+    if sensors:
+        assert data.sensordata[:3].tolist() == theirs.sensordata[:3].tolist() == [0.0, 0.0, 1.0]
+        assert data.sensordata[3] == pytest.approx(9.81, rel=1e-6)

@@ -85,7 +85,7 @@ def test_a_contact_that_no_joint_can_close_is_left_out():
     data = engine.make_data()
     data.qvel[0] = 1.0
     stats = engine.step(data)
-    assert data.ncon > 0
+    assert data.maxuse_con > 0  # MuJoCo has found them
     assert stats.contacts == stats.islands == 0
     assert data.qpos[0] == pytest.approx(0.01, rel=1e-15)
 
@@ -102,7 +102,7 @@ def test_a_link_that_turns_beside_another_is_left_out_if_its_joint_keeps_it_apar
     data = engine.make_data()
     data.qvel[0] = 0.5
     stats = engine.step(data)
-    assert data.ncon == 4
+    assert data.maxuse_con == 4  # MuJoCo has found them
     assert stats.contacts == contacts
 
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "dashpot/mujoco_contacts.hpp"
 #include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_state.hpp"
@@ -10,6 +11,7 @@
 namespace dashpot {
 
 void Stepper::Impl::report_forces(mjData_* d) {
+  leave_out_untouched(d);
   constraint_force.assign(motion.start_velocity().size(), 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& tree = motion.trees().tree[index];
@@ -21,6 +23,16 @@ void Stepper::Impl::report_forces(mjData_* d) {
   row_force = data.total_impulse;
   for (double& force : row_force) force /= length;
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
+}
+
+void Stepper::Impl::leave_out_untouched(mjData_* d) {
+  if (detection.contact_rows == host::ContactRows::kNone) return;  // nobody looks at them
+  contact_touched.assign(host::detected_count(d), 0);
+  for (size_t i = 0; i < rows.group.size(); ++i)
+    if (rows.group[i].kind == RowKind::kContact && data.touched[i])
+      contact_touched[contacts[rows.group[i].input].source] = 1;
+  if (host::leave_out_untouched(model, d, contact_touched, contacts))
+    host::make_contact_sensors(model, d);
 }
 
 // Work of contacts, because they turn, that no spring paid for: no more than all contacts together

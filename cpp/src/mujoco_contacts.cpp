@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_jacobians.hpp"
 
 namespace dashpot::host {
@@ -56,6 +57,22 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
   if (input.is_of_flex()) input.tree = trees_of_row(m, d, contact.efc_address);
   const mjtNum* rotation = frame_of_side(d, contact, 0).rotation;
   std::copy(rotation, rotation + 9, input.rotation.begin());
+}
+
+// The model's own gap, in which MuJoCo detects contacts without rows.
+double gap_of(const mjModel* m, const mjContact& contact) {
+  const int pair = defining_pair(m, contact.geom[0], contact.geom[1]);
+  if (pair >= 0) return m->pair_gap[pair];
+  double gap = 0.0;
+  for (int side = 0; side < 2; ++side)
+    gap +=
+        contact.geom[side] < 0 ? m->flex_gap[contact.flex[side]] : m->geom_gap[contact.geom[side]];
+  return gap;
+}
+
+bool is_of_contact(int row_type) {
+  return row_type == mjCNSTR_CONTACT_FRICTIONLESS || row_type == mjCNSTR_CONTACT_PYRAMIDAL ||
+         row_type == mjCNSTR_CONTACT_ELLIPTIC;
 }
 
 // Whether no joint moves the two sides of a contact against each other: those of one body or of
@@ -121,6 +138,36 @@ void redirect_contact(mjData_* d, const double* position, const double* normal, 
   set_frame(normal, contact.frame);
   std::copy(contact.pos, contact.pos + 3, input.position.begin());
   std::copy(contact.frame, contact.frame + 9, input.frame.begin());
+}
+
+bool leave_out_untouched(const mjModel_* m, mjData_* d, const std::vector<char>& touched,
+                         std::vector<ContactInput>& contacts) {
+  thread_local std::vector<int> place;  // kept by the thread: no allocation in a step
+  thread_local std::vector<mjContact> left_out;
+  place.resize(d->ncon);
+  left_out.clear();
+  int kept = 0;
+  for (int i = 0; i < d->ncon; ++i) {
+    mjContact& contact = d->contact[i];
+    const bool beyond = !touched[i] && contact.dist >= contact.includemargin;
+    if (beyond && contact.dist >= contact.includemargin + gap_of(m, contact)) {
+      left_out.push_back(contact);
+      place[i] = -static_cast<int>(left_out.size());
+      continue;
+    }
+    if (beyond && contact.adhesion == 0.0) contact.exclude = kInGap;
+    place[i] = kept;
+    if (kept < i) d->contact[kept] = contact;
+    ++kept;
+  }
+  if (left_out.empty()) return false;
+  std::copy(left_out.begin(), left_out.end(), d->contact + kept);
+  const auto new_place = [&](int i) { return place[i] < 0 ? kept - 1 - place[i] : place[i]; };
+  for (int row = d->ne + d->nf + d->nl; row < d->nefc; ++row)
+    if (is_of_contact(d->efc_type[row])) d->efc_id[row] = new_place(d->efc_id[row]);
+  for (ContactInput& input : contacts) input.source = new_place(input.source);
+  d->ncon = kept;
+  return true;
 }
 
 int detected_count(const mjData_* d) { return d->ncon; }

@@ -44,6 +44,16 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors senso
   mj_fwdAcceleration(m, d);
 }
 
+void make_contact_sensors(const mjModel_* m, mjData_* d) {
+  const auto any = [&](int stage) {
+    for (int i = 0; i < m->nsensor; ++i)
+      if (m->sensor_type[i] == mjSENS_CONTACT && m->sensor_needstage[i] == stage) return true;
+    return false;
+  };
+  if (any(mjSTAGE_POS)) call_with_callbacks(mj_sensorPos, m, d);
+  if (any(mjSTAGE_VEL)) call_with_callbacks(mj_sensorVel, m, d);
+}
+
 void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
                    const std::vector<ContactInput>& contacts,
                    const std::vector<ConstraintInput>& constraints, const Rows& rows,

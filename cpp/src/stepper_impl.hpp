@@ -49,6 +49,7 @@ struct Stepper::Impl {
   void run_islands();
   void update_complementarity_free(mjData_* d);
   void report_forces(mjData_* d);
+  void leave_out_untouched(mjData_* d);
   void advance_state(mjData_* d, bool new_control);
   void account_smooth_work(mjData_* d);
   void remember(mjData_* d, const host::MocapMotion& mocap);
@@ -97,6 +98,7 @@ struct Stepper::Impl {
   std::vector<double> constraint_force, row_force;
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
+  std::vector<char> contact_touched;           // by place in d->contact
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
   std::vector<char> turned;                    // by tree: its inertia is that of the middle

@@ -12,7 +12,9 @@ __all__ = ["Contacts", "Energy"]
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts of the last step, ``n`` of them, those that could touch in it included.
+    """Contacts of the last step: the ``n`` that touched in it or overlapped at its start.
+
+    What detection saw ahead and did not touch is counted in ``StepStats.contacts`` alone.
 
     Geometry and velocity are those at the start of the step, force and torque its mean, and
     compression, displacement and sticking those at its end. Vectors are in the contact frame, whose

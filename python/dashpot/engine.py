@@ -311,7 +311,8 @@ class Engine:
         sensors, plugins or flexes, which read them. Rows of limits, equalities and dry friction are
         made in every step. Control and passive callbacks see no contacts and no rows, but sensors
         of positions and velocities, which are computed for them first: a sensor callback is asked
-        twice for these then.
+        twice for these then, as it may be where sensors of contacts need no forces. In these two
+        stages it sees what detection found ahead, too.
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)

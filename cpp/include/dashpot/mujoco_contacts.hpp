@@ -28,6 +28,12 @@ void set_frame(const double* normal, const double* tangent, double* frame);
 // Gives a contact another position, normal (both world) and gap, also in `d`.
 void redirect_contact(mjData_* d, const double* position, const double* normal, double gap,
                       ContactInput& contact);
+// Detection reaches ahead, further than the margin and gap of the model. Contacts that are beyond
+// them and not `touched`, by index in `d`, count no more: they go behind the others, where rows
+// still find them. Those in the gap that do not adhere are marked as MuJoCo marks them. `contacts`
+// get their new places. Whether any are left out.
+bool leave_out_untouched(const mjModel_* m, mjData_* d, const std::vector<char>& touched,
+                         std::vector<ContactInput>& contacts);
 int detected_count(const mjData_* d);
 // Force and torque of a detected contact in its frame, N and N m. Throws std::runtime_error where
 // the last step has left no rows of contacts.

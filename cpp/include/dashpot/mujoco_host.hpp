@@ -23,6 +23,10 @@ namespace dashpot::host {
 enum class Sensors { kForCallbacks, kStay };
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors);
 
+// Makes the sensors of positions and velocities anew where some of them look at contacts, which are
+// not those of detection any more.
+void make_contact_sensors(const mjModel_* m, mjData_* d);
+
 // Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
 // row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
 void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
