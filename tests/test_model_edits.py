@@ -26,3 +26,15 @@ def test_a_condim_that_is_none_names_what_has_it(field, named, condim):
     assert np.array_equal(data.qpos, before)
     with pytest.raises(ValueError, match=named):
         Engine(engine.model)
+
+
+@pytest.mark.parametrize("flag", ["fwdinv", "diagexact"])
+def test_flags_of_mujocos_own_solver_are_listed(flag):
+    model = mujoco.MjModel.from_xml_string(SCENE)
+    assert flag not in str(Engine(model).report())
+    model.opt.enableflags = int(getattr(mujoco.mjtEnableBit, f"mjENBL_{flag.upper()}"))
+    engine = Engine(model)
+    assert [f.treatment for f in engine.report().features if f.name == f"flag {flag}"] == ["mapped"]
+    data = engine.make_data()
+    engine.step(data)
+    assert data.solver_fwdinv.tolist() == [0.0, 0.0]

@@ -89,6 +89,11 @@ void report_options(const mjModel* m, Report& report) {
                "contact parameters come from materials, not from o_solref and o_solimp");
   if (o.enableflags & mjENBL_IPC)
     report.add("flag ipc", Treatment::kRefused, "contacts belong to the discrete integrator");
+  if (o.enableflags & mjENBL_FWDINV)
+    report.add("flag fwdinv", Treatment::kMapped,
+               "solver_fwdinv stays zero: mean forces of a step are no solution of mj_inverse");
+  if (o.enableflags & mjENBL_DIAGEXACT)
+    report.add("flag diagexact", Treatment::kMapped, "apparent masses are always exact");
   if (o.disableflags & mjDSBL_CONTACT)
     report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
   report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
