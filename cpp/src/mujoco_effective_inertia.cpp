@@ -10,7 +10,10 @@
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
 // the smooth forces with respect to velocity, which mj_implicit itself starts from.
-extern "C" void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
+extern "C" {
+void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
+void mjd_actuator_vel(const mjModel* m, mjData* d);
+}
 
 namespace dashpot::host {
 
@@ -20,6 +23,9 @@ namespace {
 // (trapezoid.hpp) throws about light links that dampers hold; with more, what strong dampers hold
 // follows late.
 constexpr double kImplicitPart = 0.25;
+// Part of a velocity that explicit damping takes in a step. Followed to second order, as Adams and
+// Bashforth do, it is stable up to 1, held over the step up to 2.
+constexpr double kStrongDamping = 0.5;
 
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
 // armature, and without forces that the integrator treats implicitly.
@@ -170,8 +176,23 @@ void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* p
     }
 }
 
+void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
+  thread_local std::vector<double> force, size;  // kept by the thread: a step allocates nothing
+  force.assign(m->nv, 0.0);
+  size.assign(m->nv, 0.0);
+  add_damping(m, d, v, force.data());
+  for (int i = 0; i < m->nv; ++i)
+    for (int k = m->D_rowadr[i]; k < m->D_rowadr[i] + m->D_rownnz[i]; ++k)
+      size[i] += std::abs(d->qDeriv[k]);
+  for (int i = 0; i < m->nv; ++i)
+    if (m->opt.timestep * size[i] * m->dof_invweight0[i] > kStrongDamping) product[i] += force[i];
+}
+
 void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
-  if (takes_derivatives(m)) mjd_smooth_vel(m, d, 0);
+  if (takes_derivatives(m)) return mjd_smooth_vel(m, d, 0);
+  if (m->nactuator == 0) return;
+  mju_zero(d->qDeriv, m->nD);
+  mjd_actuator_vel(m, d);
 }
 
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {

@@ -47,16 +47,15 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof) {
   return force + weight_of_subtree(m, d, dof);
 }
 
-// Dampers have a part in the derivatives, which takes theirs back.
+// Dampers have a part in the derivatives of implicit integrators, which takes theirs back.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force) {
   driving_forces(m, d, force);
-  const bool implicit = takes_derivatives(m) && m->nactuator > 0;
-  for (int i = 0; i < m->nv; ++i) {
-    force[i] -= d->qfrc_gravcomp[i];
-    if (implicit) force[i] += damping_force(d, i);
-  }
-  if (implicit) add_damping(m, d, velocity.data(), force.data());
+  for (int i = 0; i < m->nv; ++i) force[i] -= d->qfrc_gravcomp[i];
+  if (m->nactuator == 0) return;
+  if (!takes_derivatives(m)) return add_strong_damping(m, d, velocity.data(), force.data());
+  for (int i = 0; i < m->nv; ++i) force[i] += damping_force(d, i);
+  add_damping(m, d, velocity.data(), force.data());
 }
 
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {

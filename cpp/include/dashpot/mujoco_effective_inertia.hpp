@@ -38,7 +38,11 @@ double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity)
 // Adds D v (nv) of a D that comes from derivatives.
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
 
-// Computes the derivatives where they are needed.
+// The same of the damping of actuators, of an integrator that treats it explicitly, for the degrees
+// of freedom where it takes more than half of their velocity in a step.
+void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
+
+// Computes the derivatives where they are needed: of all smooth forces, or of actuators alone.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
 // factor_inertia.

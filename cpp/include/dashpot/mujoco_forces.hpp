@@ -21,7 +21,8 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof);
 void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 // The driving forces but gravity compensation (nv), of which what the effective inertia treats
-// implicitly, as the damping of servos, is left out. At the start of a step from `velocity`.
+// implicitly, as the damping of servos, is left out, and explicit damping that is strong for the
+// step. At the start of a step from `velocity`.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
 // M x in generalized coordinates (nv), with the inertia last computed.
