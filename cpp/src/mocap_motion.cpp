@@ -182,12 +182,12 @@ double MocapMotion::violation(size_t index, const Pose& pose) {
 }
 
 // Of a body that holds something a far jump is a motion, too, unless what it holds has been taken
-// along: it is no farther from the new pose than from the old one.
+// along: it is no farther from the new pose than from the old one. Within a single step it is none.
 void MocapMotion::settle_jump(size_t index) {
   MocapBody& body = buffers_.body[index];
   body.jumps = false;
   bool holding = false;
-  for (int i = 0; i < model_->neq; ++i)
+  for (int i = 0; i < model_->neq && time_constant_ > 0.0; ++i)
     holding |= data_->eq_active[i] && holds(model_, i, static_cast<int>(index));
   if (holding && violation(index, body.now.command) > violation(index, body.now.pose)) return;
   body.now = {body.now.command, body.now.command, {}, {}};

@@ -84,7 +84,7 @@ class Engine:
         default ``solref``, with which a mocap weld moves there. With 0 the body goes straight to
         the pose within the step: exact for poses set in every step, jerky for others. A jump of
         more than 0.1 m or 0.5 rad in one step, and the first pose, takes the body there without any
-        motion; not so a jump that leaves behind what a weld or connect holds to it.
+        motion; not so, where T > 0, a jump that leaves behind what a weld or connect holds to it.
         During a step mocap bodies are where they are, not yet where they are told to be; ``xpos``
         and sensors say so.
     impact

@@ -12,8 +12,8 @@
 // with x the offset from the commanded pose: three numbers of translation, three
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
-// is meant by takes the body there without any: a far one (kJump, kJumpTurn), unless it leaves
-// behind what a connect or weld holds to the body.
+// is meant by takes the body there without any: a far one (kJump, kJumpTurn), unless T > 0
+// and it leaves behind what a connect or weld holds to the body.
 
 #pragma once
 
