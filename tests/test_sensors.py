@@ -196,3 +196,21 @@ def test_rows_between_the_steps_of_one_call_are_left_out_without_consequence():
         for of, data in zip(wrench, (together, apart), strict=True):
             mujoco.mj_contactForce(engine.model, data, index, of)
         assert np.array_equal(*wrench)
+
+
+def test_a_tactile_sensor_reads_the_compression_that_a_material_gives():
+    model = mujoco.MjModel.from_xml_string("""<mujoco>
+      <asset><mesh name="pad" builtin="sphere" params="2" scale=".1 .1 .1"/></asset><worldbody>
+      <geom name="floor" type="plane" size="5 5 .1"/>
+      <body pos="0 0 .1"><freejoint/><geom name="pad" type="mesh" mesh="pad" mass="1"/></body>
+      </worldbody><sensor><tactile name="skin" geom="pad" mesh="pad"/></sensor></mujoco>""")
+    engine = dashpot.Engine(model)
+    tactile = [f for f in engine.report().features if f.name == "sensor 'skin' tactile"]
+    assert [f.treatment for f in tactile] == ["mapped"]
+    assert "material" in tactile[0].note
+    stiffness = 1e4
+    engine.set_pair_material("pad", "floor", dashpot.Material(stiffness, damping_ratio=1.0))
+    data = engine.make_data()
+    engine.step(data, nstep=1000)
+    # It stands on one corner of the mesh.
+    assert data.sensordata.max() == pytest.approx(9.81 / stiffness, rel=1e-4)

@@ -146,6 +146,14 @@ void report_contacts(const mjModel* m, Report& report) {
   }
 }
 
+void report_sensors(const mjModel* m, Report& report) {
+  for (int i = 0; i < m->nsensor; ++i)
+    if (m->sensor_type[i] == mjSENS_TACTILE && !report.comfree())
+      report.add("sensor " + named(m, mjOBJ_SENSOR, i) + " tactile", Treatment::kMapped,
+                 "reads how deep geoms overlap, which is next to nothing where they are rigid: a "
+                 "material makes it force over stiffness");
+}
+
 void report_mocap(const mjModel* m, Report& report) {
   for (int body = 0; body < m->nbody; ++body) {
     if (m->body_mocapid[body] < 0) continue;
@@ -268,6 +276,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
   Report report{law, {}};
   report_options(m, report);
   report_contacts(m, report);
+  report_sensors(m, report);
   report_mocap(m, report);
   report_constraints(m, report);
   return report.features;
