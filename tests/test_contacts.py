@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import mujoco
 import numpy as np
 import pytest
@@ -77,6 +79,12 @@ def test_data_hold_contacts_that_touch_not_those_that_detection_sees_ahead(senso
     assert force[0] == pytest.approx(9.81, rel=1e-6)
     assert data.efc_id[rows[0]] == 0
     assert data.efc_force[: rows[0]].tolist() == [0.0] * rows[0]
+    left_out = data.efc_id >= data.ncon
+    assert left_out.any()
+    frictionless = mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS
+    assert (data.efc_type[left_out] == frictionless).all()
+    # What goes on from the rows of a copy does not look for contacts that it does not have.
+    mujoco.mj_forwardSkip(model, copy.copy(data), mujoco.mjtStage.mjSTAGE_POS, True)
     if sensors:
         assert data.sensordata[:3].tolist() == theirs.sensordata[:3].tolist() == [0.0, 0.0, 1.0]
         assert data.sensordata[3] == pytest.approx(9.81, rel=1e-6)

@@ -163,8 +163,12 @@ bool leave_out_untouched(const mjModel_* m, mjData_* d, const std::vector<char>&
   if (left_out.empty()) return false;
   std::copy(left_out.begin(), left_out.end(), d->contact + kept);
   const auto new_place = [&](int i) { return place[i] < 0 ? kept - 1 - place[i] : place[i]; };
-  for (int row = d->ne + d->nf + d->nl; row < d->nefc; ++row)
-    if (is_of_contact(d->efc_type[row])) d->efc_id[row] = new_place(d->efc_id[row]);
+  for (int row = d->ne + d->nf + d->nl; row < d->nefc; ++row) {
+    if (!is_of_contact(d->efc_type[row])) continue;
+    d->efc_id[row] = new_place(d->efc_id[row]);
+    // Copies of the data have no such contact: of this type nothing looks for it.
+    if (d->efc_id[row] >= kept) d->efc_type[row] = mjCNSTR_CONTACT_FRICTIONLESS;
+  }
   for (ContactInput& input : contacts) input.source = new_place(input.source);
   d->ncon = kept;
   return true;
