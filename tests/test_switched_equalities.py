@@ -87,3 +87,20 @@ def test_a_stiff_equality_with_a_solref_of_its_own_throws_nothing():
     # Of a hundred weights: what a spring that they deform gives without damping.
     assert fastest < 100 * 9.81 / np.sqrt(stiffness)
     assert data.qpos[coordinate] < APART - 0.1 * RECOVERY_SPEED
+
+
+def test_a_soft_limit_bears_its_load_from_the_first_step_of_a_state_without_memory():
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option timestep="0.002"/><worldbody>
+      <body pos="0 0 1"><joint type="slide" axis="0 0 1" limited="true" range="-0.1 1"
+        solreflimit="0.1 1"/><geom size="0.05" mass="1"/></body></worldbody></mujoco>""")
+    engine = Engine(model)
+    settled = engine.make_data()
+    engine.step(settled, nstep=2000)
+    sag = -0.1 - settled.qpos[0]
+    assert sag > 1e-3
+    anew = engine.make_data()
+    anew.qpos[:] = settled.qpos
+    for _ in range(100):
+        engine.step(anew)
+        # It used to fall by a part of the sag, and to be pushed back.
+        assert anew.qpos[0] == pytest.approx(settled.qpos[0], abs=1e-6 * sag)
