@@ -176,16 +176,21 @@ void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* p
     }
 }
 
+double actuator_damping(const mjModel_* m, const mjData_* d, int dof) {
+  if (takes_derivatives(m) || m->nactuator == 0) return 0.0;
+  double sum = 0.0;
+  for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+    sum += std::abs(d->qDeriv[k]);
+  return sum;
+}
+
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
-  thread_local std::vector<double> force, size;  // kept by the thread: a step allocates nothing
+  thread_local std::vector<double> force;  // kept by the thread: a step allocates nothing
   force.assign(m->nv, 0.0);
-  size.assign(m->nv, 0.0);
   add_damping(m, d, v, force.data());
   for (int i = 0; i < m->nv; ++i)
-    for (int k = m->D_rowadr[i]; k < m->D_rowadr[i] + m->D_rownnz[i]; ++k)
-      size[i] += std::abs(d->qDeriv[k]);
-  for (int i = 0; i < m->nv; ++i)
-    if (m->opt.timestep * size[i] * m->dof_invweight0[i] > kStrongDamping) product[i] += force[i];
+    if (m->opt.timestep * actuator_damping(m, d, i) * m->dof_invweight0[i] > kStrongDamping)
+      product[i] += force[i];
 }
 
 void prepare_effective_inertia(const mjModel_* m, mjData_* d) {

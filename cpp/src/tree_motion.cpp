@@ -153,7 +153,7 @@ void TreeMotion::to_generalized_force(int index, const double* coordinates, doub
 
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
-  integrated_[index] = is_integrated(index, length, by_rows, data);
+  integrated_[index] = is_integrated(d, index, length, by_rows, data);
   if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
   if (!by_rows.touched) return 0.0;
   const Tree& tree = trees_.tree[index];
@@ -190,20 +190,20 @@ void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOn
   }
 }
 
-bool TreeMotion::is_integrated(int index, double length, const RowsOnTree& by_rows,
-                               const RowData& data) const {
+bool TreeMotion::is_integrated(const mjData_* d, int index, double length,
+                               const RowsOnTree& by_rows, const RowData& data) const {
   if (is_accurate(index)) return false;
   if (!by_rows.touched) return true;
-  if (host::is_runge_kutta(model_)) return resolves_dampers(index, length, by_rows, data);
+  if (host::is_runge_kutta(model_)) return resolves_dampers(d, index, length, by_rows, data);
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
   return host::adds_to_smooth_motion(model_) && !by_rows.trapezoidal;
 }
 
-// Whether the joint dampers of a tree that rows move take less than they could in a step: the
-// stages of RK4, which are explicit, turn round under the mean forces of an impact beyond H C / M
-// of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
-bool TreeMotion::resolves_dampers(int index, double length, const RowsOnTree& by_rows,
-                                  const RowData& data) const {
+// Whether the dampers of a tree that rows move, of joints and actuators, take less than they could
+// in a step: the stages of RK4, which are explicit, turn round under the mean forces of an impact
+// beyond H C / M of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
+bool TreeMotion::resolves_dampers(const mjData_* d, int index, double length,
+                                  const RowsOnTree& by_rows, const RowData& data) const {
   const Tree& t = trees_.tree[index];
   if (t.free_body) return true;
   constexpr double kMost = 2.0 / 3.0;
@@ -211,7 +211,8 @@ bool TreeMotion::resolves_dampers(int index, double length, const RowsOnTree& by
   for (int i = 0; i < t.dof_count; ++i) {
     const double speed =
         std::max(std::abs(start_velocity_[t.dof_begin + i]), std::abs(data.velocity[t.begin + i]));
-    const double damping = host::joint_damping(model_, t.dof_begin + i, speed);
+    const double damping = host::joint_damping(model_, t.dof_begin + i, speed) +
+                           host::actuator_damping(model_, d, t.dof_begin + i);
     const double mobility = length * damping * inverse[i * (t.count + 1)];
     if (mobility <= kMost) continue;
     const double barred = by_rows.stages ? by_rows.stages->barred_inverse_mass(index, i) : 0.0;

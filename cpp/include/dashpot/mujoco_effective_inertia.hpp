@@ -38,7 +38,10 @@ double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity)
 // Adds D v (nv) of a D that comes from derivatives.
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
 
-// The same of the damping of actuators, of an integrator that treats it explicitly, for the degrees
+// The most that actuators take of a degree of freedom's velocity, of an integrator that treats them
+// explicitly: the sum of the sizes of their derivatives in its row, N s/m or N m s/rad.
+double actuator_damping(const mjModel_* m, const mjData_* d, int dof);
+// Adds D v of the damping of actuators, of an integrator that treats it explicitly, for the degrees
 // of freedom where it takes more than half of their velocity in a step.
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
 

@@ -84,8 +84,9 @@ class TreeMotion {
  private:
   bool is_accurate(int tree) const;
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
-  bool is_integrated(int tree, double length, const RowsOnTree& by_rows, const RowData& data) const;
-  bool resolves_dampers(int tree, double length, const RowsOnTree& by_rows,
+  bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                     const RowData& data) const;
+  bool resolves_dampers(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                         const RowData& data) const;
   void add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
                          RowData& data) const;
