@@ -91,39 +91,7 @@ void follow(double time_constant, double time, Vector& x, Vector& rate) {
   x = rate = {};
 }
 
-// The mocap body that a body is or is fixed to; -1 for none.
-int mocap_of(const mjModel* m, int body) {
-  return m->body_treeid[body] < 0 ? m->body_mocapid[m->body_rootid[body]] : -1;
-}
-
-// The bodies of a connect or weld; the world twice of other equalities.
-std::array<int, 2> joined_bodies(const mjModel* m, int equality) {
-  const int type = m->eq_type[equality];
-  if (type != mjEQ_CONNECT && type != mjEQ_WELD) return {0, 0};
-  const int first = m->eq_obj1id[equality], second = m->eq_obj2id[equality];
-  if (m->eq_objtype[equality] == mjOBJ_SITE) return {m->site_bodyid[first], m->site_bodyid[second]};
-  return {first, second};
-}
-
-bool holds(const mjModel* m, int equality, int mocap) {
-  const std::array<int, 2> body = joined_bodies(m, equality);
-  return mocap_of(m, body[0]) == mocap || mocap_of(m, body[1]) == mocap;
-}
-
 }  // namespace
-
-bool is_mocap(const mjModel_* m, int body) { return mocap_of(m, body) >= 0; }
-
-const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
-  const int root = m->body_rootid[body];
-  return m->body_mocapid[root] >= 0 ? d->cvel + 6 * root : nullptr;
-}
-
-bool is_held_by_mocap(const mjModel_* m, int equality) {
-  if (m->nmocap == 0) return false;
-  const std::array<int, 2> body = joined_bodies(m, equality);
-  return is_mocap(m, body[0]) || is_mocap(m, body[1]);
-}
 
 MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant,
                          const Memory& memory, MocapBuffers& buffers)
@@ -140,9 +108,10 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     mju_normalize4(command.data() + 3);
     const bool knows = moves && is_pose(body.now.command) && is_pose(body.now.pose) &&
                        std::isfinite(norm(body.now.velocity) + norm(body.now.angular));
-    body.jumps = knows && (norm(offset(body.now.command, command)) > kJump ||
-                           norm(turn(body.now.command, command)) > kJumpTurn);
-    if (!knows) body.now = {command, command, {}, {}};
+    const bool far = knows && (norm(offset(body.now.command, command)) > kJump ||
+                               norm(turn(body.now.command, command)) > kJumpTurn);
+    body.jumps = far && time_constant > 0.0 && holds_anything(m, d, index);
+    if (!knows || (far && !body.jumps)) body.now = {command, command, {}, {}};
     body.now.command = command;
   }
 }
@@ -166,12 +135,11 @@ bool MocapMotion::anything_moves() const {
   });
 }
 
-// The sum of the squared violations (m^2, rad^2) of what a mocap body holds, with the body in a
-// pose.
+// The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.
 double MocapMotion::violation(size_t index, const Pose& pose) {
   place(index, pose);
   data_->ncon = 0;
-  data_->parena = 0;  // what the last step left there is not needed any more
+  data_->parena = 0;  // as in find_constraints
   mj_fwdKinematics(model_, data_);
   mj_makeConstraint(model_, data_);
   double sum = 0.0;
@@ -186,11 +154,9 @@ double MocapMotion::violation(size_t index, const Pose& pose) {
 void MocapMotion::settle_jump(size_t index) {
   MocapBody& body = buffers_.body[index];
   body.jumps = false;
-  bool holding = false;
-  for (int i = 0; i < model_->neq && time_constant_ > 0.0; ++i)
-    holding |= data_->eq_active[i] && holds(model_, i, static_cast<int>(index));
-  if (holding && violation(index, body.now.command) > violation(index, body.now.pose)) return;
-  body.now = {body.now.command, body.now.command, {}, {}};
+  const Pose command = body.now.command;
+  if (!(violation(index, command) > violation(index, body.now.pose)))
+    body.now = {command, command, {}, {}};
 }
 
 void MocapMotion::begin(double length) {

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "dashpot/memory.hpp"
+#include "dashpot/mocap_bodies.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -84,15 +85,5 @@ class MocapMotion {
   double time_constant_, searched_ = 0.0;  // s, the latter the length that begin() was given
   MocapBuffers& buffers_;
 };
-
-// Whether a body is a mocap body or fixed to one.
-bool is_mocap(const mjModel_* m, int body);
-// Rotation and translation (6, as in cvel and about the same point) by which a mocap body takes a
-// body along that is fixed to it or hangs on it by joints; null for all others.
-const double* mocap_twist(const mjModel_* m, const mjData_* d, int body);
-// Whether a connect or weld holds something to a mocap body. What it pulls at may not be able to
-// follow, and a rigid row would tear at it: such rows are as soft as their solref says, MuJoCo's
-// default too.
-bool is_held_by_mocap(const mjModel_* m, int equality);
 
 }  // namespace dashpot::host
