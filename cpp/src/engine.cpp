@@ -5,17 +5,14 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/comfree.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_features.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
-#include "dashpot/mujoco_turning.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
-#include "dashpot/solref.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
@@ -137,50 +134,6 @@ void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   flights.follow(model, d, memory(d), detection.buffers, constraints, length, contacts);
 }
 
-// Ends this part of the step where the next impact begins.
-void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
-  part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, parts.whole(), length, kMaxCuts - cuts, proven_apart);
-  drop_pairs(part.apart, contacts);
-  if (part.length == length) return;
-  ++cuts;
-  length = part.length;
-  parts.set_length(length);
-  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
-}
-
-// The inertia of a free body goes there too, unless constraints hold it, which are those of the
-// start.
-void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return;
-  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
-                       contacts, turned);
-  for (const ConstraintInput& constraint : constraints)
-    for (int tree : constraint.tree)
-      if (tree >= 0) turned[tree] = 0;
-  for (int tree = 0; tree < motion.tree_count(); ++tree) {
-    turned[tree] = turned[tree] && motion.can_freeze_ahead(tree);
-    if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
-  }
-}
-
-void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
-                                             host::MocapMotion& mocap) {
-  const std::vector<ContactInput> start = contacts;
-  const std::vector<ConstraintInput> start_constraints = constraints;
-  mocap.show(0.5 * length);
-  host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
-                              constraints);
-  drop_pairs(apart, contacts);
-  drop_pairs(flights.near_misses(), contacts);
-  mocap.drive(constraints);
-  motion.freeze_at_middle(d, length, data);
-  build_rows(d);
-  give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
-  mocap.show(0.0);
-  middle.leave();
-}
-
 void Stepper::Impl::build_rows(mjData_* d) {
   damp_held_trees(d);
   assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials);
@@ -250,31 +203,6 @@ void Stepper::Impl::run_islands() {
     data.total_displacement[i] += recovery_displacement[i];
 }
 
-// Nothing is remembered but the ledger, and no spring stores energy.
-void Stepper::Impl::update_complementarity_free(mjData_* d) {
-  data.reset_rows(rows);
-  islands.find(rows, motion.trees());
-  ledger = memory(d).ledger();
-  gaps.clear();
-  effective_masses.clear();
-  for (const RowGroup& c : rows.group) {
-    // Equalities and dry friction loss can enter by edits of the model.
-    if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
-      host::check_supported(model, parameters.options.law);
-    const bool contact = c.kind == RowKind::kContact;
-    gaps.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
-    effective_masses.push_back(effective_mass(
-        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gaps.back()),
-        rows.typical_inverse_mass[c.row]));
-  }
-  const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
-  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses, length,
-                                       data);
-  check_velocities();
-  find_touched_trees();
-  book_rows(data, {}, {}, ledger);
-}
-
 void Stepper::Impl::find_touched_trees() {
   touched.assign(motion.tree_count(), 0);
   held.assign(motion.tree_count(), 0);
@@ -323,6 +251,20 @@ bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
   return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
 }
 
+RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
+  RowsOnTree by_rows;
+  by_rows.touched = touched[tree];
+  by_rows.held = held[tree];
+  by_rows.from_middle = geometry_of_middle || turned[tree];
+  by_rows.trapezoidal = trapezoid.holds(tree);
+  by_rows.unpaid = unpaid[tree];
+  by_rows.added_velocity = trapezoid.added_velocity();
+  if (!stages) return by_rows;
+  by_rows.stages = &held_stages;
+  by_rows.mean_velocity = runge_kutta.mean_velocity().data();
+  return by_rows;
+}
+
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
 // its velocity there, as other integrators of MuJoCo do.
 void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
@@ -342,12 +284,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
       if (touched[index]) motion.advance_semi_implicitly(d, index, length);
       continue;
     }
-    ledger.dissipated_normal += motion.advance(
-        d, index, length,
-        {touched[index] != 0, held[index] != 0, geometry_of_middle || turned[index],
-         trapezoid.holds(index), unpaid[index], trapezoid.added_velocity(),
-         stages ? &held_stages : nullptr, stages ? runge_kutta.mean_velocity().data() : nullptr},
-        data);
+    ledger.dissipated_normal += motion.advance(d, index, length, rows_on_tree(index, stages), data);
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);

@@ -1,5 +1,6 @@
-// What a stepper holds. Its stages are in engine.cpp and engine_knock_on.cpp, its books in
-// engine_books.cpp.
+// What a stepper holds. The step is in engine.cpp; the geometry of its rows in engine_geometry.cpp,
+// what blows bring about in engine_knock_on.cpp, the complementarity-free law in
+// engine_comfree.cpp, and the books in engine_books.cpp.
 
 #pragma once
 
@@ -61,6 +62,7 @@ struct Stepper::Impl {
   void find_end_gaps();
   bool lands_in_next_step(const RowGroup& c) const;
   bool gets_second_half_in_flight(int tree) const;
+  RowsOnTree rows_on_tree(int tree, bool stages) const;
   void check_velocities() const;
   void check_memory() const;
   Memory memory(mjData_* d) const;

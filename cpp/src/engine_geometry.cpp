@@ -1,0 +1,53 @@
+// The geometry that rows have: of the middle of the step where bodies touch and turn
+// (mujoco_turning.hpp), of a part of it where an impact begins within (impact.hpp).
+
+#include "dashpot/mujoco_turning.hpp"
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+// Ends this part of the step where the next impact begins.
+void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
+  part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
+                            contacts, parts.whole(), length, kMaxCuts - cuts, proven_apart);
+  drop_pairs(part.apart, contacts);
+  if (part.length == length) return;
+  ++cuts;
+  length = part.length;
+  parts.set_length(length);
+  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
+}
+
+// The inertia of a free body goes there too, unless constraints hold it, which are those of the
+// start.
+void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
+  if (parameters.options.law == Law::kComFree) return;
+  host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
+                       contacts, turned);
+  for (const ConstraintInput& constraint : constraints)
+    for (int tree : constraint.tree)
+      if (tree >= 0) turned[tree] = 0;
+  for (int tree = 0; tree < motion.tree_count(); ++tree) {
+    turned[tree] = turned[tree] && motion.can_freeze_ahead(tree);
+    if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
+  }
+}
+
+void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
+                                             host::MocapMotion& mocap) {
+  const std::vector<ContactInput> start = contacts;
+  const std::vector<ConstraintInput> start_constraints = constraints;
+  mocap.show(0.5 * length);
+  host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
+                              constraints);
+  drop_pairs(apart, contacts);
+  drop_pairs(flights.near_misses(), contacts);
+  mocap.drive(constraints);
+  motion.freeze_at_middle(d, length, data);
+  build_rows(d);
+  give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
+  mocap.show(0.0);
+  middle.leave();
+}
+
+}  // namespace dashpot
