@@ -243,7 +243,8 @@ void Stepper::Impl::check_memory() const {
   if (compressed > memory_layout.contacts)
     throw std::runtime_error(std::to_string(compressed) + " contacts exceed the memory for " +
                              std::to_string(memory_layout.contacts) +
-                             " contacts that data reserve");
+                             " contacts that data reserve: make the engine of a model whose geoms "
+                             "may touch as they do now");
 }
 
 // MuJoCo's integrator starts from it then.

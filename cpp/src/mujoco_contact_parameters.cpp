@@ -76,6 +76,15 @@ int defining_pair(const mjModel_* m, int geom1, int geom2) {
   return -1;
 }
 
+double gap_of(const mjModel_* m, const mjContact_& contact, const GapArrays& gaps) {
+  const int pair = defining_pair(m, contact.geom[0], contact.geom[1]);
+  if (pair >= 0) return gaps.pair[pair];
+  const auto of_side = [&](int side) {
+    return contact.geom[side] < 0 ? gaps.flex[contact.flex[side]] : gaps.geom[contact.geom[side]];
+  };
+  return of_side(0) + of_side(1);
+}
+
 ContactParameters parameters_of_pair(const mjModel_* m, int pair) {
   return with_least_friction({m->pair_dim[pair], numbers<5>(m->pair_friction + 5 * pair),
                               numbers<2>(m->pair_solref + mjNREF * pair),

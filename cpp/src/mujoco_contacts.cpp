@@ -59,17 +59,6 @@ void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& in
   std::copy(rotation, rotation + 9, input.rotation.begin());
 }
 
-// The model's own gap, in which MuJoCo detects contacts without rows.
-double gap_of(const mjModel* m, const mjContact& contact) {
-  const int pair = defining_pair(m, contact.geom[0], contact.geom[1]);
-  if (pair >= 0) return m->pair_gap[pair];
-  double gap = 0.0;
-  for (int side = 0; side < 2; ++side)
-    gap +=
-        contact.geom[side] < 0 ? m->flex_gap[contact.flex[side]] : m->geom_gap[contact.geom[side]];
-  return gap;
-}
-
 bool is_of_contact(int row_type) {
   return row_type == mjCNSTR_CONTACT_FRICTIONLESS || row_type == mjCNSTR_CONTACT_PYRAMIDAL ||
          row_type == mjCNSTR_CONTACT_ELLIPTIC;
@@ -146,11 +135,12 @@ bool leave_out_untouched(const mjModel_* m, mjData_* d, const std::vector<char>&
   thread_local std::vector<mjContact> left_out;
   place.resize(d->ncon);
   left_out.clear();
+  const GapArrays own{m->geom_gap, m->pair_gap, m->flex_gap};
   int kept = 0;
   for (int i = 0; i < d->ncon; ++i) {
     mjContact& contact = d->contact[i];
     const bool beyond = !touched[i] && contact.dist >= contact.includemargin;
-    if (beyond && contact.dist >= contact.includemargin + gap_of(m, contact)) {
+    if (beyond && contact.dist >= contact.includemargin + gap_of(m, contact, own)) {
       left_out.push_back(contact);
       place[i] = -static_cast<int>(left_out.size());
       continue;

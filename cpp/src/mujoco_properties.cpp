@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "dashpot/mocap_bodies.hpp"
+
 namespace dashpot::host {
 
 int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
@@ -103,7 +105,7 @@ int contact_capacity(const mjModel_* m) {
     const int body = m->geom_bodyid[geom];
     if (!m->geom_contype[geom] && !m->geom_conaffinity[geom] && !is_in_pair(m, geom))
       count += kCapacityUnseen;
-    else if (m->body_treeid[body] < 0 && m->body_mocapid[m->body_rootid[body]] < 0)
+    else if (m->body_treeid[body] < 0 && !is_mocap(m, body))
       count += kCapacityStatic;
     else
       count += on_terrain ? kMostOfGeom : capacity_of(m->geom_type[geom]);

@@ -124,14 +124,8 @@ WidenedReach::~WidenedReach() {
 }
 
 bool WidenedReach::within_own(const mjContact_& contact) const {
-  const int first = contact.geom[0], second = contact.geom[1];
-  const auto own_gap = [&](int side) {
-    return contact.geom[side] < 0 ? buffers_.flex_gap[contact.flex[side]]
-                                  : buffers_.geom_gap[contact.geom[side]];
-  };
-  const int pair = defining_pair(m_, first, second);
-  const double gap = pair >= 0 ? buffers_.pair_gap[pair] : own_gap(0) + own_gap(1);
-  return contact.dist < contact.includemargin + gap;
+  const GapArrays own{buffers_.geom_gap.data(), buffers_.pair_gap.data(), buffers_.flex_gap.data()};
+  return contact.dist < contact.includemargin + gap_of(m_, contact, own);
 }
 
 }  // namespace dashpot::host

@@ -30,13 +30,15 @@ class Engine:
     :meth:`make_data` are ordinary ``mujoco.MjData`` and carry that memory, so that
     ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
     simulation state it is. The private model may be edited between steps (time step, masses,
-    gravity); sizes are fixed. Edits of masses, inertias, positions or joints need
-    ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in MuJoCo (which resets
-    the state of the data that it is given), and a geom that grows needs its ``geom_rbound`` and
-    ``geom_aabb`` too. Save the model that you gave, not :attr:`model`, to make an engine of it
-    later: an engine of an engine's model reserves contact memory once more, and its states are of
-    another size. Threads may share an engine: steps, each on data of
-    its own, take turns, and rollouts and copies of the engine see its model as it is between steps.
+    gravity); sizes are fixed, and so is the memory for contacts, of which geoms that could
+    touch nothing when the engine was made have little. Edits of masses, inertias, positions or
+    joints need ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in
+    MuJoCo (which resets the state of the data that it is given), and a geom that grows needs
+    its ``geom_rbound`` and ``geom_aabb`` too. Save the model that you gave, not :attr:`model`,
+    to make an engine of it later: an engine of an engine's model reserves contact memory once
+    more, and its states are of another size. Threads may share an engine: steps, each on data
+    of its own, take turns, and rollouts and copies of the engine see its model as it is between
+    steps.
 
     Parameters
     ----------

@@ -7,11 +7,20 @@
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
+struct mjContact_;
 
 namespace dashpot::host {
 
 // Index of the <pair> that defines the contacts of two geoms, in any order; -1 for none.
 int defining_pair(const mjModel_* m, int geom1, int geom2);
+
+// Gaps (m) by geom, by <pair> and by flex: a model's own, or what they were before they were
+// widened.
+struct GapArrays {
+  const double *geom, *pair, *flex;
+};
+// How far beyond its margin a contact is detected.
+double gap_of(const mjModel_* m, const mjContact_& contact, const GapArrays& gaps);
 
 // Of contacts of two geoms, and of those that a <pair> defines.
 struct ContactParameters {
