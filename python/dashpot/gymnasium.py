@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import mujoco
-import numpy as np
 
 from dashpot.engine import Engine
+from dashpot.handover import engine_for
 
 Environment = TypeVar("Environment")
 
@@ -16,9 +16,6 @@ Environment = TypeVar("Environment")
 # simulation, and how it steps it, by the family that it is of.
 _MAKES = "_initialize_simulation"
 _STEPS = {"gymnasium": "_step_mujoco_simulation", "gymnasium-robotics": "_mujoco_step"}
-
-# All that a step goes on from but user data, of which dashpot's data have more.
-_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
 
 
 def with_dashpot(
@@ -82,7 +79,7 @@ def _stepping(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engi
         def _initialize_simulation(self) -> Any:
             made = super()._initialize_simulation()
             model, data = (self.model, self.data) if made is None else made
-            self.dashpot_engine, self.data = _engine_of(model, data, make_engine)
+            self.dashpot_engine, self.data = engine_for(model, data, make_engine)
             self.model = self.dashpot_engine.model
             return None if made is None else (self.model, self.data)
 
@@ -122,18 +119,6 @@ def _steps_its_own(env_class: type[Any]) -> bool:
     return hasattr(env_class, _MAKES) and steps
 
 
-def _engine_of(
-    model: mujoco.MjModel, data: mujoco.MjData, make_engine: Callable[[mujoco.MjModel], Engine]
-) -> tuple[Engine, mujoco.MjData]:
-    """Make an engine for a model, and data of its own in the same state."""
-    engine = make_engine(model)
-    if not isinstance(engine, Engine):
-        raise TypeError(f"make_engine returned {type(engine).__name__}; it must be Engine")
-    own = engine.make_data()
-    _copy_state(model, data, engine.model, own)
-    return engine, own
-
-
 def _go_over(
     env: Any, env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]
 ) -> Engine:
@@ -147,7 +132,7 @@ def _go_over(
         )
     inner = held[0]
     model, data = inner.model, inner.data
-    engine, own = _engine_of(model, data, make_engine)
+    engine, own = engine_for(model, data, make_engine)
     inner.__class__ = with_dashpot(type(inner), make_engine=make_engine)
     inner.dashpot_engine = engine
     # The environments themselves refer to model and data, and so does what they render with.
@@ -177,14 +162,3 @@ def _make_empty(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], En
     """Make an environment whose state is yet to be set, as pickles do."""
     derived = with_dashpot(env_class, make_engine=make_engine)
     return object.__new__(derived)
-
-
-def _copy_state(
-    model: mujoco.MjModel, data: mujoco.MjData, own_model: mujoco.MjModel, own: mujoco.MjData
-) -> None:
-    """Copy what the data of an environment hold to those of its engine."""
-    state = np.empty(mujoco.mj_stateSize(model, _STATE))
-    mujoco.mj_getState(model, data, state, _STATE)
-    mujoco.mj_setState(own_model, own, state, _STATE)
-    own.userdata[: model.nuserdata] = data.userdata
-    mujoco.mj_forward(own_model, own)
