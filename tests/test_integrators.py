@@ -91,8 +91,14 @@ def test_without_rows_every_step_is_mujocos_to_the_bit(scene, integrator, impact
         control, push = rng.normal(size=model.nu), rng.normal(size=6)
         for data in (ours, theirs):
             data.ctrl[:], data.xfrc_applied[1] = control, push
-        engine.step(ours, nstep=5)
+        parts = engine.step(ours, nstep=5).parts
         mujoco.mj_step(model, theirs, nstep=5)
+        if parts > 1:
+            # implicit throws the ball joints about, from 5 rad/s on, ever faster: what turns by
+            # more than 0.3 rad in a step, its change of velocity added, is not followed any more.
+            assert np.abs(theirs.qvel).max() * model.opt.timestep > 0.15
+            assert (scene, integrator) == ("ball joints", "implicit")
+            return
         assert state_of(model, ours) == state_of(model, theirs)
 
 

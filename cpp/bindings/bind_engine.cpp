@@ -76,7 +76,7 @@ py::array_t<double> array(const std::vector<T>& rows, std::vector<py::ssize_t> s
 
 py::tuple values(const StepStats& s) {
   return py::make_tuple(s.contacts, s.touching, s.islands, s.microsteps, s.clipped,
-                        s.max_penetration, s.max_compression, s.cuts);
+                        s.max_penetration, s.max_compression, s.cuts, s.parts);
 }
 
 py::dict contacts_dict(std::uintptr_t model, std::uintptr_t data, int contact_capacity) {
@@ -168,6 +168,11 @@ void bind_engine(py::module_& module) {
       .def_readonly("max_compression", &StepStats::max_compression,
                     "Deepest compression of a spring at the end of any step, m.")
       .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")
+      .def_readonly(
+          "parts", &StepStats::parts,
+          "Parts that a step was taken in, maximum over all steps: 1 for whole steps, more "
+          "where it was cut at impacts or links turn so far that MuJoCo's integrators would "
+          "not follow.")
       .def("__eq__",
            [](const StepStats& stats, const py::object& other) {
              return py::isinstance<StepStats>(other) &&
@@ -176,18 +181,18 @@ void bind_engine(py::module_& module) {
       .def("__hash__", [](const StepStats& s) { return py::hash(values(s)); })
       .def(py::pickle([](const StepStats& s) { return values(s); },
                       [](const py::tuple& state) {
-                        if (state.size() != 8) throw std::invalid_argument("StepStats: bad pickle");
-                        return StepStats{state[0].cast<int>(),    state[1].cast<int>(),
-                                         state[2].cast<int>(),    state[3].cast<int>(),
-                                         state[4].cast<int>(),    state[5].cast<double>(),
-                                         state[6].cast<double>(), state[7].cast<int>()};
+                        if (state.size() != 9) throw std::invalid_argument("StepStats: bad pickle");
+                        return StepStats{
+                            state[0].cast<int>(),    state[1].cast<int>(), state[2].cast<int>(),
+                            state[3].cast<int>(),    state[4].cast<int>(), state[5].cast<double>(),
+                            state[6].cast<double>(), state[7].cast<int>(), state[8].cast<int>()};
                       }))
       .def("__repr__", [](const StepStats& s) {
         return py::str(
                    "StepStats(contacts={}, touching={}, islands={}, microsteps={}, clipped={}, "
-                   "max_penetration={}, max_compression={}, cuts={})")
+                   "max_penetration={}, max_compression={}, cuts={}, parts={})")
             .format(s.contacts, s.touching, s.islands, s.microsteps, s.clipped, s.max_penetration,
-                    s.max_compression, s.cuts);
+                    s.max_compression, s.cuts, s.parts);
       });
 
   py::class_<ModelLock, std::shared_ptr<ModelLock>>(

@@ -28,6 +28,7 @@ void accumulate(const StepStats& step, StepStats& total) {
   total.max_penetration = std::max(total.max_penetration, step.max_penetration);
   total.max_compression = std::max(total.max_compression, step.max_compression);
   total.cuts += step.cuts;
+  total.parts = std::max(total.parts, step.parts);
 }
 
 }  // namespace
@@ -66,15 +67,19 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   cuts = 0;
   proven_apart.clear();
   StepStats total;
-  for (double remaining = parts.whole(); remaining > 0.0; remaining -= length) {
+  int taken = 0;
+  whole = parts.whole();
+  for (double remaining = whole; remaining > 0.0; remaining -= length) {
     length = remaining;
     if (parts.cut()) parts.set_length(length);
     advance(d, parts, mocap);
     parts.end_part();
     accumulate(statistics(), total);
+    ++taken;
   }
   parts.finish();
   total.cuts = cuts;
+  total.parts = taken;
   return total;
 }
 
@@ -84,18 +89,13 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   const bool new_control = !parts.cut();
   host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
   mocap.write_velocities();
-  // A part that another will follow needs no more than directions for the search of its end.
-  const bool rough = parts.cut() && cuts < kMaxCuts;
-  const double searched = length;
-  motion.find_smooth_motion(d, length, rough, data);
-  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
-  mocap.drive(constraints);
-  part = Part();
-  correct_contacts_ahead(d);
-  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
-  solve(d, mocap);
-  follow_knock_on(d, mocap);
+  motion.find_smooth_motion(d, length, is_rough(parts), data);
+  if (turns_far(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data);
+  detect_and_solve(d, parts, mocap);
+  while (is_thrown_far(parts)) {
+    motion.find_smooth_motion(d, length, is_rough(parts), data);
+    detect_and_solve(d, parts, mocap);
+  }
   report_forces(d);
   advance_state(d, new_control);
   mocap.write_velocities();
@@ -104,6 +104,24 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   mocap.advance(length);
   remember(d, mocap);
   proven_apart.forget(touched);
+}
+
+void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
+  const bool rough = is_rough(parts);
+  const double searched = length;
+  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+  mocap.drive(constraints);
+  part = Part();
+  correct_contacts_ahead(d);
+  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
+  if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
+  solve(d, mocap);
+  follow_knock_on(d, mocap);
+}
+
+// A part that another will follow needs no more than directions for the search of its end.
+bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
+  return parameters.options.impact == Impact::kCut && parts.cut() && cuts < kMaxCuts;
 }
 
 // Rows, and what they do over the step.
@@ -173,7 +191,10 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
   find_hits(rows, islands.all(), contacts, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
-  islands.plan(rows, motion.trees(), materials, sag_time, hits, length, parameters.options);
+  // Cuts at impacts let springs be resolved more finely.
+  const double resolved = parameters.options.impact == Impact::kCut ? length : whole;
+  islands.plan(rows, motion.trees(), materials, sag_time, hits, length, resolved,
+               parameters.options);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length,
               data);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))

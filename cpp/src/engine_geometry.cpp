@@ -1,21 +1,40 @@
 // The geometry that rows have: of the middle of the step where bodies touch and turn
-// (mujoco_turning.hpp), of a part of it where an impact begins within (impact.hpp).
+// (mujoco_turning.hpp), of a part of it where an impact begins within (impact.hpp) or trees turn
+// far (turning_parts.hpp).
 
 #include "dashpot/mujoco_turning.hpp"
+#include "dashpot/turning_parts.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
+
+// Whether this part of the step ends earlier, where trees have turned as far as MuJoCo's
+// integrators follow.
+bool Stepper::Impl::turns_far(host::StepParts& parts) {
+  if (parameters.options.law == Law::kComFree) return false;
+  return shorten(part_of_smooth_turn(model, motion, length, parts.whole()), parts);
+}
+
+// The same for what rows throw about within it.
+bool Stepper::Impl::is_thrown_far(host::StepParts& parts) {
+  if (parameters.options.law == Law::kComFree) return false;
+  return shorten(part_of_thrown_turn(model, motion, data, touched, length, parts.whole()), parts);
+}
+
+bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
+  if (shorter == length) return false;
+  length = shorter;
+  parts.set_length(length);
+  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
+  return true;
+}
 
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
                             contacts, parts.whole(), length, kMaxCuts - cuts, proven_apart);
   drop_pairs(part.apart, contacts);
-  if (part.length == length) return;
-  ++cuts;
-  length = part.length;
-  parts.set_length(length);
-  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
+  if (shorten(part.length, parts)) ++cuts;
 }
 
 // The inertia of a free body goes there too, unless constraints hold it, which are those of the

@@ -48,6 +48,9 @@ bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
   });
 }
 
+// The last bit of a quotient must not add a micro-step.
+int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - kRounding))); }
+
 }  // namespace
 
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
@@ -119,8 +122,8 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double step,
-                   const Options& options) {
+                   const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
+                   double step, const Options& options) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
@@ -136,10 +139,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
           std::min(si_microstep, longest_rigid_microstep(island, rows, materials, sag_time));
       count = std::max<double>(kMinimumMicrosteps, step / longest);
     }
-    // Rounding up must not add a micro-step for the last bit of a quotient.
-    island.microsteps = static_cast<int>(
-        std::ceil(std::min<double>(count, options.max_microsteps) * (1.0 - kRounding)));
-    const double rigid_microstep = step / island.microsteps;
+    const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
+    const double rigid_microstep = step / of_step;
+    island.microsteps = part == step ? of_step : rounded_up(part / rigid_microstep);
     const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
     if (options.microsteps == 0 && finer > 1 && is_hit(island, materials, hits)) {
       island.microsteps *= finer;
@@ -149,7 +151,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
         own = {own.stiffness, own.stiffness, own.stiffness};
       }
     }
-    island.duration = step / island.microsteps;
+    island.duration = part / island.microsteps;
     const bool resolves_si = fits(island.duration, si_microstep);
     if (!resolves_si) measure(island, rows, trees, materials, true);
     for (int index : island.group) {

@@ -76,6 +76,12 @@ int last_dof(const mjModel_* m, int body) {
   return m->body_dofnum[carrier] == 0 ? -1 : m->body_dofadr[carrier] + m->body_dofnum[carrier] - 1;
 }
 
+bool is_rotational(const mjModel* m, int dof) {
+  const int joint = m->dof_jntid[dof], type = m->jnt_type[joint];
+  if (type == mjJNT_SLIDE) return false;
+  return type != mjJNT_FREE || dof >= m->jnt_dofadr[joint] + 3;
+}
+
 double contact_radius(const mjModel_* m, const ContactInput& input) {
   double radius = std::numeric_limits<double>::infinity();
   for (int geom : input.geom)

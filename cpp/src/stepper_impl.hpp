@@ -38,6 +38,9 @@ struct Stepper::Impl {
 
   // The stages of a step.
   void correct_contacts_ahead(mjData_* d);
+  bool turns_far(host::StepParts& parts);
+  bool is_thrown_far(host::StepParts& parts);
+  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
   void take_turning_contacts_to_middle(mjData_* d);
@@ -55,6 +58,8 @@ struct Stepper::Impl {
   void account_smooth_work(mjData_* d);
   void remember(mjData_* d, const host::MocapMotion& mocap);
 
+  bool is_rough(const host::StepParts& parts) const;
+  bool shorten(double shorter, host::StepParts& parts);
   void find_touched_trees();
   void find_unpaid(mjData_* d);
   bool rows_moved_something() const;
@@ -77,6 +82,7 @@ struct Stepper::Impl {
   Trapezoid trapezoid;
 
   // Rebuilt in every step.
+  double whole = 0.0;   // s, of the step
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
   Part part;

@@ -395,6 +395,11 @@ class StepStats:
         Largest number of micro-steps of an island, maximum over all steps.
         """
     @property
+    def parts(self) -> int:
+        """
+        Parts that a step was taken in, maximum over all steps: 1 for whole steps, more where it was cut at impacts or links turn so far that MuJoCo's integrators would not follow.
+        """
+    @property
     def touching(self) -> int:
         """
         Contacts that carried an impulse.

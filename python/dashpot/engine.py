@@ -284,7 +284,8 @@ class Engine:
         -------
         StepStats
             Contacts, islands and sizes of the last step; maxima over all steps of micro-steps,
-            clipped rows, penetration and compression; the number of cuts at impacts.
+            clipped rows, penetration, compression and parts of a step; the number of cuts at
+            impacts.
 
         Raises
         ------

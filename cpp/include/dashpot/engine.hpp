@@ -28,6 +28,7 @@ struct StepStats {
   double max_penetration = 0.0;  // m, deepest overlap less margin at a step's start (maximum)
   double max_compression = 0.0;  // m, deepest compression at a step's end (maximum)
   int cuts = 0;                  // cuts at impacts (sum over steps)
+  int parts = 0;                 // that a step was taken in (maximum over steps)
 };
 
 class Stepper {

@@ -64,14 +64,15 @@ class Islands {
   // Connected sets of groups in a fixed order: by their first group. Valid until the next call.
   const std::vector<Island>& find(const Rows& rows, const Trees& trees);
 
-  // Chooses the number of micro-steps of every island over a step of length `step` (s) and fills
-  // the stiffness and damping of its rows from `materials`, `sag_time` and `hits` (one per group).
+  // Chooses the number of micro-steps of every island over `part` (s) of a step of length `step`
+  // (s) and fills the stiffness and damping of its rows from `materials`, `sag_time` and `hits`
+  // (one per group). They are those of the whole step, so that what rests does not feel its parts.
   // A rigid material becomes as stiff as h resolves, one of a model's own solref no stiffer than
   // that says. Where h does not resolve an island's SI values, all its rows are rigid, those no
   // stiffer than given. What is lowered is counted as clipped.
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-            const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double step,
-            const Options& options);
+            const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
+            double step, const Options& options);
 
   const std::vector<Island>& all() const { return islands_; }
 

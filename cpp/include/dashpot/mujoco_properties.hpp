@@ -28,6 +28,8 @@ int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
 double geom_inverse_mass(const mjModel_* m, int geom);
 // The last degree of freedom that moves a body against the world, -1 for none.
 int last_dof(const mjModel_* m, int body);
+// Whether a degree of freedom turns what it moves.
+bool is_rotational(const mjModel_* m, int dof);
 
 // Radius (m) about the smaller geom of a contact; infinite if neither has one.
 double contact_radius(const mjModel_* m, const ContactInput& input);

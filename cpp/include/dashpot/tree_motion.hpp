@@ -47,6 +47,9 @@ class TreeMotion {
   // Unless `accurate_free_bodies`, free bodies move as MuJoCo moves them, as all other trees do.
   TreeMotion(const mjModel_* model, bool accurate_free_bodies);
 
+  // Whether it is a free body that moves as one, not as MuJoCo moves it.
+  bool is_accurate(int tree) const;
+
   // Reads the state at the start of a step.
   void start(const mjData_* d);
   // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
@@ -82,7 +85,6 @@ class TreeMotion {
   const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
 
  private:
-  bool is_accurate(int tree) const;
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
   bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                      const RowData& data) const;
