@@ -93,6 +93,26 @@ def test_contacts_carry_the_weight_that_rests_on_them():
         physics.data.contact_force(1)
 
 
+def test_contact_forces_of_a_bounce_give_what_momentum_it_gains():
+    def make_engine(model):
+        engine = Engine(model)
+        engine.set_pair_material("ball", "floor", Material(stiffness=1e5, restitution=0.8))
+        return engine
+
+    physics = with_dashpot(Physics.from_xml_string(BALL), make_engine=make_engine)
+    with physics.reset_context():
+        physics.data.qpos[2], physics.data.qvel[2] = 0.3, -2.0
+    impulse = 0.0
+    while not (physics.data.qvel[2] > 0.0 and physics.data.qpos[2] > 0.2):
+        physics.step()
+        forces = [physics.data.contact_force(i)[0, 0] for i in range(physics.data.ncon)]
+        impulse += sum(forces) * physics.timestep()
+    # Contacts at the end of a step are others than those in it where it lands and where it leaves.
+    gained = physics.data.qvel[2] + 2.0 + WEIGHT * physics.time()
+    assert physics.data.qvel[2] > 1.0
+    assert impulse == pytest.approx(gained, rel=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["copy", "shared", "deepcopy", "pickle"])
 def test_copies_go_on_as_the_original_does(kind):
     env = with_dashpot(load("walker", "run"))
