@@ -95,6 +95,31 @@ def test_a_trace_of_dry_friction_leaves_a_swing_as_it_is(timestep):
     assert data.qpos[0] == pytest.approx(reference.qpos[0], abs=1e-7)
 
 
+def test_a_motor_weaker_than_dry_friction_moves_nothing_but_in_mujoco_where_that_creeps():
+    slide = """<option gravity="0 0 0"/><worldbody><body><joint name="finger" type="slide" {}/>
+      <geom type="sphere" size=".05" mass="0.5" contype="0" conaffinity="0"/></body></worldbody>
+      <actuator><motor joint="finger"/></actuator>"""
+    rubbing = slide.format('frictionloss="5"')
+    engine, data = engine_of(rubbing, 2e-3)
+    data.ctrl[:] = force = 4.0
+    advance(engine, data, 2.0)
+    assert abs(data.qvel[0]) < 1e-12
+    mapped = [feature.name for feature in engine.report().of("mapped")]
+    assert "joint 'finger' frictionloss" in mapped
+    # MuJoCo's row has the impedance d_0 = 0.9 at any load, the width's 0.95 and a time constant of
+    # 20 ms: a damper of 947/s times the mass. One of the model's own moves a finger so here, too.
+    damper = 2 * 0.9 / (0.1 * 0.95 * 0.02) * 0.5
+    model = mujoco.MjModel.from_xml_string(f"<mujoco>{rubbing}</mujoco>")
+    creeping = mujoco.MjData(model)
+    creeping.ctrl[:] = force
+    mujoco.mj_step(model, creeping, 1000)
+    assert creeping.qvel[0] == pytest.approx(force / damper, rel=1e-9)
+    engine, data = engine_of(slide.format(f'damping="{damper}"'), 2e-3)
+    data.ctrl[:] = force
+    advance(engine, data, 2.0)
+    assert data.qvel[0] == pytest.approx(force / damper, rel=1e-9)
+
+
 def test_dry_friction_dissipates_its_limit_times_the_way():
     slide = """<worldbody><body><joint type="slide" axis="0 0 1" frictionloss="5"/>
       <geom type="sphere" size=".05" mass="1" contype="0" conaffinity="0"/></body></worldbody>"""

@@ -75,7 +75,7 @@ def test_data_hold_contacts_that_touch_not_those_that_detection_sees_ahead(senso
     # What names a row's contact finds it, and rows of all others bear nothing.
     rows = data.contact.efc_address
     force = np.zeros(6)
-    mujoco.mj_contactForce(model, data, 0, force)
+    mujoco.mj_contactForce(engine.model, data, 0, force)
     assert force[0] == pytest.approx(9.81, rel=1e-6)
     assert data.efc_id[rows[0]] == 0
     assert data.efc_force[: rows[0]].tolist() == [0.0] * rows[0]

@@ -58,14 +58,19 @@ void report_scalar_solref(Report& report, const std::string& name, const mjtNum*
     report.add(name + " solref/solimp", Treatment::kMapped, note);
 }
 
-// Dry friction loss of a joint or tendon.
+// Dry friction loss of a joint or tendon. MuJoCo's holds nothing: a load F below it moves a joint
+// of inertia m at F (1 - d_0) d_width timeconst / (2 d_0 m).
 void report_friction_loss(Report& report, const std::string& name, const mjtNum* solref,
                           const mjtNum* solimp) {
-  if (report.comfree())
+  if (report.comfree()) {
     report.add(name + " frictionloss", Treatment::kRefused,
                "law comfree pushes one way only; use law kelvin_voigt");
-  else
+  } else {
+    report.add(name + " frictionloss", Treatment::kMapped,
+               "holds what loads it less, which in MuJoCo creeps as against a damper: an actuator "
+               "that is weaker moves nothing");
     report_scalar_solref(report, name + " frictionloss", solref, solimp);
+  }
 }
 
 void report_options(const mjModel* m, Report& report) {

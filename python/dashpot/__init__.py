@@ -50,6 +50,7 @@ __all__ = [
     "data",
     "distance",
     "distances",
+    "dm_control",
     "gymnasium",
     "law",
     "linearize",
@@ -59,10 +60,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate, compare, data, gymnasium, law
+    from dashpot import calibrate, compare, data, dm_control, gymnasium, law
 
-# Imported on first use: some need scipy or matplotlib.
-_LAZY = ("calibrate", "compare", "data", "gymnasium", "law")
+# Imported on first use: some need scipy, matplotlib or dm_control.
+_LAZY = ("calibrate", "compare", "data", "dm_control", "gymnasium", "law")
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -31,7 +32,8 @@ def with_dashpot(
     it is MuJoCo that steps.
 
     An environment that steps another one that it holds, as gymnasium-robotics' kitchen and mazes
-    do, is made as it is; then the one that it holds goes over to the engine. Ids and names that it
+    do, is made as it is; then the one that it holds goes over to the engine. So does one of
+    dm_control's, as gym-aloha's environments hold (see `dashpot.dm_control`). Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.
 
@@ -45,8 +47,8 @@ def with_dashpot(
     ----------
     env_class
         A class derived from ``gymnasium.envs.mujoco.MujocoEnv`` or from gymnasium-robotics'
-        ``MujocoRobotEnv``, or whose environments hold one of such a class in an attribute, wrapped
-        or not.
+        ``MujocoRobotEnv``, or whose environments hold one of such a class, or one of dm_control's,
+        in an attribute, wrapped or not.
     make_engine
         Makes the engine for an environment's model, with other options or with materials.
 
@@ -102,11 +104,14 @@ def _holding(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engin
     """Derive a class of environments that hold the one whose simulation they step."""
 
     class WithDashpot(env_class):  # type: ignore[misc]
-        dashpot_engine: Engine
-
         def __init__(self, *args: Any, **kwargs: Any) -> None:
             super().__init__(*args, **kwargs)
-            self.dashpot_engine = _go_over(self, env_class, make_engine)
+            self._dashpot_steps = _go_over(self, env_class, make_engine)
+
+        @property
+        def dashpot_engine(self) -> Engine:
+            stepped = self._dashpot_steps
+            return getattr(stepped, "physics", stepped).dashpot_engine  # type: ignore[no-any-return]
 
         def __reduce__(self) -> tuple[Any, ...]:
             return _reduced(self, env_class, make_engine)
@@ -121,10 +126,17 @@ def _steps_its_own(env_class: type[Any]) -> bool:
 
 def _go_over(
     env: Any, env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]
-) -> Engine:
-    """Let the environment that `env` holds be stepped by an engine, from the state that it has."""
+) -> Any:
+    """Let what `env` holds be stepped by an engine, from the state that it has, and return it."""
     inside = {id(inner): inner for inner in map(_unwrapped, vars(env).values())}
     held = [inner for inner in inside.values() if _steps_its_own(type(inner))]
+    if not held and "dm_control" in sys.modules:
+        from dashpot import dm_control
+
+        held = list(dm_control.environments_in(env))
+        if len(held) == 1:
+            dm_control.with_dashpot(held[0], make_engine=make_engine)
+            return held[0]
     if len(held) != 1:
         raise TypeError(
             f"env_class is {env_class!r}: its environments are none of MuJoCo's, and they hold "
@@ -142,7 +154,7 @@ def _go_over(
                 setattr(holder, name, engine.model)
             elif value is data:
                 setattr(holder, name, own)
-    return engine
+    return inner
 
 
 def _unwrapped(held: Any) -> Any:
