@@ -16,6 +16,8 @@ Environment = TypeVar("Environment")
 # simulation, and how it steps it, by the family that it is of.
 _MAKES = "_initialize_simulation"
 _STEPS = {"gymnasium": "_step_mujoco_simulation", "gymnasium-robotics": "_mujoco_step"}
+# MetaWorld's, which writes all numbers of a weld.
+_WELDS = "reset_mocap_welds"
 
 
 def with_dashpot(
@@ -34,6 +36,9 @@ def with_dashpot(
     do, is made as it is; then the one that it holds goes over to the engine. Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.
+
+    MetaWorld's tasks are environments of gymnasium's. Its release 3.1.1 is of MuJoCo 3.3 and writes
+    equalities without the number that they have had more since; here that number stays as it is.
 
     For example::
 
@@ -95,7 +100,37 @@ def _stepping(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engi
         def __reduce__(self) -> tuple[Any, ...]:
             return _reduced(self, env_class, make_engine)
 
+    if hasattr(env_class, _WELDS):
+        setattr(WithDashpot, _WELDS, _resetting_welds(getattr(env_class, _WELDS)))
     return WithDashpot
+
+
+class _OlderModel:
+    """A model whose equalities have the 11 numbers that MuJoCo 3.3 gave them."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self._model = model
+
+    @property
+    def eq_data(self) -> Any:
+        return self._model.eq_data[:, :11]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._model, name)
+
+
+def _resetting_welds(reset: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Return MetaWorld's method that resets mocap welds, for a model of today's."""
+
+    def reset_mocap_welds(self: Any) -> None:
+        model = self.model
+        self.model = _OlderModel(model)
+        try:
+            reset(self)
+        finally:
+            self.model = model
+
+    return reset_mocap_welds
 
 
 def _holding(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
