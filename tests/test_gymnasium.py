@@ -90,6 +90,14 @@ def test_environments_pickle():
     assert np.array_equal(play(other, steps=40), play(env, steps=40))
 
 
+def test_classes_pickle_as_what_they_are_derived_from():
+    # As in tables of tasks, which tell a task's environments by their class.
+    env_class = with_dashpot(HopperEnv)
+    assert pickle.loads(pickle.dumps(env_class)) is env_class
+    assert with_dashpot(HopperEnv) is env_class
+    assert with_dashpot(AntEnv) is not env_class
+
+
 class BallRobot:
     """What with_dashpot uses of gymnasium-robotics' MujocoRobotEnv."""
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import copyreg
+from collections.abc import Callable, Hashable
+from functools import cache
 from typing import Any, TypeVar
 
 import mujoco
@@ -39,6 +41,8 @@ def with_dashpot(
 
     MetaWorld's tasks are environments of gymnasium's. Its release 3.1.1 is of MuJoCo 3.3 and writes
     equalities without the number that they have had more since; here that number stays as it is.
+    What makes environments by itself takes the class from a table, as ``gym.make`` does of
+    MetaWorld's from ``metaworld.env_dict.ALL_V3_ENVIRONMENTS``: put the derived class there.
 
     For example::
 
@@ -66,10 +70,36 @@ def with_dashpot(
         _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))
     ):
         raise TypeError(f"env_class is {env_class!r}, no class of environments")
+    given: Any = env_class
+    derive = _derived if isinstance(make_engine, Hashable) else _derive
+    derived: type[Environment] = derive(given, make_engine)
+    return derived
+
+
+def _derive(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
     derive = _stepping if _steps_its_own(env_class) else _holding
-    derived = derive(env_class, make_engine)
-    derived.__name__ = derived.__qualname__ = f"{env_class.__name__}WithDashpot"
-    derived.__doc__ = env_class.__doc__
+    name = f"{env_class.__name__}WithDashpot"
+    members = {
+        "__doc__": env_class.__doc__,
+        "__module__": __name__,
+        "__qualname__": name,
+        "dashpot_derived_from": (env_class, make_engine),
+    }
+    metaclass: Any = type(env_class)
+    return _picklable(metaclass)(name, (derive(env_class, make_engine),), members)
+
+
+@cache
+def _derived(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
+    """Derive a class once: what it is pickled by leads back to it."""
+    return _derive(env_class, make_engine)
+
+
+@cache
+def _picklable(metaclass: type[type]) -> Callable[..., type[Any]]:
+    """Derive the metaclass of classes that are pickled by what they are derived from."""
+    derived = type("WithDashpot", (metaclass,), {})
+    copyreg.pickle(derived, lambda env_class: (_derived, env_class.dashpot_derived_from))
     return derived
 
 
