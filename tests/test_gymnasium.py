@@ -90,6 +90,14 @@ def test_environments_pickle():
     assert np.array_equal(play(other, steps=40), play(env, steps=40))
 
 
+def test_classes_pickle_as_what_they_are_derived_from():
+    # As in tables of tasks, which tell a task's environments by their class.
+    env_class = with_dashpot(HopperEnv)
+    assert pickle.loads(pickle.dumps(env_class)) is env_class
+    assert with_dashpot(HopperEnv) is env_class
+    assert with_dashpot(AntEnv) is not env_class
+
+
 class BallRobot:
     """What with_dashpot uses of gymnasium-robotics' MujocoRobotEnv."""
 
@@ -125,6 +133,38 @@ def test_robot_environments_keep_what_they_set_up():
     # mj_step lets it sag 0.1 mm and more, dashpot's rigid contact by less than a micrometre.
     assert robot.data.qpos[2] == pytest.approx(0.1, abs=1e-6)
     assert robot.dashpot_engine.contacts(robot.data).force[0, 0] == pytest.approx(9.81, rel=1e-6)
+
+
+class Welded(BallRobot):
+    """What with_dashpot uses of MetaWorld's environments, which are written for MuJoCo 3.3."""
+
+    def __init__(self):
+        super().__init__()
+        self.reset_mocap_welds()
+
+    def _initialize_simulation(self):
+        self.model = mujoco.MjModel.from_xml_string(
+            "<mujoco><worldbody><body name='mocap' mocap='true' pos='0 0 1'/><body name='hand'>"
+            "<freejoint/><geom size='.1' mass='1'/></body></worldbody><equality>"
+            "<weld body1='mocap' body2='hand' relpose='0 0 -1 1 0 0 0'/></equality></mujoco>"
+        )
+        self.data = mujoco.MjData(self.model)
+
+    def reset_mocap_welds(self):
+        if self.model.nmocap > 0:
+            self.model.eq_data[0] = np.array([0.0] * 6 + [-1.0, 0.0, 0.0, 0.0, 5.0])
+
+
+def test_welds_are_reset_that_have_more_numbers_than_metaworld_knows():
+    with pytest.raises(ValueError, match="broadcast"):
+        Welded()
+    robot = with_dashpot(Welded)()
+    assert robot.model is robot.dashpot_engine.model
+    assert list(robot.model.eq_data[0, 3:11]) == [0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 5.0]
+    # The hand, a metre away, is fetched, within ten times 20 ms, to the weld's softness.
+    for _ in range(10):
+        robot.step(None)
+    assert robot.data.qpos[2] == pytest.approx(1.0, abs=2e-3)
 
 
 class Yard:

@@ -51,6 +51,43 @@ def test_a_welded_tool_turns_by_a_quarter_at_once_told():
     assert 2.0 * math.atan2(data.qpos[6], data.qpos[3]) == pytest.approx(math.pi / 2, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("tool", "equality"),
+    [
+        ('pos="0 0 1"', '<weld body1="hand" body2="tool"/>'),
+        ('pos="0 0 1"', '<weld body1="tool" body2="hand"/>'),
+        ('pos="0 0 1"', '<connect body1="hand" body2="tool" anchor="0 0 0"/>'),
+        (
+            'pos="0 0.3 1" quat="1 0 0 1"',
+            '<weld body1="hand" body2="tool" relpose="0 0.3 0 1 0 0 1"/>',
+        ),
+    ],
+)
+def test_a_tool_that_is_far_from_its_hand_at_first_is_fetched_as_after_a_jump(tool, equality):
+    xml = WELD.format(gravity=0.0).replace('name="tool" pos="0 0 1"', f'name="tool" {tool}')
+    xml = xml.replace('<weld body1="hand" body2="tool"/>', equality)
+    engine = Engine(mujoco.MjModel.from_xml_string(xml))
+    data = engine.make_data()
+    data.mocap_pos[0, 0] = jump = 0.5  # before any step, as resets do
+    time = engine.model.opt.timestep * np.arange(1, 101)
+    way = []
+    for _ in time:
+        engine.step(data)
+        way.append(data.qpos[0])
+    # As in test_a_welded_tool_follows_a_far_jump_as_a_near_one.
+    assert np.asarray(way) == pytest.approx(jump * follower(time), abs=0.03 * jump)
+    mujoco.mj_kinematics(engine.model, data)
+    assert data.body("tool").xpos[0] == pytest.approx(jump, abs=1e-3 * jump)
+
+
+def test_a_tool_that_is_turned_away_from_its_hand_at_first_is_turned_back():
+    engine = Engine(mujoco.MjModel.from_xml_string(WELD.format(gravity=0.0)))
+    data = engine.make_data()
+    data.qpos[3:7] = math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)
+    engine.step(data, nstep=100)
+    assert 2.0 * math.atan2(data.qpos[6], data.qpos[3]) == pytest.approx(0.0, abs=2e-3)
+
+
 def test_what_is_taken_along_by_its_position_stays_at_rest():
     engine, data = scene()
     for state in (data.qpos, data.mocap_pos[0]):

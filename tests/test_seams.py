@@ -174,3 +174,28 @@ def test_ball_at_rest_on_a_seam_stays_there():
     assert np.abs(data.qpos[:2]).max() < 1e-9
     assert np.abs(data.qvel).max() < 1e-9
     assert engine.contacts(data).force[:, 0].sum() == pytest.approx(9.81, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "capsule", "cylinder"])
+def test_core_bears_what_a_round_body_presses_through_a_skin(shape):
+    skin, core, below = 1e4, 1e5, 0.003  # N/m of a contact, and m
+    attitude = "" if shape == "sphere" else 'euler="90 0 0"'
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco><worldbody>
+          <body pos="0 0 -0.05"><geom name="skin" type="box" size="0.2 0.2 0.05"/>
+            <geom name="core" type="box" size="0.2 0.2 0.05" pos="0 0 -{below}"/></body>
+          <body pos="0 0 0.05" {attitude}><freejoint/>
+            <geom name="body" {SHAPES[shape]} mass="20"/></body>
+        </worldbody></mujoco>""")
+    )
+    for geom, stiffness in (("skin", skin), ("core", core)):
+        engine.set_pair_material(
+            "body", geom, Material(stiffness=stiffness, damping_ratio=1.0, friction=0.5)
+        )
+    data = engine.make_data()
+    engine.step(data, nstep=2000)
+    points = 1 if shape == "sphere" else 2
+    depth = (20.0 * 9.81 / points + core * below) / (skin + core)
+    # What is left of the motion.
+    assert 0.05 - data.qpos[2] == pytest.approx(depth, rel=1e-6)
+    assert len(engine.contacts(data)) == 2 * points

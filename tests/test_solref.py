@@ -135,7 +135,8 @@ def test_solref_stiffer_than_the_steps_resolve_is_rigid_and_counted():
     stiff, data = step(1e9)
     assert soft.clipped == 0
     assert stiff.clipped > 0
-    assert stiff.microsteps == soft.microsteps
+    # A tower's dampers may ask for more of them than its stiffness.
+    assert stiff.microsteps <= soft.microsteps
     # Rigid contacts give way by micrometres.
     assert 0.1 - data.qpos[2] == pytest.approx(0.0, abs=1e-5)
     assert abs(data.qvel).max() < 1e-9

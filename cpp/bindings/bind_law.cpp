@@ -150,8 +150,13 @@ void bind_law(py::module_& module) {
              py::arg("restitution"), "See dashpot.law.restitution_to_damping_ratio.");
   module.def("solref_to_spring", &solref_to_spring, py::arg("ref0"), py::arg("ref1"),
              py::arg("impedance_width"), "See dashpot.law.solref_to_spring.");
-  module.def("solref_to_spring_at_rest", &solref_to_spring_at_rest, py::arg("solref"),
-             py::arg("solimp"), py::arg("load"), "See dashpot.law.solref_to_spring_at_rest.");
+  module.def(
+      "solref_to_spring_at_rest",
+      [](const std::array<double, 2>& solref, const std::array<double, 5>& solimp, double load) {
+        return solref_to_spring_at_rest(solref, solimp, load);
+      },
+      py::arg("solref"), py::arg("solimp"), py::arg("load"),
+      "See dashpot.law.solref_to_spring_at_rest.");
 
   py::enum_<DampingForm>(module, "DampingForm", "How the damping of a material is given.")
       .value("ratio", DampingForm::kRatio)

@@ -188,6 +188,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   const Memory view = memory(d);
+  pressed_between.find(model, contacts, rows, materials);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
   find_hits(rows, islands.all(), contacts, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);

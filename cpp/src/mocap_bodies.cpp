@@ -4,6 +4,8 @@
 
 #include <array>
 
+#include "dashpot/mujoco_equality_sides.hpp"
+
 namespace dashpot::host {
 
 namespace {
@@ -33,6 +35,17 @@ bool holds_anything(const mjModel_* m, const mjData_* d, int mocap) {
   for (int i = 0; i < m->neq; ++i)
     if (d->eq_active[i] && holds(m, i, mocap)) return true;
   return false;
+}
+
+std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
+                                     const std::array<double, 7>& pose) {
+  for (int i = 0; i < m->neq; ++i) {
+    if (!d->eq_active[i] || !holds(m, i, mocap)) continue;
+    const EqualitySide side[2] = {side_of(m, d, i, 0), side_of(m, d, i, 1)};
+    const int own = mocap_of(m, side[0].body) == mocap ? 0 : 1;
+    return where_met(side[own], side[1 - own], m->eq_type[i] == mjEQ_WELD, pose);
+  }
+  return pose;
 }
 
 bool is_mocap(const mjModel_* m, int body) { return mocap_of(m, body) >= 0; }

@@ -15,6 +15,10 @@ namespace {
 // Jumps in one step that are no motion: at 2 ms they would be 50 m/s and 250 rad/s.
 constexpr double kJump = 0.1;      // m
 constexpr double kJumpTurn = 0.5;  // rad
+// Beyond these a mocap body has left behind what it holds: at MuJoCo's default solref a weld is
+// stretched by 2 cm under a hundred weights, which is what springs bear without memory.
+constexpr double kApart = 0.02;     // m
+constexpr double kApartTurn = 0.1;  // rad
 // Offset (m, rad) at which a slow follower has arrived: far below what rigid contacts give way by.
 constexpr double kArrived = 1e-9;
 
@@ -110,7 +114,9 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
                        std::isfinite(norm(body.now.velocity) + norm(body.now.angular));
     const bool far = knows && (norm(offset(body.now.command, command)) > kJump ||
                                norm(turn(body.now.command, command)) > kJumpTurn);
-    body.jumps = far && time_constant > 0.0 && holds_anything(m, d, index);
+    const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
+    body.jumps = far && may_follow;
+    body.starts = !knows && may_follow;
     if (!knows || (far && !body.jumps)) body.now = {command, command, {}, {}};
     body.now.command = command;
   }
@@ -159,10 +165,24 @@ void MocapMotion::settle_jump(size_t index) {
     body.now = {command, command, {}, {}};
 }
 
+// Before the first step of all a body may have been told to go far from what it holds, as resets do
+// to have a hand fetched.
+void MocapMotion::settle_start(size_t index) {
+  MocapBody& body = buffers_.body[index];
+  body.starts = false;
+  const Pose command = body.now.command;
+  const double apart = violation(index, command);
+  const Pose met = pose_where_met(model_, data_, static_cast<int>(index), command);
+  const bool far = norm(offset(met, command)) > kApart || norm(turn(met, command)) > kApartTurn;
+  if (far && violation(index, met) < apart) body.now.pose = met;
+}
+
 void MocapMotion::begin(double length) {
   searched_ = length;
-  for (size_t i = 0; i < buffers_.body.size(); ++i)
+  for (size_t i = 0; i < buffers_.body.size(); ++i) {
     if (buffers_.body[i].jumps) settle_jump(i);
+    if (buffers_.body[i].starts) settle_start(i);
+  }
   for (MocapBody& body : buffers_.body) {
     const RememberedMocap& now = body.now;
     body.velocity = body.angular = {};

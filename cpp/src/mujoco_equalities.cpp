@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_equality_sides.hpp"
 #include "dashpot/mujoco_properties.hpp"
 
 namespace dashpot::host {
@@ -51,38 +52,9 @@ Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjt
   return a;
 }
 
-// One side of a connect or weld: the body, its anchor and its orientation in the world.
-struct Side {
-  int body;
-  mjtNum anchor[3], orientation[4];
-};
-
-Side side_of(const mjModel* m, const mjData* d, int equality, int index) {
-  const int id = index == 0 ? m->eq_obj1id[equality] : m->eq_obj2id[equality];
-  const mjtNum* data = m->eq_data + mjNEQDATA * equality;
-  const bool weld = m->eq_type[equality] == mjEQ_WELD;
-  Side side;
-  if (m->eq_objtype[equality] == mjOBJ_SITE) {
-    side.body = m->site_bodyid[id];
-    mju_copy3(side.anchor, d->site_xpos + 3 * id);
-    mju_mulQuat(side.orientation, d->xquat + 4 * side.body, m->site_quat + 4 * id);
-    return side;
-  }
-  side.body = id;
-  // A weld keeps the anchor of its second body first.
-  mju_mulMatVec3(side.anchor, d->xmat + 9 * id, data + 3 * (weld ? 1 - index : index));
-  mju_addTo3(side.anchor, d->xpos + 3 * id);
-  mju_copy4(side.orientation, d->xquat + 4 * id);
-  if (weld && index == 0) {
-    const mjtNum* relative = data + 6;
-    mju_mulQuat(side.orientation, d->xquat + 4 * id, relative);
-  }
-  return side;
-}
-
 double turning_of_bodies(const mjModel* m, const mjData* d, int equality, int row,
                          const Trees& trees) {
-  const Side side[2] = {side_of(m, d, equality, 0), side_of(m, d, equality, 1)};
+  const EqualitySide side[2] = {side_of(m, d, equality, 0), side_of(m, d, equality, 1)};
   Acceleration relative = acceleration(m, d, side[0].body, side[0].anchor, trees);
   const Acceleration second = acceleration(m, d, side[1].body, side[1].anchor, trees);
   mju_subFrom3(relative.linear, second.linear);

@@ -65,6 +65,11 @@ int geom_priority(const mjModel_* m, int geom) {
   return geom < 0 ? m->flex_priority[-1 - geom] : m->geom_priority[geom];
 }
 
+int moved_body(const mjModel_* m, int geom) {
+  if (geom < 0 || geom_tree(m, geom) < 0) return -1;
+  return m->body_weldid[m->geom_bodyid[geom]];
+}
+
 int geom_tree(const mjModel_* m, int geom) { return m->body_treeid[m->geom_bodyid[geom]]; }
 
 double geom_inverse_mass(const mjModel_* m, int geom) {

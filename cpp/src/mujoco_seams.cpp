@@ -89,6 +89,7 @@ class Seams {
       const bool of_geom = at % 2 == 0 && rest.geom[0] == geom && rest.geom[1] != other;
       if (!of_geom || rest.gap >= 0.0 || !is_fixed_to(rest.geom[1], other)) continue;
       if (!is_before(at / 2, deepest >= 0 ? deepest : index)) continue;
+      if (is_beneath(contact, rest)) continue;
       if (are_in_one_place(contact, rest) && is_flush(other, rest)) deepest = at / 2;
     }
     return deepest;
@@ -132,6 +133,15 @@ class Seams {
     const double lens = std::sqrt(2.0 * m_->geom_rbound[rest.geom[0]] * -rest.gap);
     const double way = start_reach_[rest.geom[0]] + start_reach_[rest.geom[1]];
     return (a - b).norm() <= kDepths * (lens + way);
+  }
+
+  // Whether a contact is with a face beneath the one of another contact: a layer of its own, which
+  // bears what is pressed through the one above. Over the edge of a tile a normal has turned before
+  // depths differ by as much.
+  bool is_beneath(const ContactInput& contact, const ContactInput& rest) const {
+    double cosine = 0.0;
+    for (int i = 0; i < 3; ++i) cosine += contact.frame[i] * rest.frame[i];
+    return cosine > kSameNormal && contact.gap - rest.gap > 2.0 * tolerance(rest);
   }
 
   // Whether the face of a geom along the normal of what geom 0 rests on is no higher than that.

@@ -103,10 +103,11 @@ std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedanc
 }
 
 std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solref,
-                                               const std::array<double, 5>& solimp, double load) {
+                                               const std::array<double, 5>& solimp, double load,
+                                               double part) {
   const auto [k, b] = solref_to_spring(solref[0], solref[1], clip_impedance(solimp[1]));
   const double d = impedance_at_rest(solimp, k, load);
-  return {d * d * k / (1.0 - d), d * b / std::sqrt(1.0 - d)};
+  return {d * d * k / (1.0 - d), d * b / std::sqrt((1.0 - d) * (1.0 - d * (1.0 - part)))};
 }
 
 }  // namespace dashpot

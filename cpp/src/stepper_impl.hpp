@@ -22,6 +22,7 @@
 #include "dashpot/mujoco_detection.hpp"
 #include "dashpot/mujoco_step_parts.hpp"
 #include "dashpot/mujoco_work.hpp"
+#include "dashpot/pressed_between.hpp"
 #include "dashpot/pressed_together.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
@@ -101,6 +102,7 @@ struct Stepper::Impl {
   Rows rows;
   RowData data;
   PressedTogether pressed_together;
+  PressedBetween pressed_between;
   Islands islands;
   MicrostepLoop microsteps;
   std::vector<double> constraint_force, row_force;

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copyreg
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from functools import cache
 from typing import Any, TypeVar
 
 import mujoco
@@ -17,6 +19,8 @@ Environment = TypeVar("Environment")
 # simulation, and how it steps it, by the family that it is of.
 _MAKES = "_initialize_simulation"
 _STEPS = {"gymnasium": "_step_mujoco_simulation", "gymnasium-robotics": "_mujoco_step"}
+# MetaWorld's, which writes all numbers of a weld.
+_WELDS = "reset_mocap_welds"
 
 
 def with_dashpot(
@@ -36,6 +40,11 @@ def with_dashpot(
     dm_control's, as gym-aloha's environments hold (see `dashpot.dm_control`). Ids and names that it
     kept of the model stay right; views of arrays of the data that it kept would be of the old data
     and show no step.
+
+    MetaWorld's tasks are environments of gymnasium's. Its release 3.1.1 is of MuJoCo 3.3 and writes
+    equalities without the number that they have had more since; here that number stays as it is.
+    What makes environments by itself takes the class from a table, as ``gym.make`` does of
+    MetaWorld's from ``metaworld.env_dict.ALL_V3_ENVIRONMENTS``: put the derived class there.
 
     For example::
 
@@ -63,10 +72,36 @@ def with_dashpot(
         _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))
     ):
         raise TypeError(f"env_class is {env_class!r}, no class of environments")
+    given: Any = env_class
+    derive = _derived if isinstance(make_engine, Hashable) else _derive
+    derived: type[Environment] = derive(given, make_engine)
+    return derived
+
+
+def _derive(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
     derive = _stepping if _steps_its_own(env_class) else _holding
-    derived = derive(env_class, make_engine)
-    derived.__name__ = derived.__qualname__ = f"{env_class.__name__}WithDashpot"
-    derived.__doc__ = env_class.__doc__
+    name = f"{env_class.__name__}WithDashpot"
+    members = {
+        "__doc__": env_class.__doc__,
+        "__module__": __name__,
+        "__qualname__": name,
+        "dashpot_derived_from": (env_class, make_engine),
+    }
+    metaclass: Any = type(env_class)
+    return _picklable(metaclass)(name, (derive(env_class, make_engine),), members)
+
+
+@cache
+def _derived(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:
+    """Derive a class once: what it is pickled by leads back to it."""
+    return _derive(env_class, make_engine)
+
+
+@cache
+def _picklable(metaclass: type[type]) -> Callable[..., type[Any]]:
+    """Derive the metaclass of classes that are pickled by what they are derived from."""
+    derived = type("WithDashpot", (metaclass,), {})
+    copyreg.pickle(derived, lambda env_class: (_derived, env_class.dashpot_derived_from))
     return derived
 
 
@@ -97,7 +132,37 @@ def _stepping(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engi
         def __reduce__(self) -> tuple[Any, ...]:
             return _reduced(self, env_class, make_engine)
 
+    if hasattr(env_class, _WELDS):
+        setattr(WithDashpot, _WELDS, _resetting_welds(getattr(env_class, _WELDS)))
     return WithDashpot
+
+
+class _OlderModel:
+    """A model whose equalities have the 11 numbers that MuJoCo 3.3 gave them."""
+
+    def __init__(self, model: mujoco.MjModel):
+        self._model = model
+
+    @property
+    def eq_data(self) -> Any:
+        return self._model.eq_data[:, :11]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._model, name)
+
+
+def _resetting_welds(reset: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Return MetaWorld's method that resets mocap welds, for a model of today's."""
+
+    def reset_mocap_welds(self: Any) -> None:
+        model = self.model
+        self.model = _OlderModel(model)
+        try:
+            reset(self)
+        finally:
+            self.model = model
+
+    return reset_mocap_welds
 
 
 def _holding(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], Engine]) -> type[Any]:

@@ -13,7 +13,9 @@
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
 // moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
 // is meant by takes the body there without any: a far one (kJump, kJumpTurn), unless T > 0
-// and it leaves behind what a connect or weld holds to the body.
+// and it leaves behind what a connect or weld holds to the body. A body that nothing is remembered
+// of, and that is farther from what it holds than springs bear (kApart, kApartTurn), has jumped
+// there from it.
 
 #pragma once
 
@@ -32,7 +34,8 @@ namespace dashpot::host {
 struct MocapBody {
   std::array<double, 7> given{}, placed{};  // poses that mjData had, and has meanwhile
   RememberedMocap now{};
-  bool jumps = false;  // far, and nobody has looked yet whether that is a motion
+  bool jumps = false;   // far, and nobody has looked yet whether that is a motion
+  bool starts = false;  // nothing is remembered, and nobody has looked yet where what it holds is
   std::array<double, 3> velocity{}, angular{};  // during the part, world
 };
 // Kept from step to step: a step allocates nothing.
@@ -76,6 +79,7 @@ class MocapMotion {
   bool anything_moves() const;
   void place(size_t index, const std::array<double, 7>& pose);
   void settle_jump(size_t index);
+  void settle_start(size_t index);
   double violation(size_t index, const std::array<double, 7>& pose);
   void find_constraints(double length);
 

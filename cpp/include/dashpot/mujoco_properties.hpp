@@ -24,6 +24,8 @@ double gravity(const mjModel_* m);     // m/s^2; 0 if it is disabled
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
 int geom_priority(const mjModel_* m, int geom);
 int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
+// The body that joints move a geom with; -1 for static ones and flexes.
+int moved_body(const mjModel_* m, int geom);
 // MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
 double geom_inverse_mass(const mjModel_* m, int geom);
 // The last degree of freedom that moves a body against the world, -1 for none.

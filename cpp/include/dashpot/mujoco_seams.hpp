@@ -14,7 +14,8 @@
 // other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
 // without the compression of the one behind: a ball of 1e3 N/m jumped by most of its radius. Of
 // balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
-// contact stays, and takes over what the other remembers (ContactInput::takes_over).
+// contact stays, and takes over what the other remembers (ContactInput::takes_over), unless the
+// other face lies beneath: a core bears what is pressed through a skin.
 
 #pragma once
 

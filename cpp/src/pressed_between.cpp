@@ -1,0 +1,106 @@
+#include "dashpot/pressed_between.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/solref.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Cosine of the angle from which on two pushes press what is between them.
+constexpr double kOpposed = -0.5;
+
+bool follows_solref(const RowGroup& c, const GroupMaterial& given) {
+  return c.kind == RowKind::kContact && given.from_solref;
+}
+
+bool are_opposed(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < kOpposed;
+}
+
+// Part of a contact's inverse mass that one of its two bodies has.
+double inverse_mass_of(const Rows& rows, const RowGroup& c, int tree) {
+  double sum = 0.0;
+  for (int side = 0; side < 2; ++side)
+    if (c.tree[side] >= 0 && c.tree[side] == tree) sum += rows.tree_inverse_mass[c.row][side];
+  return sum;
+}
+
+// By what has the inverse mass `loading`.
+void press(const ContactInput& input, const Rows& rows, const RowGroup& c, double loading,
+           GroupMaterial& given) {
+  const double typical = rows.typical_inverse_mass[c.row];
+  if (typical <= 0.0) return;
+  const double damping =
+      solref_to_spring_at_rest(input.solref, input.solimp, given.load, loading / typical)[1];
+  // Rows have delta over sqrt(A w).
+  const double scale = std::sqrt(rows.bounded_inverse_mass(c.row) / typical);
+  given.normalised_damping = std::max(given.normalised_damping, damping * scale);
+  given.pressed_between = true;
+}
+
+}  // namespace
+
+void PressedBetween::find_pressed_bodies(const mjModel_* model,
+                                         const std::vector<ContactInput>& contacts,
+                                         const Rows& rows) {
+  pushes_.clear();
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kContact || contacts[c.input].gap >= 0.0) continue;
+    const ContactInput& input = contacts[c.input];
+    for (int side = 0; side < 2; ++side) {
+      const double sign = side == 0 ? -1.0 : 1.0;
+      const int body = host::moved_body(model, input.geom[side]);
+      if (body < 0) continue;
+      pushes_.push_back(
+          {body, {sign * input.frame[0], sign * input.frame[1], sign * input.frame[2]}});
+    }
+  }
+  std::sort(pushes_.begin(), pushes_.end(),
+            [](const Push& a, const Push& b) { return a.body < b.body; });
+  pressed_.clear();
+  for (auto first = pushes_.begin(), last = first; first != pushes_.end(); first = last) {
+    last = std::find_if(first, pushes_.end(),
+                        [&](const Push& push) { return push.body != first->body; });
+    const bool any = std::any_of(first, last, [&](const Push& push) {
+      return std::any_of(first, last, [&](const Push& other) {
+        return are_opposed(push.direction, other.direction);
+      });
+    });
+    if (any) pressed_.push_back(first->body);
+  }
+}
+
+bool PressedBetween::is_pressed(int body) const {
+  return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
+}
+
+void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
+                          const Rows& rows, std::vector<GroupMaterial>& materials) {
+  const size_t count = rows.group.size();
+  bool any = false;
+  for (size_t i = 0; i < count && !any; ++i) any = follows_solref(rows.group[i], materials[i]);
+  if (!any) return;
+  find_pressed_bodies(model, contacts, rows);
+  if (pressed_.empty()) return;
+  for (size_t i = 0; i < count; ++i) {
+    const RowGroup& c = rows.group[i];
+    if (!follows_solref(c, materials[i])) continue;
+    const ContactInput& input = contacts[c.input];
+    if (input.gap >= 0.0 || input.tree[0] == input.tree[1]) continue;
+    bool pressed = false;
+    double loading = 0.0;  // inverse mass of what loads the contact
+    for (int side = 0; side < 2; ++side) {
+      if (is_pressed(host::moved_body(model, input.geom[side])))
+        pressed = true;
+      else
+        loading += inverse_mass_of(rows, c, input.tree[side]);
+    }
+    if (pressed) press(input, rows, c, loading, materials[i]);
+  }
+}
+
+}  // namespace dashpot
