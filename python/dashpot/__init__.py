@@ -53,16 +53,17 @@ __all__ = [
     "gymnasium",
     "law",
     "linearize",
+    "robosuite",
     "rollout",
     "time_of_impact",
     "times_of_impact",
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate, compare, data, gymnasium, law
+    from dashpot import calibrate, compare, data, gymnasium, law, robosuite
 
 # Imported on first use: some need scipy or matplotlib.
-_LAZY = ("calibrate", "compare", "data", "gymnasium", "law")
+_LAZY = ("calibrate", "compare", "data", "gymnasium", "law", "robosuite")
 
 
 def __getattr__(name: str) -> ModuleType:
