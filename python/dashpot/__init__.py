@@ -53,6 +53,7 @@ __all__ = [
     "gymnasium",
     "law",
     "linearize",
+    "myosuite",
     "robosuite",
     "rollout",
     "time_of_impact",
@@ -60,10 +61,10 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate, compare, data, gymnasium, law, robosuite
+    from dashpot import calibrate, compare, data, gymnasium, law, myosuite, robosuite
 
 # Imported on first use: some need scipy or matplotlib.
-_LAZY = ("calibrate", "compare", "data", "gymnasium", "law", "robosuite")
+_LAZY = ("calibrate", "compare", "data", "gymnasium", "law", "myosuite", "robosuite")
 
 
 def __getattr__(name: str) -> ModuleType:
