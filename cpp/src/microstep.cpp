@@ -38,7 +38,7 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   const double time = island.microsteps * island.duration, offset = data.offset[index];
-  const double speed = std::min(offset / recovery_over(time, recovery_speed).time, recovery_speed);
+  const double speed = std::min(offset / recovery_over(time).time, recovery_speed);
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
          c.turning[0] == 0.0 &&
          (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
@@ -138,6 +138,7 @@ void MicrostepLoop::Impl::pack_rows(const RowGroup& c, int index, int lane,
     law.deformation[i][lane] = data->deformation[c.row + i];
   }
   law.bearable[lane] = bearable_compression(*rows, c, recovery_speed);
+  law.recovery_speed[lane] = recovery_speed_along(*rows, c, recovery_speed);
   law.offset[lane] = data->offset[index];
   law.sticking[lane] = -1;
 }
@@ -237,7 +238,7 @@ void MicrostepLoop::Impl::pack() {
 void MicrostepLoop::Impl::run_microsteps() {
   IslandMotion m;
   m.h = h;
-  m.recovery = recovery_over(island->microsteps * island->duration, recovery_speed);
+  m.recovery = recovery_over(island->microsteps * island->duration);
   m.velocity = data->velocity.data();
   m.displacement = displacement.data();
   m.acceleration = acceleration.data();

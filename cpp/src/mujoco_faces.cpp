@@ -23,6 +23,9 @@ using Eigen::Vector3d;
 constexpr double kFlatEdge = 0.02;
 // Part of the smaller geom's radius that points of faces may be less deep than the contact found.
 constexpr double kAsDeep = 1e-4;
+// Part of the smaller geom's radius that facets which all but lie flat are wide, to count like a
+// face.
+constexpr double kWide = 0.25;
 // Cosine of the angle to an edge from which it runs along a direction no more.
 constexpr double kAlong = 0.9;
 
@@ -31,8 +34,9 @@ double size(const mjModel* m, int geom) {
   return m->geom_type[geom] == mjGEOM_PLANE ? mjMAXVAL : m->geom_rbound[geom];
 }
 
-// None where the model holds no polygons of its hull.
-std::vector<FlatFace> faces_of_mesh(const mjModel* m, int mesh) {
+// What `make` makes of the vertices and polygons of a mesh's hull, none where the model holds none.
+template <typename Make>
+auto of_hull(const mjModel* m, int mesh, const Make& make) {
   Eigen::Matrix3Xd vertices(3, m->mesh_vertnum[mesh]);
   const float* const vertex = m->mesh_vert + 3 * m->mesh_vertadr[mesh];
   for (int i = 0; i < vertices.size(); ++i) vertices.data()[i] = vertex[i];
@@ -42,14 +46,21 @@ std::vector<FlatFace> faces_of_mesh(const mjModel* m, int mesh) {
     const int* const begin = m->mesh_polyvert + m->mesh_polyvertadr[polygon];
     polygons[i].assign(begin, begin + m->mesh_polyvertnum[polygon]);
   }
-  return flat_faces(vertices, polygons);
+  return make(vertices, polygons);
 }
 
 const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
   buffers.of_mesh.resize(m->nmesh);
   std::optional<std::vector<FlatFace>>& faces = buffers.of_mesh[mesh];
-  if (!faces) faces = faces_of_mesh(m, mesh);
+  if (!faces) faces = of_hull(m, mesh, flat_faces);
   return *faces;
+}
+
+const std::vector<HullFacet>& facets_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
+  buffers.facets_of_mesh.resize(m->nmesh);
+  std::optional<std::vector<HullFacet>>& facets = buffers.facets_of_mesh[mesh];
+  if (!facets) facets = of_hull(m, mesh, hull_facets);
+  return *facets;
 }
 
 // The face of a geom, a box, a mesh or a cylinder, that looks along a direction.
@@ -101,13 +112,32 @@ FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                              margin);
 }
 
+// Finds what of a mesh all but lies flat on something, `width` (m) wide; `up`: out of that.
+bool find_cap(const mjModel* m, const Side& mesh, const Vector3d& up, double width,
+              FaceBuffers& buffers) {
+  return mesh.type == mjGEOM_MESH &&
+         buffers.cap.find(facets_of(m, m->geom_dataid[mesh.geom], buffers), mesh.pose, up, width);
+}
+
 // None where neither face is flat.
 FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
-                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
+                        const mjPreContact& contact, double margin, FaceBuffers& buffers) {
+  const Vector3d direction = Eigen::Map<const Vector3d>(contact.normal);
   Side side1(m, d, geom1), side2(m, d, geom2);
-  if (!side1.find(m, direction, buffers) || !side2.find(m, -direction, buffers)) return {};
-  const bool flat1 = side1.is_flat(direction), flat2 = side2.is_flat(-direction);
+  const bool flat1 = side1.find(m, direction, buffers) && side1.is_flat(direction);
+  const bool flat2 = side2.find(m, -direction, buffers) && side2.is_flat(-direction);
   if (!flat1 && !flat2) return {};
+  const double smaller = std::min(m->geom_rbound[geom1], m->geom_rbound[geom2]);
+  if (const Side& flat = flat1 ? side1 : side2, &other = flat1 ? side2 : side1;
+      flat1 != flat2 && std::abs(flat.normal.dot(direction)) > std::cos(kShallow) &&
+      find_cap(m, other, flat.normal, kWide * smaller, buffers)) {
+    FaceManifold faces = meet_cap(flat.place(m, -flat.normal), buffers.cap, margin,
+                                  Eigen::Map<const Vector3d>(contact.pos), kAsDeep * smaller);
+    if (!flat1) faces.normal = -faces.normal;
+    return faces;
+  }
+  if ((side1.type == mjGEOM_MESH && !side1.face) || (side2.type == mjGEOM_MESH && !side2.face))
+    return {};
   if (flat1 != flat2) {
     const Vector3d& normal = flat1 ? side1.normal : side2.normal;
     if (std::abs(normal.dot(direction)) < std::cos(kFlatEdge)) return {};
@@ -141,9 +171,10 @@ FaceManifold meet_side(const mjModel* m, const mjData* d, int geom, int round,
   return meet_face(side.place(m, -side.normal), line, margin);
 }
 
-// Where they lie flat on each other; `direction` is that from the first to the second.
+// Where they lie flat on each other; `contact` is the one found of the nearest points.
 FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
-                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
+                        const mjPreContact& contact, double margin, FaceBuffers& buffers) {
+  const Vector3d direction = Eigen::Map<const Vector3d>(contact.normal);
   if (m->geom_type[geom1] == mjGEOM_PLANE)
     return meet_plane(m, d, geom1, geom2, direction, margin, buffers);
   const bool side1 = lies_on_side(m, d, geom1, direction);
@@ -163,7 +194,7 @@ FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
         std::abs(end.pose.rotation.col(2).dot(direction)) < std::cos(kMostTilt))
       return {};
   }
-  return meet_faces(m, d, geom1, geom2, direction, margin, buffers);
+  return meet_faces(m, d, geom1, geom2, contact, margin, buffers);
 }
 
 }  // namespace
@@ -218,8 +249,7 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   if (type2 == mjGEOM_BOX && (type1 == mjGEOM_PLANE || type1 == mjGEOM_CAPSULE)) return 0;
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_BOX && count != 1) return 0;
   if (count == 0) return 0;
-  const Vector3d direction = Eigen::Map<const Vector3d>(contact->normal);
-  const FaceManifold faces = meet_geoms(m, d, geom1, geom2, direction, margin, buffers);
+  const FaceManifold faces = meet_geoms(m, d, geom1, geom2, *contact, margin, buffers);
   // A single one stays MuJoCo's, along its own normal.
   if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
   double least = margin;

@@ -10,6 +10,9 @@ namespace dashpot {
 namespace {
 
 constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
+// Part of the inverse mass along a tangent below which that of a normal is singular: of free bodies
+// it is a quarter and more.
+constexpr double kSideways = 0.1;
 
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -191,6 +194,13 @@ double bearable_compression(const Rows& rows, const RowGroup& c, double recovery
   const double k = rows.stiffness[c.row];
   const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
   return std::max(recovery_speed / std::sqrt(k * w), c.soft_load / k);
+}
+
+double recovery_speed_along(const Rows& rows, const RowGroup& c, double recovery_speed) {
+  if (c.kind != RowKind::kContact || c.dim < 3 || std::isinf(recovery_speed)) return recovery_speed;
+  const double w = rows.inverse_mass[c.row];
+  const double sideways = kSideways * rows.inverse_mass[more_mobile(rows, c, 1)];
+  return w < sideways ? recovery_speed * std::sqrt(w / sideways) : recovery_speed;
 }
 
 void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {

@@ -172,7 +172,7 @@ struct Swept {
   IslandMotion motion(double h) {
     IslandMotion m;
     m.h = h;
-    m.recovery = recovery_over(0.002, 0.1);
+    m.recovery = recovery_over(0.002);
     m.coupled_time = kCoupledShare * h;
     double** array[] = {&m.velocity, &m.displacement, &m.acceleration,      &m.force,
                         &m.impulse,  &m.moment,       &m.total_displacement};
@@ -292,9 +292,10 @@ void check_sparse_rows() {
 void check_recovery() {
   RowLanes<1> row{};
   const double speed = 0.1, bearable = 2e-5, factor[kLanes] = {-1.1, -0.9, 0.9, 1.1};
-  const Recovery recovery = recovery_over(0.02, speed);
+  const Recovery recovery = recovery_over(0.02);
   for (int lane = 0; lane < kLanes; ++lane) {
     row.bearable[lane] = bearable;
+    row.recovery_speed[lane] = speed;
     row.offset[lane] = lane == 1 ? 1e-6 : 1e-2;
     row.deformation[0][lane] = factor[lane] * bearable;
   }

@@ -54,16 +54,36 @@ __all__ = [
     "gymnasium",
     "law",
     "linearize",
+    "myosuite",
+    "robosuite",
     "rollout",
     "time_of_impact",
     "times_of_impact",
 ]
 
 if TYPE_CHECKING:
-    from dashpot import calibrate, compare, data, dm_control, gymnasium, law
+    from dashpot import (
+        calibrate,
+        compare,
+        data,
+        dm_control,
+        gymnasium,
+        law,
+        myosuite,
+        robosuite,
+    )
 
-# Imported on first use: some need scipy, matplotlib or dm_control.
-_LAZY = ("calibrate", "compare", "data", "dm_control", "gymnasium", "law")
+# Imported on first use: some need scipy, matplotlib or another library.
+_LAZY = (
+    "calibrate",
+    "compare",
+    "data",
+    "dm_control",
+    "gymnasium",
+    "law",
+    "myosuite",
+    "robosuite",
+)
 
 
 def __getattr__(name: str) -> ModuleType:

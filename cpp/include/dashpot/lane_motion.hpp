@@ -11,17 +11,17 @@
 
 namespace dashpot {
 
-// How unstressed offsets shrink: by the part 1 / `time` (s) of theirs, at most at `speed` (m/s).
+// How unstressed offsets shrink: by the part 1 / `time` (s) of theirs, at most at a speed.
 struct Recovery {
-  double speed = 0.0, time = 0.0;
+  double time = 0.0;
 };
 
 // What recovers within one step leaves bodies with a speed that has nothing to do with their
 // motion: corners of a round mesh that land 5 um deep kept it rolling.
 inline constexpr double kRecoverySteps = 2.0;
 inline constexpr double kLeastRecoveryTime = 0.01;  // s
-inline Recovery recovery_over(double step, double speed) {
-  return {speed, std::max(kLeastRecoveryTime, kRecoverySteps * step)};
+inline Recovery recovery_over(double step) {
+  return {std::max(kLeastRecoveryTime, kRecoverySteps * step)};
 }
 
 // How fast they shrink, m/s or rad/s: not at all where the spring is compressed beyond what is
@@ -29,8 +29,8 @@ inline Recovery recovery_over(double step, double speed) {
 // keep them in motion.
 template <int Dim>
 [[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, const Recovery& recovery) {
-  const Lanes speed = all_lanes(recovery.speed), zero{};
-  const Lanes rate = min_lanes(c.offset / recovery.time, speed);
+  const Lanes zero{};
+  const Lanes rate = min_lanes(c.offset / recovery.time, c.recovery_speed);
   const Lanes x = c.deformation[0];
   return (c.offset <= zero) | (x * x > c.bearable * c.bearable) ? zero : rate;
 }

@@ -13,6 +13,7 @@
 
 #include "dashpot/face_manifold.hpp"
 #include "dashpot/flat_faces.hpp"
+#include "dashpot/shallow_cap.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -30,6 +31,8 @@ struct SurplusContact {
 // Kept from step to step: a step allocates nothing.
 struct FaceBuffers {
   std::vector<std::optional<std::vector<FlatFace>>> of_mesh;  // each made when first asked for
+  std::vector<std::optional<std::vector<HullFacet>>> facets_of_mesh;
+  ShallowCap cap;
   std::vector<SurplusContact> surplus;
   const double* body_velocity = nullptr;  // see detect_again(); null: the present one
 };

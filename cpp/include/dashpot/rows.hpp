@@ -182,6 +182,12 @@ int more_mobile(const Rows& rows, const RowGroup& group, int i);
 // the soft load. Recovery moves bodies, it does not squeeze what cannot move.
 double bearable_compression(const Rows& rows, const RowGroup& group, double recovery_speed);
 
+// At most how fast (m/s) a contact's overlap recovers along its normal. Of a link that turns about
+// the normal, but for some tilt, next to nothing of the apparent mass moves along it: pushed out at
+// the whole speed it turned at tens of rad/s. There its points move sideways at some three times
+// the recovery speed, at most.
+double recovery_speed_along(const Rows& rows, const RowGroup& group, double recovery_speed);
+
 // Fills in the inverse masses of a group's rows, and what is mass-weighted of them.
 void find_inverse_mass(Rows& rows, RowGroup& group, const Trees& trees);
 

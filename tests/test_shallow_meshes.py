@@ -1,0 +1,63 @@
+"""Meshes of a few wide facets that all but lie flat: palms, soles, feet."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dashpot import Engine
+
+PUSH, PALM_MASS, PUCK_MASS, GRAVITY = 20.0, 1.0, 0.016, 9.81
+PUCKS = {
+    "box": "type='box' size='.024 .024 .04'",
+    "cylinder": "type='cylinder' size='.024 .04'",
+    "mesh": "type='mesh' mesh='puck'",
+}
+SOFT = "solref='.0105 1' solimp='.949 .974 .001'"
+
+
+def mesh(name, vertices):
+    return f"<mesh name='{name}' vertex='{' '.join(f'{c:.7f}' for v in vertices for c in v)}'/>"
+
+
+def palm_over_puck(puck, *, bulge):
+    """Return a palm, lower by `bulge` (m) in its middle than at its corners, over a light puck."""
+    palm = [
+        (x, y, 0.5 * bulge * ((x / 0.03) ** 2 + (y / 0.045) ** 2))
+        for x in (-0.03, 0.0, 0.03)
+        for y in (-0.045, 0.0, 0.045)
+    ]
+    palm += [(x, y, 0.05) for x in (-0.03, 0.03) for y in (-0.045, 0.045)]
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    rims = [(0.024 * np.cos(a), 0.024 * np.sin(a), z) for a in angles for z in (-0.04, 0.04)]
+
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep='.002' integrator='implicitfast'/>
+        <asset>{mesh("palm", palm)}{mesh("puck", rims)}</asset><worldbody>
+          <geom name='table' type='box' size='.3 .3 .05' pos='0 0 -.05'/>
+          <body pos='.003 .004 .04'><freejoint/>
+            <geom name='puck' {PUCKS[puck]} mass='{PUCK_MASS}' {SOFT}/></body>
+          <body pos='0 0 .081'><joint name='down' type='slide' axis='0 0 1' damping='40'/>
+            <joint type='hinge' axis='1 0 0' stiffness='30' damping='1'/>
+            <joint type='hinge' axis='0 1 0' stiffness='30' damping='1'/>
+            <geom name='palm' type='mesh' mesh='palm' mass='{PALM_MASS}'/></body>
+        </worldbody></mujoco>"""
+    )
+
+
+@pytest.mark.parametrize("bulge", [0.2e-3, 1e-3])
+@pytest.mark.parametrize("puck", PUCKS)
+def test_a_puck_stands_under_a_palm_that_bears_down_on_it(puck, bulge):
+    model = palm_over_puck(puck, bulge=bulge)
+    engine = Engine(model)
+    data = engine.make_data()
+    data.qfrc_applied[model.joint("down").dofadr[0]] = -PUSH
+    engine.step(data, nstep=1500)
+    load = PUSH + GRAVITY * PALM_MASS
+    pressed = engine.contacts(data, pair=("palm", "puck"))
+    carried = engine.contacts(data, pair=("puck", "table"))
+    # Forces are along normals that the palm's hinges may tilt by 0.01.
+    assert pressed.force[:, 0].sum() == pytest.approx(load, rel=1e-4)
+    assert carried.force[:, 0].sum() == pytest.approx(load + GRAVITY * PUCK_MASS, rel=1e-4)
+    assert np.abs(data.qvel).max() < 1e-5
+    # A spring bears all of the overlap, of every point.
+    assert np.abs(pressed.compression + pressed.gap).max() < 1e-3 * pressed.compression.max()
