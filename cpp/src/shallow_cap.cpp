@@ -26,6 +26,8 @@ std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
       facet.offset = std::max(facet.offset, facet.normal.dot(corner));
     facets.push_back(std::move(facet));
   }
+  std::sort(facets.begin(), facets.end(),
+            [](const HullFacet& a, const HullFacet& b) { return a.normal.z() < b.normal.z(); });
   return facets;
 }
 
@@ -46,7 +48,12 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
   const double cosine = std::cos(kShallow);
   plane_.clear();
   double lowest = std::numeric_limits<double>::infinity();
-  for (const HullFacet& facet : facets) {
+  // Unit vectors that are kShallow apart differ by less than that in each coordinate.
+  const auto first =
+      std::lower_bound(facets.begin(), facets.end(), -local_up.z() - kShallow,
+                       [](const HullFacet& facet, double z) { return facet.normal.z() < z; });
+  for (auto it = first; it != facets.end() && it->normal.z() <= -local_up.z() + kShallow; ++it) {
+    const HullFacet& facet = *it;
     const double slope = facet.normal.dot(local_up);
     if (slope > -cosine) continue;
     const Vector3d normal = pose.rotation * facet.normal;

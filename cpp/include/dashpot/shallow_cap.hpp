@@ -28,14 +28,15 @@ struct HullFacet {
   std::vector<Eigen::Vector3d> corner;
 };
 
-// Of the polygons of `vertices` (m), counterclockwise from outside, those that have an area.
+// Of the polygons of `vertices` (m), counterclockwise from outside, those that have an area, sorted
+// by the third component of their normals.
 std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
                                    const std::vector<std::vector<int>>& polygons);
 
 // Kept by the thread: finding one allocates nothing.
 class ShallowCap {
  public:
-  // The facets of a hull that look against `up` (world, unit: out of what it lies on). Whether
+  // Those of hull_facets() that look against `up` (world, unit: out of what it lies on). Whether
   // their outline is `least_width` (m) wide; of a finely meshed ball it is not.
   bool find(const std::vector<HullFacet>& facets, const Pose& pose, const Eigen::Vector3d& up,
             double least_width);
