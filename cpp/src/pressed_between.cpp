@@ -12,13 +12,14 @@ namespace {
 
 // Cosine of the angle from which on two pushes press what is between them.
 constexpr double kOpposed = -0.5;
+constexpr double kAside = 0.5;  // cosine of half that angle
 
 bool follows_solref(const RowGroup& c, const GroupMaterial& given) {
   return c.kind == RowKind::kContact && given.from_solref;
 }
 
-bool are_opposed(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] < kOpposed;
+double dot(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 // Part of a contact's inverse mass that one of its two bodies has.
@@ -44,6 +45,22 @@ void press(const ContactInput& input, const Rows& rows, const RowGroup& c, doubl
 
 }  // namespace
 
+// All pushes within 60 degrees of their mean, as those on a tray, leave no two that are opposed.
+bool PressedBetween::any_opposed(const Push* first, const Push* last) {
+  std::array<double, 3> mean{};
+  for (const Push* push = first; push != last; ++push)
+    for (int i = 0; i < 3; ++i) mean[i] += push->direction[i];
+  const double length = std::sqrt(dot(mean, mean));
+  if (std::all_of(first, last,
+                  [&](const Push& push) { return dot(push.direction, mean) > kAside * length; }))
+    return false;
+  return std::any_of(first, last, [&](const Push& push) {
+    return std::any_of(&push + 1, last, [&](const Push& other) {
+      return dot(push.direction, other.direction) < kOpposed;
+    });
+  });
+}
+
 void PressedBetween::find_pressed_bodies(const mjModel_* model,
                                          const std::vector<ContactInput>& contacts,
                                          const Rows& rows) {
@@ -65,12 +82,7 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
   for (auto first = pushes_.begin(), last = first; first != pushes_.end(); first = last) {
     last = std::find_if(first, pushes_.end(),
                         [&](const Push& push) { return push.body != first->body; });
-    const bool any = std::any_of(first, last, [&](const Push& push) {
-      return std::any_of(first, last, [&](const Push& other) {
-        return are_opposed(push.direction, other.direction);
-      });
-    });
-    if (any) pressed_.push_back(first->body);
+    if (any_opposed(&*first, &*first + (last - first))) pressed_.push_back(first->body);
   }
 }
 

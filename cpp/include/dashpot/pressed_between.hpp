@@ -38,6 +38,7 @@ class PressedBetween {
     std::array<double, 3> direction;
   };
 
+  static bool any_opposed(const Push* first, const Push* last);
   void find_pressed_bodies(const mjModel_* model, const std::vector<ContactInput>& contacts,
                            const Rows& rows);
   bool is_pressed(int body) const;
