@@ -1,6 +1,6 @@
 // What a stepper holds. The step is in engine.cpp; the geometry of its rows in engine_geometry.cpp,
-// what blows bring about in engine_knock_on.cpp, the complementarity-free law in
-// engine_comfree.cpp, and the books in engine_books.cpp.
+// what blows bring about in engine_knock_on.cpp, the state at its end in engine_state.cpp, the
+// complementarity-free law in engine_comfree.cpp, and the books in engine_books.cpp.
 
 #pragma once
 
