@@ -90,9 +90,9 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
   mocap.write_velocities();
   motion.find_smooth_motion(d, length, is_rough(parts), data);
-  if (turns_far(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data);
+  if (shorten_for_turns(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data);
   detect_and_solve(d, parts, mocap);
-  while (is_thrown_far(parts)) {
+  while (shorten_for_throws(parts)) {
     motion.find_smooth_motion(d, length, is_rough(parts), data);
     detect_and_solve(d, parts, mocap);
   }

@@ -8,15 +8,15 @@
 
 namespace dashpot {
 
-// Whether this part of the step ends earlier, where trees have turned as far as MuJoCo's
-// integrators follow.
-bool Stepper::Impl::turns_far(host::StepParts& parts) {
+// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow; whether
+// that is earlier.
+bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   return shorten(part_of_smooth_turn(model, motion, length, parts.whole()), parts);
 }
 
-// The same for what rows throw about within it.
-bool Stepper::Impl::is_thrown_far(host::StepParts& parts) {
+// The same where rows have thrown trees about within it.
+bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   return shorten(part_of_thrown_turn(model, motion, data, touched, length, parts.whole()), parts);
 }

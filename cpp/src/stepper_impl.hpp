@@ -39,8 +39,8 @@ struct Stepper::Impl {
 
   // The stages of a step.
   void correct_contacts_ahead(mjData_* d);
-  bool turns_far(host::StepParts& parts);
-  bool is_thrown_far(host::StepParts& parts);
+  bool shorten_for_turns(host::StepParts& parts);
+  bool shorten_for_throws(host::StepParts& parts);
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
