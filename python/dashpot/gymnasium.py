@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import mujoco
 
 from dashpot.engine import Engine
-from dashpot.handover import engine_for
+from dashpot.handover import engine_for, refer_to
 
 Environment = TypeVar("Environment")
 
@@ -213,12 +213,7 @@ def _go_over(
     inner.__class__ = with_dashpot(type(inner), make_engine=make_engine)
     inner.dashpot_engine = engine
     # The environments themselves refer to model and data, and so does what they render with.
-    for holder in (env, inner, *vars(inner).values()):
-        for name, value in list(getattr(holder, "__dict__", {}).items()):
-            if value is model:
-                setattr(holder, name, engine.model)
-            elif value is data:
-                setattr(holder, name, own)
+    refer_to((env, inner, *vars(inner).values()), engine, own, model=model, data=data)
     return inner
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -23,6 +24,23 @@ def engine_for(
     own = engine.make_data()
     _copy_state(model, data, engine.model, own)
     return engine, own
+
+
+def refer_to(
+    holders: Iterable[Any],
+    engine: Engine,
+    own: mujoco.MjData,
+    *,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+) -> None:
+    """Let attributes of objects that are `model` and `data` be those of an engine."""
+    for holder in holders:
+        for name, value in list(getattr(holder, "__dict__", {}).items()):
+            if value is model:
+                setattr(holder, name, engine.model)
+            elif value is data:
+                setattr(holder, name, own)
 
 
 def _copy_state(

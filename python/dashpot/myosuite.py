@@ -10,7 +10,7 @@ from typing import Any
 import mujoco
 
 from dashpot.engine import Engine
-from dashpot.handover import engine_for
+from dashpot.handover import engine_for, refer_to
 
 __all__ = ["make", "with_dashpot"]
 
@@ -99,10 +99,5 @@ def _take_over(env: Any, make_engine: Callable[[mujoco.MjModel], Engine]) -> Eng
     engine, own = engine_for(model, data, make_engine)
     env.dashpot_engine = engine
     # The environment refers to model and data, and so does what it reads and renders them with.
-    for holder in (env, *vars(env).values()):
-        for name, value in list(getattr(holder, "__dict__", {}).items()):
-            if value is model:
-                setattr(holder, name, engine.model)
-            elif value is data:
-                setattr(holder, name, own)
+    refer_to((env, *vars(env).values()), engine, own, model=model, data=data)
     return engine

@@ -2,15 +2,19 @@
 //
 // They take Coriolis and centrifugal forces as those of the start of the step, or, RK4, of four of
 // its moments; and rows act in the geometry of its start. Where links turn by h w (rad) about
-// several axes, that adds to their energy in every step, until they diverge: a light wrist that a
-// fall has thrown to 150 rad/s gains a tenth in a step of 2 ms. So a step in which a joint both
-// turns far and changes its velocity,
+// several axes, that adds to their energy in every step, until they diverge, as light wrists do
+// that a fall has thrown to 150 rad/s, at steps of 2 ms. So a step in which a joint both turns far
+// and changes its velocity,
 //
 //   turn = h |w|,  bend = h^2 |dw/dt|,  bend > kFollowedBend,  turn + bend > kFollowedTurn,
 //
 // is taken in equal parts, of which neither turns farther than kPartTurn nor bends farther than
 // kFollowedBend, but in kMostTurningParts at most. RK4 is followed twice as far. A wheel that spins
 // does not bend its way, however fast it is, and steps as in MuJoCo.
+//
+// The numbers are measured: a limp robot whose wrists are three joints in one place still diverged
+// in some falls with 16 or 32 parts, or with parts of 0.15 rad, and with these in none. Gymnasium's
+// environments, which turn by 0.2 rad at most (0.3 with RK4), step whole.
 
 #pragma once
 
