@@ -56,6 +56,68 @@ def test_a_load_stays_carried_when_the_stiffness_changes(factor):
     assert data.qvel[2] == pytest.approx(0.1, rel=1e-9)
 
 
+LIMIT = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body><joint type="slide" axis="1 0 0" limited="true" range="-1 0"/>
+    <geom size=".02" mass=".05"/></body>
+</worldbody></mujoco>"""
+WALL = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <geom type="box" pos=".05 0 0" size=".03 .5 .5"/>
+  <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+    <geom type="{shape}" size=".02 .02 .02" mass=".05"/></body>
+</worldbody></mujoco>"""
+
+
+WELDED = """<mujoco><option gravity="0 0 0"/><worldbody>
+  <body name="part"><joint type="slide" axis="1 0 0"/><joint axis="0 0 1"/>
+    <geom size=".02" mass=".05"/></body>
+</worldbody><equality><weld body1="part"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize("load", [100.0, 1000.0])
+@pytest.mark.parametrize(
+    ("scene", "direction"),
+    [
+        (LIMIT, (1.0,)),
+        # Along the wall half of what friction holds.
+        (WALL.format(shape="sphere"), (1.0, 0.5)),
+        (WALL.format(shape="box"), (1.0, 0.5)),
+        (WELDED, (1.0, 0.01)),
+    ],
+)
+def test_a_light_part_under_a_heavy_load_stays_where_rigid_stiffness_rises_and_falls(
+    scene, direction, load
+):
+    """Rigid rows are as stiff as the step resolves: steps of 1 and 5 ms take turns."""
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(scene))
+    data = engine.make_data()
+    data.qfrc_applied[:] = load * np.array(direction)
+
+    def after(steps: int) -> np.ndarray:
+        for _ in range(steps):
+            for engine.model.opt.timestep in (1e-3, 5e-3):
+                engine.step(data)
+        return data.qpos.copy()
+
+    soon, late = after(5), after(500)
+    # All that it gives way is under the softer spring; what the stiffer one takes back stays.
+    assert np.all(late <= soon + 1e-9)
+    np.testing.assert_allclose(data.qfrc_constraint, -data.qfrc_applied, rtol=1e-6)
+
+
+def test_falling_stiffness_gives_back_what_rising_took_once():
+    engine, data = overlapping_ball(gravity=0.0, stiffness=1e5)
+    data.qvel[2] = -1.0
+    while data.qvel[2] < 0.0:
+        engine.step(data)
+    for stiffness in (1e6, 1e5, 1e4):
+        set_stiffness(engine, stiffness)
+        engine.step(data)
+    engine.step(data, 2000)
+    # A tenth of m v^2 / 2 is left at 1e6 N/m. At 1e5 all of it is there again, and nothing more to
+    # be had at 1e4. Recovery adds up to 0.2 m/s, as above.
+    assert 0.9 < data.qvel[2] < 1.2 + 1e-6
+
+
 def test_links_pressed_together_by_motors_do_not_gain_energy():
     """Three links that overlap by half their width from the start, torques in every joint."""
     links, closing = "", ""

@@ -76,8 +76,8 @@ void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintIn
       const RememberedContact before = memory.contact(matches[i].nearest);
       add(rows, trees, i, before.stiffness, before.sticking != 0.0, length);
     } else if (c.kind == RowKind::kUnilateral) {
-      const auto [deformation, stiffness] = memory.spring(constraints[c.input].memory);
-      if (deformation < 0.0) add(rows, trees, i, stiffness, false, length);
+      const RememberedConstraint before = memory.constraint(constraints[c.input].memory);
+      if (before.deformation < 0.0) add(rows, trees, i, before.stiffness, false, length);
     }
   }
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -11,12 +12,10 @@ namespace dashpot {
 namespace {
 
 // Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, lengths of
-// steps that lead, velocities at their end, mocap bodies, constraints (deformation, stiffness,
-// slack, and the two numbers of equality() of each), contacts.
+// steps that lead, velocities at their end, mocap bodies, constraints, contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
-constexpr int kConstraint = 5;
-constexpr int kEquality = 3;
+constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 
@@ -102,16 +101,16 @@ void Memory::set_mocap(int index, const RememberedMocap& mocap) {
   std::memcpy(mocap_storage() + kMocap * index, &mocap, sizeof(mocap));
 }
 
-double* Memory::constraint_slot(int constraint) const {
-  return constraint_storage() + kConstraint * constraint;
+RememberedConstraint Memory::constraint(int index) const {
+  RememberedConstraint slot;
+  std::memcpy(&slot, constraint_storage() + kConstraint * index, sizeof(slot));
+  return slot;
 }
 
-std::array<double, 2> Memory::spring(int constraint) const {
-  const double* slot = constraint_slot(constraint);
-  return {slot[0], slot[1]};
+double* Memory::equality(int constraint) const {
+  return constraint_storage() + kConstraint * constraint +
+         offsetof(RememberedConstraint, mean_force) / sizeof(double);
 }
-
-double* Memory::equality(int constraint) const { return constraint_slot(constraint) + kEquality; }
 
 bool Memory::starts() const { return storage_[kStepped] == 0.0; }
 
@@ -157,11 +156,16 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) {
-      double* slot = constraint_slot(constraints[c.input].memory);
+      RememberedConstraint slot{};
       const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
-      slot[0] = separated ? 0.0 : data.deformation[c.row];
-      slot[1] = rows.stiffness[c.row];
-      if (c.kind != RowKind::kSlider) slot[2] = slack(slot[0], data.offset[index]);
+      slot.stiffness = rows.stiffness[c.row];
+      if (!separated) {
+        slot.deformation = data.deformation[c.row];
+        slot.credit = data.credit[index];
+      }
+      if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
+      std::memcpy(constraint_storage() + kConstraint * constraints[c.input].memory, &slot,
+                  sizeof(slot));
       continue;
     }
     if (data.deformation[c.row] >= 0.0) continue;
@@ -190,6 +194,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
       tangent_to_local(s[4], s[5], input, slot.roll);
       slot.roll_stiffness = k[more_mobile(rows, c, 4)];
     }
+    slot.credit = data.credit[index];
     std::memcpy(contact_storage(count++), &slot, sizeof(slot));
   }
   if (count < contact_count())

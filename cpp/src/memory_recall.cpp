@@ -37,37 +37,49 @@ double along(const double* local, const std::array<double, 9>& rotation, const d
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 // Factor on what a row remembers of a deformation under another stiffness. The force goes on,
-// F = k x, as long as a falling stiffness adds no energy, F^2 / (2 k), beyond what the apparent
-// mass has at the recovery speed, v^2 / (2 w); otherwise the energy goes on. Loads at rest stay
-// carried, and stiffness that changes with the configuration cannot pump a mechanism.
+// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J); a falling one
+// may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but no
+// more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does not
+// lose force each time that the stiffness falls and rises, and stiffness that changes with the
+// configuration cannot pump a mechanism.
 double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
-                    double recovery_speed) {
+                    double recovery_speed, double& credit) {
   if (deformation == 0.0) return 0.0;
   const double k = rows.stiffness[row];
   if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
   const double same_force = old_stiffness / k;
-  if (same_force <= 1.0 || std::isinf(recovery_speed)) return same_force;
+  if (std::isinf(recovery_speed)) return same_force;
+  const double stored = 0.5 * old_stiffness * deformation * deformation;
+  const auto added_by = [&](double scale) { return stored * (scale * scale / same_force - 1.0); };
+  if (same_force <= 1.0) {
+    credit -= added_by(same_force);
+    return same_force;
+  }
   const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);
   const double allowed =
       w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
-  return std::max(std::sqrt(same_force), std::min(same_force, allowed));
+  const double covered = std::sqrt(same_force * (1.0 + credit / stored));
+  const double scale = std::min(same_force, std::max(allowed, covered));
+  credit = std::max(0.0, credit - added_by(scale));
+  return scale;
 }
 
 // Rigid contacts keep their slack, for their stiffness goes on changing.
 double recalled_deformation(const RememberedContact& old, const ContactInput& input,
                             const Rows& rows, const RowGroup& c, double recovery_speed,
-                            double length) {
+                            double length, double& credit) {
   const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
   const double compression =
       std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
-  return -compression * recall_scale(compression, old.stiffness, rows, c.row, recovery_speed);
+  return -compression *
+         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, credit);
 }
 
 void recall_friction(const RememberedContact& old, const ContactInput& input, const Rows& rows,
-                     const RowGroup& c, double recovery_speed, RowData& data) {
+                     const RowGroup& c, double recovery_speed, double& credit, RowData& data) {
   double* deformation = data.deformation.data() + c.row;
   const auto scale_of = [&](double remembered, double stiffness, int i) {
-    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed);
+    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, credit);
   };
   // Of rows i and i + 1, along the two tangents.
   const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
@@ -109,26 +121,29 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = constraints[c.input];
-    const double* slot = constraint_slot(input.memory);
+    const RememberedConstraint old = constraint(input.memory);
+    data.credit[index] = old.credit;
     const auto rescaled = [&](double deformation) {
-      return deformation * recall_scale(deformation, slot[1], rows, c.row, recovery_speed);
+      return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
+                                        data.credit[index]);
     };
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
-      deformation = rescaled(slot[0]);
+      deformation = rescaled(old.deformation);
       continue;
     }
     deformation = input.position;
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    if (slot[1] == 0.0)
+    if (old.stiffness == 0.0)
       deformation = first_deformation(input, rows, c);
-    else if (slot[0] * input.position <= 0.0)
+    else if (old.deformation * input.position <= 0.0)
       deformation = 0.0;
     else
-      deformation = rescaled(std::copysign(
-          std::min(std::abs(slot[0]), std::abs(input.position) + slot[2]), input.position));
+      deformation = rescaled(
+          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.slack),
+                        input.position));
     data.offset[index] = deformation - input.position;
   }
 }
@@ -240,13 +255,16 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     data.deformation[c.row] = input.gap;
     if (input.gap >= 0.0) continue;
     const int nearest = matches[index].nearest;
+    double& credit = data.credit[index];
+    if (nearest >= 0) credit = contact(nearest).credit;
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] = nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
                                             : recalled_deformation(contact(nearest), input, rows, c,
-                                                                   recovery_speed, length);
+                                                                   recovery_speed, length, credit);
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
-    if (nearest >= 0) recall_friction(contact(nearest), input, rows, c, recovery_speed, data);
+    if (nearest >= 0)
+      recall_friction(contact(nearest), input, rows, c, recovery_speed, credit, data);
   }
 }
 

@@ -21,6 +21,7 @@ void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
   offset.assign(rows.group.size(), 0.0);
+  credit.assign(rows.group.size(), 0.0);
   force_moment.assign(rows.group.size(), 0.0);
   turning_work.assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);

@@ -10,10 +10,10 @@
 // one does whenever nothing is remembered of it, as where it is switched on.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
-// deformation is scaled so that its force is continuous; what that puts beyond the position is
-// slack. Rigid rows keep it until they separate: otherwise every change of stiffness would drop
-// force, and the jolt change the stiffness again. Contacts of SI stiffness, which users change,
-// recover it like offsets.
+// deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
+// being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
+// until they separate: otherwise every change of stiffness would drop force, and the jolt change
+// the stiffness again. Contacts of SI stiffness, which users change, recover it like offsets.
 
 #pragma once
 
@@ -40,6 +40,15 @@ struct RememberedContact {
   double slide[3], slide_stiffness;
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
+  double credit;  // energy that rising stiffness took from these springs, J
+};
+
+// What a limit, equality or dry-friction row remembers; zeros: nothing.
+struct RememberedConstraint {
+  double deformation, stiffness;    // m and N/m, or rad and N m/rad
+  double slack;                     // part of the deformation beyond the position, m or rad
+  double credit;                    // energy that rising stiffness took from its spring, J
+  double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
 // What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
@@ -107,9 +116,7 @@ class Memory {
   // Mean force of an equality over the last step (N, N m), and the work that it did because its row
   // turned (J); by ConstraintInput::memory.
   double* equality(int constraint) const;
-  // Of a limit, equality or dry-friction row at the end of the last step: deformation (m or rad)
-  // and stiffness.
-  std::array<double, 2> spring(int constraint) const;
+  RememberedConstraint constraint(int index) const;  // by ConstraintInput::memory
 
   // What is remembered of the contacts of every group.
   void match(const std::vector<ContactInput>& contacts, const Rows& rows,
@@ -135,7 +142,6 @@ class Memory {
   double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const;
-  double* constraint_slot(int constraint) const;
   bool starts() const;  // no step was taken yet
   // The nearest remembered point, and the square of its distance (m^2).
   std::pair<int, double> nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;

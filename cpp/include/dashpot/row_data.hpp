@@ -30,6 +30,9 @@ struct RowData {
   // whether any impulse acted in this step.
   std::vector<double> offset;
   std::vector<char> sticking, touched;
+  // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
+  // give back (memory.hpp).
+  std::vector<double> credit;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;
   // Per group: work (J) that a contact frozen in the middle would have done on bodies because its
