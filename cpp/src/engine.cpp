@@ -13,6 +13,7 @@
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
+#include "dashpot/solref_load.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
@@ -188,6 +189,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   const Memory view = memory(d);
+  read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
   find_hits(rows, islands.all(), contacts, data, length, hits);

@@ -195,6 +195,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
       slot.roll_stiffness = k[more_mobile(rows, c, 4)];
     }
     slot.credit = data.credit[index];
+    slot.solref = c.solref;
     std::memcpy(contact_storage(count++), &slot, sizeof(slot));
   }
   if (count < contact_count())

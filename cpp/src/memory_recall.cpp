@@ -167,10 +167,10 @@ std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
 }
 
 // Of a contact that nothing is remembered of: in the first step of all one of SI stiffness takes
-// what its spring bears.
+// what its spring bears. Models on their own solref start deep in tables.
 double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
                                  double recovery_speed) const {
-  if (!starts() || c.soft_load == 0.0) return 0.0;
+  if (!starts() || c.soft_load == 0.0 || c.solref.load > 0.0) return 0.0;
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 

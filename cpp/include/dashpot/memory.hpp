@@ -41,6 +41,7 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
+  SolrefLoad solref;
 };
 
 // What a limit, equality or dry-friction row remembers; zeros: nothing.

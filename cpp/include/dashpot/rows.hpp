@@ -92,6 +92,12 @@ struct MassWeighted {
   int value = 0;  // first in Rows::weighted_value; rows are padded(count) apart, with zeros behind
 };
 
+// At which load a contact's own solref is read, m/s^2, 0 where it is on none, and for how long the
+// contact has been still, s (solref_load.hpp).
+struct SolrefLoad {
+  double load = 0.0, still = 0.0;
+};
+
 // A group of rows. Per-row arrays of Rows are indexed by RowGroup::row + i, i < dim.
 struct RowGroup {
   RowKind kind = RowKind::kContact;
@@ -107,8 +113,10 @@ struct RowGroup {
   int ground = -1;                         // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
   int value = 0;                           // first in Rows::value; rows are `width()` apart
   std::array<MassWeighted, 2> weighted{};  // by side; of rows of several coordinates
-  // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
+  // N: many times the weight of what touches, for contacts of an SI stiffness or on a model's own
+  // solref; 0 for others.
   double soft_load = 0.0;
+  SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
   std::array<double, 3> turning{};                    // of ContactInput
   // Square of the frequency at which the contacts of its pair are pressed together, over that of

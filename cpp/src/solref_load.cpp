@@ -1,0 +1,54 @@
+#include "dashpot/solref_load.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/solref.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr double kFollowing = 0.05;  // tau, s
+// Part of the speed at which the load would swing by all of itself.
+constexpr double kStillPart = 0.1;
+// For how long a contact has been still that bears what it bears: radians of its own swing. A hit
+// turns round within 2 kStillPart.
+constexpr double kStillTurn = 1.0;
+// Of the weight: MuJoCo's impedance may go to nothing with the load, and what then lands on the
+// contact would find no spring.
+constexpr double kLeastPart = 0.1;
+
+}  // namespace
+
+void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches,
+                         const std::vector<ContactInput>& contacts, const double* velocity,
+                         double length, Rows& rows, std::vector<GroupMaterial>& materials) {
+  const double following = -std::expm1(-length / kFollowing);
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    RowGroup& c = rows.group[i];
+    GroupMaterial& given = materials[i];
+    if (c.kind != RowKind::kContact || !given.from_solref) continue;
+    c.solref = {given.load, 0.0};
+    if (matches[i].nearest < 0) continue;
+    const RememberedContact before = memory.contact(matches[i].nearest);
+    if (before.solref.load > 0.0) c.solref = before.solref;
+    const double borne = rows.typical_inverse_mass[c.row] * before.compression * before.stiffness;
+    const double frequency = std::sqrt(given.normalised_stiffness);
+    double rate[kMaxRows];
+    gather(rows, c, velocity, rate);
+    const bool still = std::abs(rate[0]) * frequency <= kStillPart * borne;
+    c.solref.still = still ? c.solref.still + length : 0.0;
+    if (c.solref.still * frequency > kStillTurn)
+      c.solref.load += following * (std::max(borne, kLeastPart * given.load) - c.solref.load);
+    if (c.solref.load == given.load) continue;
+    const ContactInput& input = contacts[c.input];
+    const auto [stiffness, damping] =
+        solref_to_spring_at_rest(input.solref, input.solimp, c.solref.load);
+    given.normalised_stiffness = stiffness;
+    given.normalised_damping = damping;
+    given.load = c.solref.load;
+  }
+}
+
+}  // namespace dashpot
