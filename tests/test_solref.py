@@ -53,6 +53,28 @@ def test_rest_of_a_ball_is_as_deep_as_in_mujoco(solref, solimp):
     assert 0.1 - position[2] == pytest.approx(GRAVITY / stiffness, rel=1e-6)
 
 
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_ball_rests_at_its_sag_whatever_overlap_it_starts_from(solref, solimp):
+    # Home poses of legged robots have feet as deep in the floor as MuJoCo's springs let them.
+    own = attributes(solref, solimp)
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="2" {own} condim="1"/></body>
+        </worldbody></mujoco>""")
+    )
+    sag = GRAVITY / law.solref_to_spring_at_rest(solref, solimp=solimp, load=GRAVITY)[0]
+    for overlap in (0.5, 1.0, 4.0):
+        data = engine.make_data()
+        data.qpos[2] = 0.1 - overlap * sag
+        engine.step(data)
+        if overlap == 1.0:  # it is at rest from the start; gravity's work on 2 ms rounds
+            assert abs(data.qvel[2]) < 1e-12
+        engine.step(data, nstep=2000)
+        # What is left of the motion after 4 s.
+        assert 0.1 - data.qpos[2] == pytest.approx(sag, rel=1e-6)
+
+
 def test_rest_of_a_box_and_of_a_tower_is_as_deep_as_in_mujoco():
     # At constant impedance the load of a contact does not matter.
     own = attributes((0.02, 1.0), (0.9, 0.9, 0.001, 0.5, 2.0))

@@ -151,11 +151,11 @@ std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
   return {nearest, least};
 }
 
-// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness takes
-// what its spring bears.
+// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness or of a
+// model's own solref takes what its spring bears.
 double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
                                  double recovery_speed) const {
-  if (!starts() || c.soft_load == 0.0) return 0.0;
+  if (!starts() || (c.soft_load == 0.0 && c.own_load == 0.0)) return 0.0;
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 

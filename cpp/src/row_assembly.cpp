@@ -22,6 +22,8 @@ constexpr double kStillPart = 0.03;
 constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
+// And those of a model's own solref, which is read at one: what rests on a single contact recovers.
+constexpr double kOwnLoad = 2.0;
 
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
@@ -69,6 +71,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     // ground.
     materials.push_back(material_of(model, parameters, input, typical * weight));
     if (!materials.back().rigid()) c.soft_load = kSoftLoad * weight;
+    if (materials.back().from_solref) c.own_load = kOwnLoad * weight;
     const Material& material = materials.back().material;
     c.loaded_friction = material.loaded_friction;
     c.friction_load = material.friction_load;

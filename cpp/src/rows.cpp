@@ -193,7 +193,7 @@ int more_mobile(const Rows& rows, const RowGroup& c, int i) {
 double bearable_compression(const Rows& rows, const RowGroup& c, double recovery_speed) {
   const double k = rows.stiffness[c.row];
   const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
-  return std::max(recovery_speed / std::sqrt(k * w), c.soft_load / k);
+  return std::max(recovery_speed / std::sqrt(k * w), std::max(c.soft_load, c.own_load) / k);
 }
 
 double recovery_speed_along(const Rows& rows, const RowGroup& c, double recovery_speed) {

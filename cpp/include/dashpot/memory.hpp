@@ -6,8 +6,8 @@
 // compression remembered at the nearest point of the same geom pair, unless another contact is
 // nearer to that point; what geometry reports beyond that is an unstressed offset. Limits and
 // equalities do the same with their position. In the first step of all a contact of SI stiffness
-// takes what its spring bears, and so does a limit whose solref the model sets; an equality with
-// one does whenever nothing is remembered of it, as where it is switched on.
+// takes what its spring bears, and so does a contact or limit whose solref the model sets; an
+// equality with one does whenever nothing is remembered of it, as where it is switched on.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous; what that puts beyond the position is

@@ -109,6 +109,7 @@ struct RowGroup {
   std::array<MassWeighted, 2> weighted{};  // by side; of rows of several coordinates
   // N: many times the weight of what touches, for contacts of an SI stiffness; 0 for others.
   double soft_load = 0.0;
+  double own_load = 0.0;  // N: twice the weight, for contacts of a model's own solref; 0 for others
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
   std::array<double, 3> turning{};                    // of ContactInput
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
@@ -179,7 +180,7 @@ int more_mobile(const Rows& rows, const RowGroup& group, int i);
 
 // Largest compression (m) of a contact or limit under which recovery of overlap goes on: one that
 // stores the kinetic energy of the apparent mass at the recovery speed, k x^2 = v^2 / w, or carries
-// the soft load. Recovery moves bodies, it does not squeeze what cannot move.
+// the soft or own load. Recovery moves bodies, it does not squeeze what cannot move.
 double bearable_compression(const Rows& rows, const RowGroup& group, double recovery_speed);
 
 // At most how fast (m/s) a contact's overlap recovers along its normal. Of a link that turns about
