@@ -117,6 +117,19 @@ def test_pusher_pushes_at_its_speed_without_going_in():
     assert data.qpos[0] == pytest.approx(0.5 * (1.0 - late(0.02)), abs=1e-3)
 
 
+def test_pusher_of_a_model_in_millimetres_pushes_as_in_metres():
+    # 500 mm/s are 1 mm in a step: far more than 0.1, the jump of a model in metres.
+    engine, data = make("""<mujoco><option timestep="0.002" gravity="0 0 -9810"/><worldbody>
+      <geom type="plane" size="5000 5000 1"/>
+      <body name="pusher" mocap="true" pos="-200 0 100">
+        <geom type="box" size="100 100 50"/></body>
+      <body pos="0 0 100"><freejoint/><geom type="box" size="100 100 100" mass="1000"/></body>
+    </worldbody></mujoco>""")
+    drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 0), -200 + 500 * t), seconds=1.0)
+    assert data.qvel[0] == pytest.approx(500, rel=1e-3)
+    assert data.qpos[0] == pytest.approx(500 * (1.0 - late(0.02)), abs=1)
+
+
 FINGER = """<mujoco><option timestep="0.002"/><worldbody>
   <body name="hand" mocap="true" pos="0 0 1"><geom type="box" size="0.05 0.02 0.02"/>
     <body name="finger" pos="0.1 0 0"><joint type="hinge" axis="0 1 0" {joint}/>

@@ -53,6 +53,28 @@ def test_rest_of_a_ball_is_as_deep_as_in_mujoco(solref, solimp):
     assert 0.1 - position[2] == pytest.approx(GRAVITY / stiffness, rel=1e-6)
 
 
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_ball_rests_at_its_sag_whatever_overlap_it_starts_from(solref, solimp):
+    # Home poses of legged robots have feet as deep in the floor as MuJoCo's springs let them.
+    own = attributes(solref, solimp)
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="2" {own} condim="1"/></body>
+        </worldbody></mujoco>""")
+    )
+    sag = GRAVITY / law.solref_to_spring_at_rest(solref, solimp=solimp, load=GRAVITY)[0]
+    for overlap in (0.5, 1.0, 4.0):
+        data = engine.make_data()
+        data.qpos[2] = 0.1 - overlap * sag
+        engine.step(data)
+        if overlap == 1.0:  # it is at rest from the start; gravity's work on 2 ms rounds
+            assert abs(data.qvel[2]) < 1e-12
+        engine.step(data, nstep=2000)
+        # What is left of the motion after 4 s.
+        assert 0.1 - data.qpos[2] == pytest.approx(sag, rel=1e-6)
+
+
 # Impedances that a load changes by much, and least where it is large.
 @pytest.mark.parametrize(("solref", "solimp"), [OWN[0], OWN[2], OWN[4], OWN[5]])
 def test_rest_of_a_box_and_of_a_tower_is_as_deep_as_in_mujoco(solref, solimp):
@@ -67,6 +89,33 @@ def test_rest_of_a_box_and_of_a_tower_is_as_deep_as_in_mujoco(solref, solimp):
     for i in range(3):
         height = 0.1 + 0.2 * i
         assert height - position[7 * i + 2] == pytest.approx(height - plain[7 * i + 2], rel=1e-4)
+
+
+@pytest.mark.parametrize(("solref", "solimp"), [OWN[0], OWN[2], OWN[4], OWN[5]])
+def test_what_rests_in_mujoco_rests_from_its_first_step(solref, solimp):
+    own = attributes(solref, solimp)
+    legs = "".join(
+        f'<geom type="sphere" pos="{x} {y} -.2" size=".05" mass=".5" {own} condim="1"/>'
+        for x in (-0.3, 0.3)
+        for y in (-0.2, 0.2)
+    )
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="0.001"/><worldbody>
+        <geom type="plane" size="1 1 1" {own}/><body pos="0 0 .25"><freejoint/>
+          <geom type="box" size=".3 .2 .05" mass="10" contype="0" conaffinity="0"/>{legs}
+        </body></worldbody></mujoco>""")
+    )
+    plain, data = mujoco.MjData(engine.model), engine.make_data()
+    mujoco.mj_step(engine.model, plain, 5000)
+    depth = 0.25 - plain.qpos[2]
+    data.qpos[:] = plain.qpos
+    fastest = 0.0
+    for _ in range(500):
+        engine.step(data)
+        fastest = max(fastest, abs(data.qvel).max())
+    # MuJoCo's solver leaves some 1e-8 of the load.
+    assert fastest < 1e-6 * np.sqrt(GRAVITY * depth)
+    assert data.qpos[2] == pytest.approx(plain.qpos[2], abs=1e-6 * depth)
 
 
 PART = """<mujoco><option timestep="{timestep}" gravity="0 0 0" cone="elliptic" impratio="1000"/>
@@ -171,6 +220,27 @@ def test_solref_stiffer_than_the_steps_resolve_is_rigid_and_counted():
     # Rigid contacts give way by micrometres.
     assert 0.1 - data.qpos[2] == pytest.approx(0.0, abs=1e-5)
     assert abs(data.qvel).max() < 1e-9
+
+
+@pytest.mark.parametrize("timestep", [1e-4, 5e-4, 2e-3])
+def test_solref_of_a_damping_ratio_of_a_thousand_does_not_let_in_what_presses(timestep):
+    # flygym's: a spring of 25 / s^2 and a damper of 1e4 / s, by which 20 weights creep in by less
+    # than 10 um in 0.5 s. What micro-steps do not resolve of the damper must not be left to the
+    # spring alone, on which they rest 8 mm deep.
+    own = attributes((2e-4, 1e3), (0.999, 0.9999, 0.001, 0.5, 2.0))
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{timestep}"/><worldbody>
+        <geom type="plane" size="1 1 1" {own}/>
+        <body pos="0 0 0.05"><freejoint/><geom type="box" size="0.05 0.05 0.05" mass="1" {own}/>
+        </body></worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    data.xfrc_applied[1, 2] = -20.0 * GRAVITY
+    engine.step(data, nstep=round(0.5 / timestep))
+    d = 0.999
+    asked = 21.0 * GRAVITY * 0.5 / (d * 1e4 / (1.0 - d))
+    # Beside that, rigid contacts give way by 21 weights over at least 1e7 / s^2 at 2 ms.
+    assert 0.05 - data.qpos[2] < asked + 21.0 * GRAVITY / 1e7
 
 
 @pytest.mark.parametrize(("solref", "solimp"), OWN)

@@ -166,12 +166,15 @@ std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
   return {nearest, least};
 }
 
-// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness takes
-// what its spring bears. Models on their own solref start deep in tables.
+// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness or of a
+// model's own solref takes what its spring bears.
 double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
                                  double recovery_speed) const {
-  if (!starts() || c.soft_load == 0.0 || c.solref.load > 0.0) return 0.0;
-  return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
+  if (!starts() || c.soft_load == 0.0) return 0.0;
+  const double typical = rows.typical_inverse_mass[c.row];
+  const double bears = c.solref.load > 0.0 ? c.solref.load / (typical * rows.stiffness[c.row])
+                                           : bearable_compression(rows, c, recovery_speed);
+  return -std::min(-input.gap, bears);
 }
 
 void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,

@@ -7,10 +7,13 @@
 #include <limits>
 
 #include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_properties.hpp"
 
 namespace dashpot::host {
 
 namespace {
+
+constexpr double kStandardGravity = 9.80665;  // m/s^2
 
 // Jumps in one step that are no motion: at 2 ms they would be 50 m/s and 250 rad/s.
 constexpr double kJump = 0.1;      // m
@@ -24,6 +27,9 @@ constexpr double kArrived = 1e-9;
 
 using Vector = std::array<double, 3>;
 using Pose = std::array<double, 7>;
+
+// A metre in the model's unit of length, which gravity tells: a thousand where it is 9810.
+double metre(const mjModel* m) { return std::max(1.0, gravity(m) / kStandardGravity); }
 
 // The rotation vector, world, from one orientation to another.
 Vector rotation_between(const double* from, const double* to) {
@@ -112,7 +118,7 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     mju_normalize4(command.data() + 3);
     const bool knows = moves && is_pose(body.now.command) && is_pose(body.now.pose) &&
                        std::isfinite(norm(body.now.velocity) + norm(body.now.angular));
-    const bool far = knows && (norm(offset(body.now.command, command)) > kJump ||
+    const bool far = knows && (norm(offset(body.now.command, command)) > kJump * metre(m) ||
                                norm(turn(body.now.command, command)) > kJumpTurn);
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
     body.jumps = far && may_follow;
@@ -173,7 +179,8 @@ void MocapMotion::settle_start(size_t index) {
   const Pose command = body.now.command;
   const double apart = violation(index, command);
   const Pose met = pose_where_met(model_, data_, static_cast<int>(index), command);
-  const bool far = norm(offset(met, command)) > kApart || norm(turn(met, command)) > kApartTurn;
+  const bool far =
+      norm(offset(met, command)) > kApart * metre(model_) || norm(turn(met, command)) > kApartTurn;
   if (far && violation(index, met) < apart) body.now.pose = met;
 }
 

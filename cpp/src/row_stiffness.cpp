@@ -73,6 +73,15 @@ double most_damped_rigid(double bound) {
   return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
 }
 
+// kappa of a solref whose damper, more than critical, is not resolved: what is left out of it
+// resists as a spring instead, which in the time 1 / delta, in which the rest stops what comes,
+// gives way as far as that would. Models ask for what is rigid by damping ratios of hundreds.
+double stiffness_for_damper(const Rates& asked, double most_damped) {
+  const double critical = 2.0 * std::sqrt(asked.stiffness);
+  const double left_out = asked.damping - std::max(critical, most_damped);
+  return left_out > 0.0 ? asked.stiffness + left_out * most_damped : asked.stiffness;
+}
+
 // Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
 // rigid contact, unless this resolves the spring and the damper of what is pressed between others
 // alone asks for more.
@@ -137,8 +146,12 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   const double h = microstep.duration;
   const double resolved =
       stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
-  const double stiffest = is_limited ? std::min(resolved, asked.stiffness) : resolved;
   const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
+  double stiffest = resolved;
+  if (given.from_solref)
+    stiffest = std::min(resolved, stiffness_for_damper(asked, most_damped));
+  else if (is_limited)
+    stiffest = std::min(resolved, asked.stiffness);
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
   // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {

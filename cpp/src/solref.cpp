@@ -110,4 +110,11 @@ std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solr
   return {d * d * k / (1.0 - d), d * b / std::sqrt((1.0 - d) * (1.0 - d * (1.0 - part)))};
 }
 
+double solref_load_at_rest(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
+                           double deformation) {
+  const double k = solref_to_spring(solref[0], solref[1], clip_impedance(solimp[1]))[0];
+  const double d = impedance(solimp, deformation);
+  return d * d * k * deformation / (1.0 - d);
+}
+
 }  // namespace dashpot

@@ -75,9 +75,10 @@ class Engine:
         it in that is beyond a hundred weights or, of rigid contacts, beyond what stops the bodies
         at this speed; ``inf`` makes every overlap a compressed spring at once. In the first step of
         data, contacts of a given stiffness are compressed by their overlap as far as a hundred
-        weights compress them. Equalities that are apart, at the start or where they are switched
-        on, close at this speed, m/s or rad/s, without throwing what they join; with a ``solref`` of
-        their own they begin as springs that are stretched so far, up to a hundred weights.
+        weights compress them, those on the model's own ``solref`` as far as two do.
+        Equalities that are apart, at the start or where they are switched on, close at this speed,
+        m/s or rad/s, without throwing what they join; with a ``solref`` of their own they begin
+        as springs that are stretched so far, up to a hundred weights.
     mocap_timeconst
         Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a
         critically damped follower, x'' = -2 x' / T - x / T^2, whose velocity contacts (friction

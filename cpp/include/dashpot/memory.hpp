@@ -6,8 +6,8 @@
 // compression remembered at the nearest point of the same geom pair, unless another contact is
 // nearer to that point; what geometry reports beyond that is an unstressed offset. Limits and
 // equalities do the same with their position. In the first step of all a contact of SI stiffness
-// takes what its spring bears, and so does a limit whose solref the model sets; an equality with
-// one does whenever nothing is remembered of it, as where it is switched on.
+// takes what its spring bears, and so does a contact or limit whose solref the model sets; an
+// equality with one does whenever nothing is remembered of it, as where it is switched on.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
@@ -102,6 +102,7 @@ class Memory {
   // contacts that it has room for, or contacts of geoms that are none of the model's.
   void check() const;
 
+  bool starts() const;  // no step was taken yet
   int contact_count() const;
   RememberedContact contact(int index) const;
   EnergyLedger ledger() const;
@@ -143,7 +144,6 @@ class Memory {
   double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const;
-  bool starts() const;  // no step was taken yet
   // The nearest remembered point, and the square of its distance (m^2).
   std::pair<int, double> nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
   void match_at_seams(const std::vector<ContactInput>& contacts, const Rows& rows,

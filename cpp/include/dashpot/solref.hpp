@@ -45,4 +45,8 @@ std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solr
                                                const std::array<double, 5>& solimp, double load,
                                                double part = 1.0);
 
+// The other way round: the load under which a row rests at a deformation x > 0 (m or rad).
+double solref_load_at_rest(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
+                           double deformation);
+
 }  // namespace dashpot

@@ -7,7 +7,8 @@
 //     L' = (A F - L) / tau ,
 //
 // so that under what it bears at rest it gives way as far as in MuJoCo, and a hit has the damping
-// ratio of solref.
+// ratio of solref. In the first step of all L is that under which the overlap rests, up to two
+// weights: what rests in MuJoCo rests here.
 
 #pragma once
 
