@@ -252,7 +252,7 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
       const Trees& trees = motion.trees();
       const double implicit = t.damped ? trees.implicit_time : length;
       const auto damped = [&](const double* v) {
-        return implicit * host::damping_form(model, d, t, velocity.data(), v, generalized_.data());
+        return implicit * host::damping_form(model, d, trees, t, v, generalized_.data());
       };
       coupled.damped_linear += damped(velocity.data());
       coupled.damped_square += 0.5 * damped(generalized_.data());

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -22,25 +23,27 @@ template <typename Visit>
 }
 
 // inverse = inv(L' D L), symmetric, columns `count` apart, a multiple of four. Of the unit matrix,
-// inv(L') is what rows leave that are taken off the rows above them, from the last one up, and then
-// inv(L) what rows above leave, from the first one down.
+// inv(L') is what rows leave that are taken off the rows above them, from the last one up, each
+// over the columns of what is below it, and then inv(L) what rows above leave, from the first one
+// down.
 DASHPOT_VECTOR_CLONES
-void invert(const double* factor, const int* above, int begin, int n, int count, double* inverse) {
+void invert(const double* factor, const int* above, const int* last_below, int begin, int n,
+            int count, double* inverse) {
   std::fill_n(inverse, count * count, 0.0);
   for (int k = n - 1; k >= 0; --k) {
     double* row = inverse + k * count;
     row[k] = 1.0;
-    // Entries before the diagonal are zero so far.
-    const int first_filled = k / kLanes * kLanes;
+    // All other entries are zero so far.
+    const int first_filled = k / kLanes * kLanes, end = last_below[begin + k] - begin + 1;
     for_each_above(
         above, begin, k, [=](int i) __attribute__((always_inline)) {
           const double scale = -factor[k * n + i];
           double* to = inverse + i * count;
-          for (int j = first_filled; j < count; j += kLanes)
+          for (int j = first_filled; j < end; j += kLanes)
             store_lanes(load_lanes(to + j) + load_lanes(row + j) * scale, to + j);
         });
     const double scale = 1.0 / factor[k * n + k];
-    for (int j = first_filled; j < count; j += kLanes)
+    for (int j = first_filled; j < end; j += kLanes)
       store_lanes(load_lanes(row + j) * scale, row + j);
   }
   for (int k = 0; k < n; ++k)
@@ -77,6 +80,12 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   inverse_root.resize(coordinates, 0.0);
   tree.push_back(t);
   above.insert(above.end(), above_dofs, above_dofs + dof_count);
+  joint_damping.resize(above.size(), 0.0);
+  last_below.resize(above.size());
+  std::iota(last_below.begin() + dof_begin, last_below.end(), dof_begin);
+  for (int dof = dof_begin + dof_count - 1; dof >= dof_begin; --dof)
+    if (const int next = above[dof]; next >= 0)
+      last_below[next] = std::max(last_below[next], last_below[dof]);
 }
 
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration) {
@@ -133,7 +142,7 @@ void solve_inertia(const Trees& trees, int tree, const double* factor, double* x
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
-  invert(factor, trees.above.data(), t.dof_begin, t.dof_count, t.count,
+  invert(factor, trees.above.data(), trees.last_below.data(), t.dof_begin, t.dof_count, t.count,
          trees.inverse.data() + t.inverse);
   for (int i = 0; i < t.dof_count; ++i)
     trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
