@@ -60,8 +60,10 @@ struct Trees {
   // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
   // below it, and to no others.
   std::vector<int> above;
-  // By degree of freedom, the last one that it carries, or itself: those below it lie between.
-  std::vector<int> last_below;
+  // By degree of freedom, the last one that it carries, or itself: those below it lie between. And
+  // where those above it begin in `path`, the nearest first; they end where the next one's begin.
+  // Both in numbers from the first of their tree.
+  std::vector<int> last_below, path_begin{0}, path;
 
   // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
   // freedom, in the numbers of all.
