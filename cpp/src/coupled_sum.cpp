@@ -133,11 +133,12 @@ double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t) {
     if (joint_[t.begin + i] != 0.0) reached_.push_back(i);
   const int n = static_cast<int>(reached_.size()), count = padded(n);
   for (int i = 0; i < n; ++i) row_[i] = std::sqrt(joint_[t.begin + reached_[i]]);
-  std::fill_n(room_.data(), n * count, 0.0);
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < n; ++i) {
+    double* row = room_.data() + i * count;
     for (int j = 0; j < n; ++j)
-      room_[i * count + j] =
-          row_[i] * row_[j] * std::abs(inverse[reached_[i] * t.count + reached_[j]]);
+      row[j] = row_[i] * row_[j] * std::abs(inverse[reached_[i] * t.count + reached_[j]]);
+    std::fill(row + n, row + count, 0.0);
+  }
   return perron_bound(room_.data(), n, count, row_.data(), product_.data());
 }
 
@@ -179,11 +180,12 @@ double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t) {
   for (int i = 0; i < t.dof_count; ++i)
     if (reaches_[t.begin + i]) reached_.push_back(i);
   const int n = static_cast<int>(reached_.size()), count = padded(n);
-  std::fill_n(room_.data(), n * count, 0.0);
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < n; ++i) {
+    const double* row = sum + reached_[i] * t.count;
     for (int j = 0; j <= i; ++j)
-      room_[i * count + j] = room_[j * count + i] =
-          std::abs(sum[reached_[i] * t.count + reached_[j]]);
+      room_[i * count + j] = room_[j * count + i] = std::abs(row[reached_[j]]);
+    std::fill(room_.data() + i * count + n, room_.data() + (i + 1) * count, 0.0);
+  }
   return perron_bound(room_.data(), n, count, row_.data(), product_.data());
 }
 
@@ -200,7 +202,8 @@ void CoupledSum::clear(const Trees& trees, int tree) {
   empty_[tree] = 1;
   body_[tree] = {};
   if (t.free_body) return;
-  if (wide_[tree]) std::fill_n(entry_.data() + t.inverse, t.count * t.count, 0.0);
+  for (int i = 0; i < t.dof_count; ++i)
+    if (reaches_[t.begin + i]) std::fill_n(entry_.data() + t.inverse + i * t.count, i + 1, 0.0);
   std::fill_n(joint_.data() + t.begin, t.count, 0.0);
   std::fill_n(reaches_.begin() + t.begin, t.count, 0);
   wide_[tree] = 0;
@@ -221,9 +224,12 @@ double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to) {
   const auto add_range = [](const auto& from, int begin, int count, auto& sum) {
     for (int i = begin; i < begin + count; ++i) sum[i] += from[i];
   };
-  if (wide_[tree]) add_range(entry_, t.inverse, t.count * t.count, to.entry_);
   if (!t.free_body) add_range(joint_, t.begin, t.count, to.joint_);
-  for (int i = t.begin; i < t.begin + t.count; ++i) to.reaches_[i] |= reaches_[i];
+  for (int i = 0; i < t.dof_count; ++i) {
+    if (!reaches_[t.begin + i]) continue;
+    add_range(entry_, t.inverse + i * t.count, i + 1, to.entry_);
+    to.reaches_[t.begin + i] = 1;
+  }
   to.wide_[tree] |= wide_[tree];
   clear(trees, tree);
   return result;

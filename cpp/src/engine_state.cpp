@@ -52,6 +52,13 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   return by_rows;
 }
 
+// But for free bodies that move accurately in any case.
+bool Stepper::Impl::rows_move_all() const {
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (!touched[tree] && !motion.is_accurate(tree)) return false;
+  return true;
+}
+
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
 // its velocity there, as other integrators of MuJoCo do.
 void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
@@ -62,8 +69,8 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   if (stages)
     held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                      length);
-  host::integrate(model, d, new_control, runge_kutta, held_stages);
   const bool comfree = parameters.options.law == Law::kComFree;
+  host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
   if (comfree && !stages) return;
   find_unpaid(d);
   for (int index = 0; index < motion.tree_count(); ++index) {

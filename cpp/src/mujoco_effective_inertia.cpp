@@ -29,12 +29,12 @@ constexpr double kStrongDamping = 0.5;
 
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
 // armature, and without forces that the integrator treats implicitly.
-bool has_rigid_body_inertia(const mjModel* m, const mjData* d, int tree) {
+bool has_rigid_body_inertia(const mjModel* m, const mjData* d, const Trees& trees, int tree) {
   if (!is_free_body(m, tree)) return false;
   const int begin = m->tree_dofadr[tree];
   for (int dof = begin; dof < begin + m->tree_dofnum[tree]; ++dof) {
     if (m->dof_armature[dof] != 0.0) return false;
-    if (joint_damping_weight(m) > 0.0 && joint_damping(m, dof, d->qvel[dof]) != 0.0) return false;
+    if (trees.joint_damping[dof] != 0.0) return false;
     if (takes_derivatives(m))
       for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
         if (d->qDeriv[k] != 0.0) return false;
@@ -66,7 +66,6 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
                  double* factor) {
   const Tree& t = trees.tree[tree];
   const bool derived = takes_derivatives(m);
-  const double weight = joint_damping_weight(m);
   std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
@@ -75,8 +74,7 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
       entry = d->M[k];
       if (derived) entry -= h * d->qDeriv[m->mapD2M[k]];
     }
-    if (weight > 0.0)
-      factor[i * t.dof_count + i] += weight * h * joint_damping(m, dof, d->qvel[dof]);
+    if (!derived) factor[i * t.dof_count + i] += h * trees.joint_damping[dof];
   }
   factor_inertia(trees, tree, factor);
 }
@@ -89,7 +87,7 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
   t.damped = t.cross_damped = false;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
-    diagonal[i] = damping_of(m, d, dof, d->qvel[dof]);
+    diagonal[i] = damping_of(m, d, trees, dof);
     t.damped = t.damped || diagonal[i] != 0.0;
     if (!takes_derivatives(m)) continue;
     // The diagonal is the last of a row.
@@ -149,21 +147,18 @@ double joint_damping(const mjModel_* m, int dof, double velocity) {
                                           m->actuator_dampingpoly + mjNPOLY * actuator, velocity);
 }
 
-double damping_form(const mjModel_* m, const mjData_* d, const Tree& t,
-                    const double* start_velocity, const double* u, const double* v) {
+double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
+                    const double* u, const double* v) {
   if (takes_derivatives(m)) return derivative_form(m, d, t, u, v);
-  const double weight = joint_damping_weight(m);
-  if (weight == 0.0) return 0.0;
   double sum = 0.0;
   for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-    sum += joint_damping(m, i, start_velocity[i]) * u[i] * v[i];
-  return weight * sum;
+    sum += trees.joint_damping[i] * u[i] * v[i];
+  return sum;
 }
 
-double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity) {
+double damping_of(const mjModel_* m, const mjData_* d, const Trees& trees, int dof) {
   if (takes_derivatives(m)) return -d->qDeriv[m->mapD2M[m->M_rowadr[dof] + m->M_rownnz[dof] - 1]];
-  const double weight = joint_damping_weight(m);
-  return weight > 0.0 ? weight * joint_damping(m, dof, velocity) : 0.0;
+  return trees.joint_damping[dof];
 }
 
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
@@ -186,11 +181,16 @@ double actuator_damping(const mjModel_* m, const mjData_* d, int dof) {
 
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product) {
   thread_local std::vector<double> force;  // kept by the thread: a step allocates nothing
-  force.assign(m->nv, 0.0);
-  add_damping(m, d, v, force.data());
-  for (int i = 0; i < m->nv; ++i)
-    if (m->opt.timestep * actuator_damping(m, d, i) * m->dof_invweight0[i] > kStrongDamping)
-      product[i] += force[i];
+  force.clear();
+  for (int i = 0; i < m->nv; ++i) {
+    if (m->opt.timestep * actuator_damping(m, d, i) * m->dof_invweight0[i] <= kStrongDamping)
+      continue;
+    if (force.empty()) {
+      force.assign(m->nv, 0.0);
+      add_damping(m, d, v, force.data());
+    }
+    product[i] += force[i];
+  }
 }
 
 void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
@@ -201,9 +201,12 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
 }
 
 void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
+  const double weight = joint_damping_weight(m);
+  for (int i = 0; i < m->nv; ++i)
+    trees.joint_damping[i] = weight > 0.0 ? weight * joint_damping(m, i, d->qvel[i]) : 0.0;
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     Tree& t = trees.tree[index];
-    t.free_body = has_rigid_body_inertia(m, d, index);
+    t.free_body = has_rigid_body_inertia(m, d, trees, index);
     t.damped = false;
     if (t.free_body)
       invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);

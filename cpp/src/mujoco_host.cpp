@@ -18,6 +18,21 @@ bool callbacks_may_read_sensors(const mjModel* m) {
          (mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias);
 }
 
+// While it lives, a model has other flags that disable parts of MuJoCo.
+class Disabled {
+ public:
+  Disabled(mjModel* m, int flags) : model_(m), own_(m->opt.disableflags) {
+    m->opt.disableflags |= flags;
+  }
+  ~Disabled() { model_->opt.disableflags = own_; }
+  Disabled(const Disabled&) = delete;
+  Disabled& operator=(const Disabled&) = delete;
+
+ private:
+  mjModel* model_;
+  int own_;
+};
+
 }  // namespace
 
 void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors) {
@@ -82,14 +97,21 @@ bool adds_to_smooth_motion(const mjModel_* m) {
   return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
 }
 
-void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta,
+void advance_all_but_motion(mjModel_* m, mjData_* d) {
+  const Disabled damping(m, mjDSBL_EULERDAMP);
+  mj_Euler(m, d);
+}
+
+void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
                HeldStages& held) {
   if (is_runge_kutta(m))
     runge_kutta.advance(m, d, new_control, held);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
-  else
+  else if (uses_motion)
     mj_Euler(m, d);
+  else
+    advance_all_but_motion(m, d);
 }
 
 }  // namespace dashpot::host

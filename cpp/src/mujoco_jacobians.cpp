@@ -2,6 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 #include "dashpot/mocap_motion.hpp"
@@ -12,6 +13,9 @@
 namespace dashpot::host {
 
 namespace {
+
+using Eigen::Map;
+using Eigen::Vector3d;
 
 constexpr int kBodyRows = 6;  // coordinates of a free body that are not zero
 
@@ -84,21 +88,22 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
     }
     return;
   }
-  const double* frame = input.frame.data();
   const double sign = side ? 1.0 : -1.0;
-  const int body = m->geom_bodyid[input.geom[side]];
-  mjtNum arm[3];
-  mju_sub3(arm, acting_point(input, side).data(), d->subtree_com + 3 * m->body_rootid[body]);
+  const int body = m->geom_bodyid[input.geom[side]], width = c.width();
+  const std::array<double, 3> point = acting_point(input, side);
+  const Vector3d arm = Map<const Vector3d>(point.data()) -
+                       Map<const Vector3d>(d->subtree_com + 3 * m->body_rootid[body]);
   int k = c.columns[block] - 1;
   for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
     while (column[k] != t.begin + dof - t.dof_begin) --k;
-    mjtNum axis[6], linear[3];
+    mjtNum axis[6];
     axis_ahead(m, d, dof, input.ahead, axis);
-    mju_cross(linear, axis, arm);
-    mju_addTo3(linear, axis + 3);
-    for (int i = 0; i < c.dim; ++i)
-      value[i * c.width() + k] +=
-          sign * (i < 3 ? mju_dot3(frame + 3 * i, linear) : mju_dot3(frame + 3 * (i - 3), axis));
+    const Map<const Vector3d> angular(axis), of_origin(axis + 3);
+    const Vector3d linear = angular.cross(arm) + of_origin;
+    for (int i = 0; i < c.dim; ++i) {
+      const Map<const Vector3d> direction(input.frame.data() + 3 * (i % 3));
+      value[i * width + k] += sign * (i < 3 ? direction.dot(linear) : direction.dot(angular));
+    }
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
+
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_properties.hpp"
 
@@ -36,10 +38,11 @@ void add_own_turn(const mjModel* m, const mjData* d, int dof, double time, mjtNu
 }  // namespace
 
 void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, double* axis) {
-  mju_copy(axis, d->cdof + 6 * dof, 6);
+  std::copy_n(d->cdof + 6 * dof, 6, axis);
   if (time == 0.0) return;
   add_own_turn(m, d, dof, time, axis);
-  mju_addToScl(axis, d->cdof_dot + 6 * dof, time, 6);
+  const mjtNum* rate = d->cdof_dot + 6 * dof;
+  for (int i = 0; i < 6; ++i) axis[i] += time * rate[i];
   if (const mjtNum* carrier = mocap_twist(m, d, m->dof_bodyid[dof]))
     add_carried(carrier, time, axis);
 }
@@ -49,8 +52,9 @@ void twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, dou
   for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {
     mjtNum axis[6];
     axis_ahead(m, d, dof, time, axis);
-    mju_addToScl(twist, axis, d->qvel[dof], 6);
+    for (int i = 0; i < 6; ++i) twist[i] += d->qvel[dof] * axis[i];
   }
+  if (!mocap_twist(m, d, body)) return;
   mjtNum carrier[6];
   mocap_twist_ahead(m, d, body, time, carrier);
   mju_addTo(twist, carrier, 6);

@@ -52,7 +52,7 @@ void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
 
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
-  find_mean_forces(m, d, motion);
+  find_mean_forces(m, d, trees, motion);
   for (int i = 0; i < m->nv; ++i) applied += driving_force_[i] * motion.displacement[i];
   const int count = static_cast<int>(trees.tree.size());
   group_trees(m, count, group);
@@ -81,7 +81,8 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
   }
 }
 
-void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion) {
+void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
+                                  const StepMotion& motion) {
   damping_forces(m, d, damping_force_);
   driving_forces(m, d, driving_force_);
   undamped_force_.resize(m->nv);
@@ -89,9 +90,8 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Ste
     undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
     if (!motion.end || !(*motion.integrated)[m->dof_treeid[i]]) continue;
     const SmoothForces& end = *motion.end;
-    const double drag = joint_damping(m, i, motion.start_velocity[i]);
     const double accounted =
-        joint_damping_weight(m) * 2.0 * drag * (end.velocity[i] - motion.start_velocity[i]);
+        2.0 * trees.joint_damping[i] * (end.velocity[i] - motion.start_velocity[i]);
     damping_force_[i] += 0.5 * (end.damping[i] + accounted - damping_force_[i]);
     driving_force_[i] += 0.5 * (end.driving[i] - driving_force_[i]);
     undamped_force_[i] += 0.5 * (end.all[i] - end.damping[i] - undamped_force_[i]);
@@ -126,7 +126,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
     derive_at_start([&] { prepare_effective_inertia(m, d); });
   for (int index = 0; index < count; ++index)
     if ((*motion.touched)[index] && brakes(trees.tree[index]))
-      kept_[index] = kept_change(m, d, trees.tree[index], motion);
+      kept_[index] = kept_change(m, d, trees, trees.tree[index], motion);
   const auto add_braking = [&](std::vector<Braking>& to, double sign) {
     for (int index = 0; index < count; ++index)
       if (brakes(trees.tree[index]))
@@ -145,10 +145,10 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
 }
 
 // s of a tree that rows moved.
-double SmoothWork::kept_change(const mjModel_* m, const mjData_* d, const Tree& t,
-                               const StepMotion& motion) const {
+double SmoothWork::kept_change(const mjModel_* m, const mjData_* d, const Trees& trees,
+                               const Tree& t, const StepMotion& motion) const {
   const auto norm = [&](const double* v) {
-    return std::sqrt(std::max(0.0, damping_form(m, d, t, motion.start_velocity, v, v)));
+    return std::sqrt(std::max(0.0, damping_form(m, d, trees, t, v, v)));
   };
   const double size = norm(change_.data());
   if (size == 0.0) return 1.0;
@@ -165,7 +165,7 @@ double SmoothWork::work_of_drag(const mjModel_* m, const mjData_* d, const Trees
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
     const double all = trees.damping[t.begin + i];
-    const double part = all != 0.0 ? damping_of(m, d, dof, motion.start_velocity[dof]) / all : 1.0;
+    const double part = all != 0.0 ? damping_of(m, d, trees, dof) / all : 1.0;
     work += part * motion.braked[t.begin + i];
   }
   return sign * work;
@@ -176,7 +176,7 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
                                                  double sign, const StepMotion& motion) const {
   const Tree& t = trees.tree[tree];
   const auto form = [&](const double* u, const double* v) {
-    return sign * damping_form(m, d, t, motion.start_velocity, u, v);
+    return sign * damping_form(m, d, trees, t, u, v);
   };
   const double* change = change_.data();
   // v'D v / 2 of v0 + `by`, less that of v0.

@@ -81,7 +81,7 @@ class RungeKutta::Start {
   const std::array<mjtBool, 4> flag_;
 };
 
-void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held) {
+void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held) {
   constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
   constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
                              [](double force) { return force != 0.0; });
@@ -114,7 +114,7 @@ void RungeKutta::advance(const mjModel_* m, mjData_* d, bool new_control, HeldSt
   // Time, plugins and activations are as with Euler, under the mean slope.
   std::copy(reported_acceleration_.begin(), reported_acceleration_.end(), d->qacc);
   std::copy(mean_activation_rate_.begin(), mean_activation_rate_.end(), d->act_dot);
-  mj_Euler(m, d);
+  advance_all_but_motion(m, d);
   std::copy(activation_rate_[0].begin(), activation_rate_[0].end(), d->act_dot);
   std::copy(acceleration_.back().begin(), acceleration_.back().end(), d->qacc_warmstart);
   std::copy(velocity_[0].begin(), velocity_[0].end(), d->qvel);

@@ -64,6 +64,7 @@ struct Stepper::Impl {
   void find_touched_trees();
   void find_unpaid(mjData_* d);
   bool rows_moved_something() const;
+  bool rows_move_all() const;
   void find_mean_velocity();
   void find_end_gaps();
   bool lands_in_next_step(const RowGroup& c) const;

@@ -122,6 +122,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   host::drives(model, d, motion.start_velocity(), drive_);
   drive_change_.assign(drive_.size(), 0.0);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
+  find_potential_forces(model, d, trees);
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
@@ -159,6 +160,16 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   }
   load_drives(length, memory, trees, data);
   stop_fast_turns(length, rows);
+}
+
+void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
+  potential_.resize(drive_.size());
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!holds(index) || moves_accurately(model, index)) continue;
+    const Tree& t = trees.tree[index];
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+      potential_[i] = host::potential_force(model, d, i);
+  }
 }
 
 void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
@@ -209,7 +220,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
       force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
     for (int i = 0; i < t.dof_count && !moves_accurately(model, index); ++i) {
       const int dof = t.dof_begin + i;
-      const double potential = host::potential_force(model, d, dof);
+      const double potential = potential_[dof];
       const double turning = potential - host::positional_force(d, dof);
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted += weight * potential * before.displacement[dof] +
@@ -252,7 +263,7 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
       const Trees& trees = motion.trees();
       const double implicit = t.damped ? trees.implicit_time : length;
       const auto damped = [&](const double* v) {
-        return implicit * host::damping_form(model, d, t, velocity.data(), v, generalized_.data());
+        return implicit * host::damping_form(model, d, trees, t, v, generalized_.data());
       };
       coupled.damped_linear += damped(velocity.data());
       coupled.damped_square += 0.5 * damped(generalized_.data());
@@ -342,7 +353,7 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   double* seen = generalized_.data() + t.dof_begin;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
-    const double potential = host::potential_force(model, d, dof);
+    const double potential = potential_[dof];
     const double turning = potential - host::positional_force(d, dof);
     force[i] += host::smooth_force(d, dof) + turning;
     energy += 0.5 * velocity[dof] * momentum_[dof] +

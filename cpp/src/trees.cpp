@@ -13,46 +13,66 @@ namespace dashpot {
 
 namespace {
 
-// Visits the degrees of freedom above `dof` in its tree, from the nearest up; both in numbers from
-// `begin`, the tree's first.
-template <typename Visit>
-[[gnu::always_inline]] inline void for_each_above(const int* above, int begin, int dof,
-                                                  const Visit& visit) {
-  for (int i = above[begin + dof]; i >= 0; i = above[i]) visit(i - begin);
+// Degrees of freedom of a tree in numbers from its first.
+struct Above {
+  struct Range {
+    const int *first, *last;
+    const int* begin() const { return first; }
+    const int* end() const { return last; }
+  };
+
+  Above(const Trees& trees, const Tree& t)
+      : last_below(trees.last_below.data() + t.dof_begin),
+        path_begin(trees.path_begin.data() + t.dof_begin),
+        path(trees.path.data()) {}
+  // Those above one, from the nearest up.
+  Range of(int dof) const { return {path + path_begin[dof], path + path_begin[dof + 1]}; }
+
+  const int *last_below, *path_begin, *path;
+};
+
+// response += inv(H) force, the columns of inv(H) `count` apart.
+DASHPOT_VECTOR_CLONES
+void respond(const double* inverse, const double* force, int n, int count, double* response) {
+  for_each_block(
+      count, [=](int first, auto width) __attribute__((always_inline)) {
+        Lanes sum[width()];
+        load_block(response + first, sum);
+        for (int j = 0; j < n; ++j) add_scaled(inverse + j * count + first, force[j], sum);
+        store_block(sum, response + first);
+      });
 }
 
 // inverse = inv(L' D L), symmetric, columns `count` apart, a multiple of four. Of the unit matrix,
-// inv(L') is what rows leave that are taken off the rows above them, from the last one up, and then
-// inv(L) what rows above leave, from the first one down.
+// inv(L') is what rows leave that are taken off the rows above them, from the last one up, each
+// over the columns of what is below it, and then inv(L) what rows above leave, from the first one
+// down.
 DASHPOT_VECTOR_CLONES
-void invert(const double* factor, const int* above, int begin, int n, int count, double* inverse) {
+void invert(const double* factor, const Above& above, int n, int count, double* inverse) {
   std::fill_n(inverse, count * count, 0.0);
   for (int k = n - 1; k >= 0; --k) {
     double* row = inverse + k * count;
     row[k] = 1.0;
-    // Entries before the diagonal are zero so far.
-    const int first_filled = k / kLanes * kLanes;
-    for_each_above(
-        above, begin, k, [=](int i) __attribute__((always_inline)) {
-          const double scale = -factor[k * n + i];
-          double* to = inverse + i * count;
-          for (int j = first_filled; j < count; j += kLanes)
-            store_lanes(load_lanes(to + j) + load_lanes(row + j) * scale, to + j);
-        });
+    // All other entries are zero so far.
+    const int first_filled = k / kLanes * kLanes, end = above.last_below[k] + 1;
+    for (int i : above.of(k)) {
+      const double scale = -factor[k * n + i];
+      double* to = inverse + i * count;
+      for (int j = first_filled; j < end; j += kLanes)
+        store_lanes(load_lanes(to + j) + load_lanes(row + j) * scale, to + j);
+    }
     const double scale = 1.0 / factor[k * n + k];
-    for (int j = first_filled; j < count; j += kLanes)
+    for (int j = first_filled; j < end; j += kLanes)
       store_lanes(load_lanes(row + j) * scale, row + j);
   }
   for (int k = 0; k < n; ++k)
     for_each_block(
-        count, [=](int first, auto width) __attribute__((always_inline)) {
+        count, [ =, &above ](int first, auto width) __attribute__((always_inline)) {
           double* row = inverse + k * count + first;
           Lanes rest[width()];
           load_block(row, rest);
-          for_each_above(
-              above, begin, k, [&](int i) __attribute__((always_inline)) {
-                add_scaled(inverse + i * count + first, -factor[k * n + i], rest);
-              });
+          for (int i : above.of(k))
+            add_scaled(inverse + i * count + first, -factor[k * n + i], rest);
           store_block(rest, row);
         });
 }
@@ -77,6 +97,15 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   inverse_root.resize(coordinates, 0.0);
   tree.push_back(t);
   above.insert(above.end(), above_dofs, above_dofs + dof_count);
+  joint_damping.resize(above.size(), 0.0);
+  for (int i = 0; i < dof_count; ++i) {
+    last_below.push_back(i);
+    for (int dof = above[dof_begin + i]; dof >= 0; dof = above[dof]) {
+      path.push_back(dof - dof_begin);
+      last_below[dof] = i;
+    }
+    path_begin.push_back(static_cast<int>(path.size()));
+  }
 }
 
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration) {
@@ -88,8 +117,7 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
       for (int i = 0; i < 3; ++i) acceleration[4 + i] += column[4 * (j + 1) + i] * force[4 + j];
     return;
   }
-  for (int j = 0; j < t.dof_count; ++j, column += t.count)
-    for (int i = 0; i < t.dof_count; ++i) acceleration[i] += column[i] * force[j];
+  respond(column, force, t.dof_count, t.count, acceleration);
 }
 
 void check_bounded(const Tree& tree, const double* motion, double largest) {
@@ -103,38 +131,39 @@ void check_bounded(const Tree& tree, const double* motion, double largest) {
 void factor_inertia(const Trees& trees, int tree, double* inertia) {
   const Tree& t = trees.tree[tree];
   const int n = t.dof_count;
-  const int* above = trees.above.data();
+  const Above above(trees, t);
   for (int k = n - 1; k >= 0; --k) {
     double* row = inertia + k * n;
     if (!(row[k] > 0.0))
       throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
                                " is not positive definite");
-    for_each_above(above, t.dof_begin, k, [&](int i) {
+    Above::Range rest = above.of(k);
+    while (rest.first != rest.last) {
+      const int i = *rest.first++;
       const double entry = row[i] / row[k];
       double* to = inertia + i * n;
       to[i] -= entry * row[i];
-      for_each_above(above, t.dof_begin, i, [&](int j) { to[j] -= entry * row[j]; });
+      for (int j : rest) to[j] -= entry * row[j];
       row[i] = entry;
-    });
+    }
   }
 }
 
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x) {
   const Tree& t = trees.tree[tree];
   const int n = t.dof_count;
-  const int* above = trees.above.data();
+  const Above above(trees, t);
   for (int k = n - 1; k >= 0; --k)
-    for_each_above(above, t.dof_begin, k, [&](int i) { x[i] -= factor[k * n + i] * x[k]; });
+    for (int i : above.of(k)) x[i] -= factor[k * n + i] * x[k];
   for (int k = 0; k < n; ++k) {
     x[k] /= factor[k * n + k];
-    for_each_above(above, t.dof_begin, k, [&](int i) { x[k] -= factor[k * n + i] * x[i]; });
+    for (int i : above.of(k)) x[k] -= factor[k * n + i] * x[i];
   }
 }
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
-  invert(factor, trees.above.data(), t.dof_begin, t.dof_count, t.count,
-         trees.inverse.data() + t.inverse);
+  invert(factor, Above(trees, t), t.dof_count, t.count, trees.inverse.data() + t.inverse);
   for (int i = 0; i < t.dof_count; ++i)
     trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
 }

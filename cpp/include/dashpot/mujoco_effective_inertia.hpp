@@ -28,12 +28,12 @@ double joint_damping(const mjModel_* m, int dof, double velocity);
 double damping_derivative(double damping, const double* high_order, double velocity);
 
 // u' D v of vectors by degree of freedom (nv) over those of a tree; joint damping is that of the
-// step's start.
-double damping_form(const mjModel_* m, const mjData_* d, const Tree& tree,
-                    const double* start_velocity, const double* u, const double* v);
+// step's start, which find_effective_inertia has found.
+double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& tree,
+                    const double* u, const double* v);
 
-// D of one degree of freedom at `velocity`.
-double damping_of(const mjModel_* m, const mjData_* d, int dof, double velocity);
+// The same D of one degree of freedom.
+double damping_of(const mjModel_* m, const mjData_* d, const Trees& trees, int dof);
 
 // Adds D v (nv) of a D that comes from derivatives.
 void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);

@@ -35,9 +35,13 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
                    const std::vector<double>& row_force);
 
 // MuJoCo's own integrator, under the mean forces that report_forces has set: advances everything
-// (time, activations, plugins, trees without contact). `new_control` as in smooth_stage.
-void integrate(const mjModel_* m, mjData_* d, bool new_control, RungeKutta& runge_kutta,
+// (time, activations, plugins, trees without contact). `new_control` as in smooth_stage;
+// `uses_motion`: whether any of the velocities and positions that it comes to stays.
+void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
                HeldStages& held);
+// MuJoCo's Euler for time, activations and plugins alone: without the implicit damping of its
+// velocities, for which it would factor an inertia.
+void advance_all_but_motion(mjModel_* m, mjData_* d);
 // Whether it takes smooth forces otherwise than through the effective inertia.
 bool adds_to_smooth_motion(const mjModel_* m);
 

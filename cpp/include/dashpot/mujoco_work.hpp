@@ -91,7 +91,7 @@ class SmoothWork {
     }
   };
   void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
-  double kept_change(const mjModel_* m, const mjData_* d, const Tree& t,
+  double kept_change(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
                      const StepMotion& motion) const;
   static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
                              const Tree& tree, double sign, const StepMotion& motion);
@@ -99,7 +99,8 @@ class SmoothWork {
                            double kept, double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
-  void find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion);
+  void find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
+                        const StepMotion& motion);
 
   // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
   // whether rows moved any of the trees.

@@ -49,7 +49,7 @@ class RungeKutta {
   // within the step the control callback is not asked. Where a callback raises, and with
   // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
   // of a model with adhesion, state, controls and applied forces are those of the start again.
-  void advance(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+  void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
 
   // At the end of the last step, as its fourth stage saw it.
   const SmoothForces& end() const { return end_; }

@@ -129,6 +129,7 @@ class Trapezoid {
   void find_held_trees(const mjModel_* model, const Rows& rows);
   // Those that rows held in the last step and none does any more.
   void find_freed_trees(const mjModel_* model, const HeldMotion& before);
+  void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
@@ -154,8 +155,9 @@ class Trapezoid {
   std::vector<Coupled> coupled_;                                   // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
-  // By the same: e of this step, its change since the last one, and loads for what it goes on by.
-  std::vector<double> drive_, drive_change_, load_;
+  // By the same: e of this step, its change since the last one, loads for what it goes on by;
+  // forces that have a potential, of trees that rows may hold.
+  std::vector<double> drive_, drive_change_, load_, potential_;
 };
 
 }  // namespace dashpot

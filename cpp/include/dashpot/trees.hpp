@@ -54,9 +54,16 @@ struct Trees {
   // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
   AlignedDoubles damping, cross_damping;
   double implicit_time = 0.0;
+  // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
+  // does not come from derivatives.
+  std::vector<double> joint_damping;
   // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
   // below it, and to no others.
   std::vector<int> above;
+  // By degree of freedom, the last one that it carries, or itself: those below it lie between. And
+  // where those above it begin in `path`, the nearest first; they end where the next one's begin.
+  // Both in numbers from the first of their tree.
+  std::vector<int> last_below, path_begin{0}, path;
 
   // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
   // freedom, in the numbers of all.
