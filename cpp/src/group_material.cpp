@@ -22,6 +22,7 @@ GroupMaterial from_solref(const Input& input, double load) {
   given.from_solref = true;
   given.normalised_stiffness = stiffness;
   given.normalised_damping = damping;
+  given.own_damping = damping;
   given.load = load;
   return given;
 }

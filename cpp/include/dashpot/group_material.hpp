@@ -23,6 +23,7 @@ struct GroupMaterial {
   bool from_solref = false;
   double normalised_stiffness = 0.0;  // kappa, 1/s^2
   double normalised_damping = 0.0;    // delta, 1/s
+  double own_damping = 0.0;           // the same without what presses it between others, 1/s
   double load = 0.0;                  // A F, m/s^2, that the model's own solref is read at
   bool pressed_between = false;       // of a body between others (pressed_between.hpp)
 
