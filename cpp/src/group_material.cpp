@@ -16,17 +16,22 @@ namespace {
 // A contact or constraint that no material covers: rigid, or what the model's own solref means.
 template <typename Input>
 GroupMaterial from_solref(const Input& input, double load) {
-  GroupMaterial given;
-  if (!input.has_solref) return given;
-  const auto [stiffness, damping] = solref_to_spring_at_rest(input.solref, input.solimp, load);
-  given.from_solref = true;
-  given.normalised_stiffness = stiffness;
-  given.normalised_damping = damping;
-  given.load = load;
-  return given;
+  return input.has_solref ? solref_material(input.solref, input.solimp, load) : GroupMaterial();
 }
 
 }  // namespace
+
+GroupMaterial solref_material(const std::array<double, 2>& solref,
+                              const std::array<double, 5>& solimp, double load) {
+  const auto [stiffness, damping] = solref_to_spring_at_rest(solref, solimp, load);
+  GroupMaterial given;
+  given.from_solref = true;
+  given.normalised_stiffness = stiffness;
+  given.normalised_damping = damping;
+  given.own_damping = damping;
+  given.load = load;
+  return given;
+}
 
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
                           const ContactInput& input, double load) {

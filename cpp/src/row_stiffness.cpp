@@ -73,12 +73,12 @@ double most_damped_rigid(double bound) {
   return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
 }
 
-// kappa of a solref whose damper, more than critical, is not resolved: what is left out of it
+// kappa of a solref whose own damper, more than critical, is not resolved: what is left out of it
 // resists as a spring instead, which in the time 1 / delta, in which the rest stops what comes,
 // gives way as far as that would. Models ask for what is rigid by damping ratios of hundreds.
-double stiffness_for_damper(const Rates& asked, double most_damped) {
+double stiffness_for_damper(const Rates& asked, double own_damping, double most_damped) {
   const double critical = 2.0 * std::sqrt(asked.stiffness);
-  const double left_out = asked.damping - std::max(critical, most_damped);
+  const double left_out = own_damping - std::max(critical, most_damped);
   return left_out > 0.0 ? asked.stiffness + left_out * most_damped : asked.stiffness;
 }
 
@@ -148,10 +148,14 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
       stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
   const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
   double stiffest = resolved;
-  if (given.from_solref)
-    stiffest = std::min(resolved, stiffness_for_damper(asked, most_damped));
-  else if (is_limited)
+  if (given.from_solref) {
+    const double own_damping = given.normalised_damping > 0.0
+                                   ? asked.damping * given.own_damping / given.normalised_damping
+                                   : 0.0;
+    stiffest = std::min(resolved, stiffness_for_damper(asked, own_damping, most_damped));
+  } else if (is_limited) {
     stiffest = std::min(resolved, asked.stiffness);
+  }
   // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
   // configuration into arbitrary forces.
   const auto fill = [&](int row, double kappa, double delta) {

@@ -51,11 +51,7 @@ void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches
                                  kMostAtStart * weight);
     }
     if (c.solref.load == weight) continue;
-    const auto [stiffness, damping] =
-        solref_to_spring_at_rest(input.solref, input.solimp, c.solref.load);
-    given.normalised_stiffness = stiffness;
-    given.normalised_damping = damping;
-    given.load = c.solref.load;
+    given = solref_material(input.solref, input.solimp, c.solref.load);
   }
 }
 

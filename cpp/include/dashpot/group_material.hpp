@@ -23,6 +23,7 @@ struct GroupMaterial {
   bool from_solref = false;
   double normalised_stiffness = 0.0;  // kappa, 1/s^2
   double normalised_damping = 0.0;    // delta, 1/s
+  double own_damping = 0.0;           // the same without what presses it between others, 1/s
   double load = 0.0;                  // A F, m/s^2, that the model's own solref is read at
   bool pressed_between = false;       // of a body between others (pressed_between.hpp)
 
@@ -33,6 +34,10 @@ struct GroupMaterial {
                                     : 0.0;
   }
 };
+
+// What a model's own solref means under a load A F (m/s^2). Throws as solref_to_spring does.
+GroupMaterial solref_material(const std::array<double, 2>& solref,
+                              const std::array<double, 5>& solimp, double load);
 
 // That of a contact: of its pair, else combined from its geoms, else what the model's own solref
 // means under a load A F (m/s^2), else rigid.
