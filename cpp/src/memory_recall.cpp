@@ -258,16 +258,16 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     data.deformation[c.row] = input.gap;
     if (input.gap >= 0.0) continue;
     const int nearest = matches[index].nearest;
+    const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     double& credit = data.credit[index];
-    if (nearest >= 0) credit = contact(nearest).credit;
+    credit = old.credit;
     if (!std::isinf(recovery_speed)) {
-      data.deformation[c.row] = nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
-                                            : recalled_deformation(contact(nearest), input, rows, c,
-                                                                   recovery_speed, length, credit);
+      data.deformation[c.row] =
+          nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
+                      : recalled_deformation(old, input, rows, c, recovery_speed, length, credit);
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
-    if (nearest >= 0)
-      recall_friction(contact(nearest), input, rows, c, recovery_speed, credit, data);
+    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, credit, data);
   }
 }
 

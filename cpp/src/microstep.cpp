@@ -73,11 +73,13 @@ struct MicrostepLoop::Impl {
   void run_microsteps();
   void unpack();
 
-  void sweep_rows(Sweep sweep, const IslandMotion& motion) {
-    std::apply([&](auto&... list) { (sweep_fastest(sweep, list.block, motion), ...); }, blocks);
+  template <Sweep kSweep>
+  void sweep_rows(const IslandMotion& motion) {
+    std::apply([&](auto&... list) { (sweep_fastest<kSweep>(list.block, motion), ...); }, blocks);
   }
-  void sweep_trees(Sweep sweep, const IslandMotion& motion) {
-    sweep_fastest(sweep, island_trees, motion);
+  template <Sweep kSweep>
+  void sweep_trees(const IslandMotion& motion) {
+    sweep_fastest<kSweep>(island_trees, motion);
   }
 
   template <typename Jacobian, typename Law>
@@ -260,25 +262,25 @@ void MicrostepLoop::Impl::run_microsteps() {
   acceleration[kTurningCoordinate] = 1.0;
   double& turning = data->velocity[kTurningCoordinate];
   const double turning_at_start = turning;
-  sweep_rows(Sweep::kPrepare, m);
+  sweep_rows<Sweep::kPrepare>(m);
   const double middle = 0.5 * h * count;
   m.rate_time = -middle;
   for (int i = 0; i < count; ++i) {
-    sweep_rows(Sweep::kPresentForces, m);
+    sweep_rows<Sweep::kPresentForces>(m);
     m.coupled_time = kCoupledShare * h;
     m.work_time = i * h + 0.5 * h - middle;
     m.rate_time = (i + 1) * h - middle;
     turning += h;
-    sweep_trees(Sweep::kSmoothMotion, m);
-    sweep_rows(Sweep::kFlow, m);
-    sweep_trees(Sweep::kContactMotion, m);
+    sweep_trees<Sweep::kSmoothMotion>(m);
+    sweep_rows<Sweep::kFlow>(m);
+    sweep_trees<Sweep::kContactMotion>(m);
   }
-  sweep_rows(Sweep::kRead, m);
-  sweep_trees(Sweep::kDisplacement, m);
+  sweep_rows<Sweep::kRead>(m);
+  sweep_trees<Sweep::kDisplacement>(m);
   const double time = h * count;
   displacement[kSurfaceCoordinate] = time;
   displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
-  sweep_rows(Sweep::kFollow, m);
+  sweep_rows<Sweep::kFollow>(m);
   turning = turning_at_start;
   // A force that is no number shows here alone: rows whose load it is apply none.
   for (const Tree& tree : island_trees)

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <array>
 
 #include "dashpot/mocap_motion.hpp"
 
@@ -12,12 +13,14 @@ void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
                      std::vector<double>& velocity) {
   velocity.assign(6 * m->nbody, 0.0);
   for (int body = 1; body < m->nbody; ++body) {
-    double* v = velocity.data() + 6 * body;
-    const double* parent = velocity.data() + 6 * m->body_parentid[body];
-    std::copy(parent, parent + 6, v);
-    if (m->body_mocapid[body] >= 0) std::copy_n(d->cvel + 6 * body, 6, v);
-    for (int j = m->body_dofadr[body]; j < m->body_dofadr[body] + m->body_dofnum[body]; ++j)
-      for (int i = 0; i < 6; ++i) v[i] += d->cdof[6 * j + i] * qvel[j];
+    std::array<double, 6> sum;
+    std::copy_n(m->body_mocapid[body] >= 0 ? d->cvel + 6 * body
+                                           : velocity.data() + 6 * m->body_parentid[body],
+                6, sum.begin());
+    const int end = m->body_dofadr[body] + m->body_dofnum[body];
+    for (int j = m->body_dofadr[body]; j < end; ++j)
+      for (int i = 0; i < 6; ++i) sum[i] += d->cdof[6 * j + i] * qvel[j];
+    std::copy(sum.begin(), sum.end(), velocity.begin() + 6 * body);
   }
 }
 

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/instruction_sets.hpp"
+#include "dashpot/lanes.hpp"
 #include "dashpot/mass_weighted.hpp"
 
 namespace dashpot {
 
 namespace {
 
-constexpr double kSingular = 0.01;  // part of the typical inverse mass that counts as singular
 // Part of the inverse mass along a tangent below which that of a normal is singular: of free bodies
 // it is a quarter and more.
 constexpr double kSideways = 0.1;
@@ -25,17 +26,37 @@ void add_cross(const double* a, const double* b, double sign, double* sum) {
 
 double side_sign(int side) { return side == 0 ? -1.0 : 1.0; }
 
-// J inv(H) J' of row i of a pair over one of its free bodies.
-double body_inverse_mass(const PairGeometry& pair, int i, int side, const double* inverse) {
-  const double* n = pair.frame.data() + 3 * (i % 3);
-  double moment[3] = {};
-  if (i < 3)
-    add_cross(pair.arm[side].data(), n, 1.0, moment);
-  else
-    std::copy_n(n, 3, moment);
-  double sum = i < 3 ? inverse[0] * dot(n, n) : 0.0;
-  for (int j = 0; j < 3; ++j) sum += moment[j] * dot(moment, inverse + 4 * (j + 1));
+// J inv(H) J' of three rows of a pair over one of its free bodies, one in each lane, that have the
+// moment `moment` about its centre of mass; `linear`: the part of their linear entries.
+[[gnu::always_inline]] inline Lanes inverse_mass_of_three(const Lanes& linear,
+                                                          const Lanes (&moment)[3],
+                                                          const double* inverse) {
+  Lanes sum = linear;
+  for (int j = 0; j < 3; ++j) {
+    const double* column = inverse + 4 * (j + 1);
+    sum += moment[j] * (moment[0] * column[0] + moment[1] * column[1] + moment[2] * column[2]);
+  }
   return sum;
+}
+
+// The same of all its rows.
+DASHPOT_VECTOR_CLONES
+void pair_inverse_mass(const PairGeometry& pair, int dim, int side, const double* inverse,
+                       double* out) {
+  Lanes axis[3], moment[3];
+  for (int k = 0; k < 3; ++k)
+    axis[k] = Lanes{pair.frame[k], pair.frame[3 + k], pair.frame[6 + k], 0.0};
+  const std::array<double, 3>& arm = pair.arm[side];
+  for (int k = 0; k < 3; ++k) {
+    const int l = (k + 1) % 3, m = (k + 2) % 3;
+    moment[k] = arm[l] * axis[m] - arm[m] * axis[l];
+  }
+  const Lanes squared = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
+  const Lanes along = inverse_mass_of_three(inverse[0] * squared, moment, inverse);
+  for (int i = 0; i < std::min(dim, 3); ++i) out[i] = along[i];
+  if (dim <= 3) return;
+  const Lanes about = inverse_mass_of_three(Lanes{}, axis, inverse);
+  for (int i = 3; i < dim; ++i) out[i] = about[i - 3];
 }
 
 // The same of all rows of a group over their sparse entries for a free body, whose columns are the
@@ -61,10 +82,6 @@ double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, const 
 }
 
 }  // namespace
-
-double Rows::bounded_inverse_mass(int row) const {
-  return std::max(inverse_mass[row], kSingular * typical_inverse_mass[row]);
-}
 
 void Rows::reset(int count) {
   group.clear();
@@ -211,8 +228,7 @@ void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {
       const Tree& tree = trees.tree[c.tree[side]];
       const double* inverse = trees.inverse.data() + tree.inverse;
       if (c.pair >= 0)
-        for (int i = 0; i < c.dim; ++i)
-          part[i] = body_inverse_mass(rows.pair[c.pair], i, side, inverse);
+        pair_inverse_mass(rows.pair[c.pair], c.dim, side, inverse, part);
       else if (tree.free_body)
         sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
       else if (c.is_of_one_coordinate(side))

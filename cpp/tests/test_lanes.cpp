@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <cstring>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 #include "dashpot/aligned.hpp"
@@ -186,25 +187,28 @@ struct Swept {
   std::vector<double> total;
 };
 
-using SweepRows = void (*)(Sweep, Block<PairLanes, Contact>*, Block<PairLanes, Contact>*,
-                           const IslandMotion&);
-using SweepTrees = void (*)(Sweep, Tree*, Tree*, const IslandMotion&);
+template <Sweep kSweep>
+using Kind = std::integral_constant<Sweep, kSweep>;
 
-Swept run(Swept swept, double h, SweepRows rows, SweepTrees trees) {
+// `sweep`: over blocks or trees, of the kind given, with one instruction set.
+template <typename SweepItems>
+Swept run(Swept swept, double h, const SweepItems& sweep) {
   const IslandMotion m = swept.motion(h);
-  const auto sweep = [&](Sweep kind) {
-    rows(kind, swept.blocks.data(), swept.blocks.data() + swept.blocks.size(), m);
+  const auto sweep_all = [&](auto kind, auto& items) {
+    sweep(kind, items.data(), items.data() + items.size(), m);
   };
-  sweep(Sweep::kPrepare);
+  const auto rows = [&](auto kind) { sweep_all(kind, swept.blocks); };
+  const auto trees = [&](auto kind) { sweep_all(kind, swept.trees); };
+  rows(Kind<Sweep::kPrepare>());
   for (int i = 0; i < 20; ++i) {
-    sweep(Sweep::kPresentForces);
-    trees(Sweep::kSmoothMotion, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
-    sweep(Sweep::kFlow);
-    trees(Sweep::kContactMotion, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
+    rows(Kind<Sweep::kPresentForces>());
+    trees(Kind<Sweep::kSmoothMotion>());
+    rows(Kind<Sweep::kFlow>());
+    trees(Kind<Sweep::kContactMotion>());
   }
-  sweep(Sweep::kRead);
-  trees(Sweep::kDisplacement, swept.trees.data(), swept.trees.data() + swept.trees.size(), m);
-  sweep(Sweep::kFollow);
+  rows(Kind<Sweep::kRead>());
+  trees(Kind<Sweep::kDisplacement>());
+  rows(Kind<Sweep::kFollow>());
   return swept;
 }
 
@@ -309,13 +313,21 @@ void check_instruction_sets() {
   const double h = 1e-4;
   for (int i = 0; i < 50; ++i) {
     const Swept start(h);
-    const Swept portable = run(start, h, sweep_portable, sweep_portable);
+    const Swept portable =
+        run(start, h, [](auto kind, auto* first, auto* last, const IslandMotion& m) {
+          sweep_portable<kind()>(first, last, m);
+        });
 #if defined(__x86_64__)
+    const auto avx2 = [](auto kind, auto* first, auto* last, const IslandMotion& m) {
+      sweep_avx2<kind()>(first, last, m);
+    };
+    const auto avx512 = [](auto kind, auto* first, auto* last, const IslandMotion& m) {
+      sweep_avx512<kind()>(first, last, m);
+    };
     if (__builtin_cpu_supports("avx2"))
-      check_equal_bits(portable, run(start, h, sweep_avx2, sweep_avx2), "AVX2 gives equal bits");
+      check_equal_bits(portable, run(start, h, avx2), "AVX2 gives equal bits");
     if (find_instruction_set() == InstructionSet::kAvx512)
-      check_equal_bits(portable, run(start, h, sweep_avx512, sweep_avx512),
-                       "AVX-512 gives equal bits");
+      check_equal_bits(portable, run(start, h, avx512), "AVX-512 gives equal bits");
 #endif
   }
 }

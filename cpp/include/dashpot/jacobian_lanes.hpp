@@ -84,14 +84,20 @@ inline void spare_sparse(const double* zeros, int last, SparseLanes& j) {
   transpose(angular);
 }
 
-[[gnu::always_inline]] inline void add_to_bodies(Lanes (&linear)[kLanes], Lanes (&angular)[kLanes],
-                                                 const int* body, double* force) {
+// Adds to the second bodies of four pairs, takes from the first.
+template <int Side>
+[[gnu::always_inline]] inline void apply_to_bodies(Lanes (&linear)[kLanes],
+                                                   Lanes (&angular)[kLanes], const int* body,
+                                                   double* force) {
+  const auto apply = [](const Lanes& term, double* at) __attribute__((always_inline)) {
+    const Lanes before = load_lanes(at);
+    store_lanes(Side == 0 ? before - term : before + term, at);
+  };
   transpose(linear);
   transpose(angular);
   for (int lane = 0; lane < kLanes; ++lane) {
-    double* at = force + body[lane];
-    store_lanes(load_lanes(at) + linear[lane], at);
-    store_lanes(load_lanes(at + 4) + angular[lane], at + 4);
+    apply(linear[lane], force + body[lane]);
+    apply(angular[lane], force + body[lane] + 4);
   }
 }
 
@@ -110,26 +116,31 @@ template <int Dim>
   for (int i = 3; i < Dim; ++i) out[i] = dot(j.frame + 3 * (i - 3), relative);
 }
 
+// The sum of `count` impulses along the directions of a frame.
+[[gnu::always_inline]] inline void sum_along(const Lanes* frame, const Lanes* impulse, int count,
+                                             Lanes* sum) {
+  for (int k = 0; k < 3; ++k) {
+    sum[k] = frame[k] * impulse[0];
+    for (int i = 1; i < count; ++i) sum[k] += frame[3 * i + k] * impulse[i];
+  }
+}
+
 // force += J' impulse.
 template <int Dim>
 [[gnu::always_inline]] inline void scatter(const PairLanes& j, const Lanes* impulse,
                                            double* force) {
-  Lanes linear[3] = {}, torque[3] = {};
-  for (int i = 0; i < std::min(Dim, 3); ++i)
-    for (int k = 0; k < 3; ++k) linear[k] += j.frame[3 * i + k] * impulse[i];
-  for (int i = 3; i < Dim; ++i)
-    for (int k = 0; k < 3; ++k) torque[k] += j.frame[3 * (i - 3) + k] * impulse[i];
-  for (int side = 0; side < 2; ++side) {
-    const double sign = side == 0 ? -1.0 : 1.0;
-    Lanes moment[3], f[kLanes], t[kLanes];
-    cross(j.arm[side], linear, moment);
-    for (int k = 0; k < 3; ++k) {
-      f[k] = sign * linear[k];
-      t[k] = sign * (moment[k] + torque[k]);
-    }
-    f[3] = t[3] = Lanes{};
-    add_to_bodies(f, t, j.body[side], force);
+  Lanes linear[2][kLanes] = {}, angular[2][kLanes] = {};
+  sum_along(j.frame, impulse, std::min(Dim, 3), linear[0]);
+  for (int side = 0; side < 2; ++side) cross(j.arm[side], linear[0], angular[side]);
+  if constexpr (Dim > 3) {
+    Lanes torque[3];
+    sum_along(j.frame, impulse + 3, Dim - 3, torque);
+    for (int side = 0; side < 2; ++side)
+      for (int k = 0; k < 3; ++k) angular[side][k] += torque[k];
   }
+  std::copy_n(linear[0], 3, linear[1]);
+  apply_to_bodies<0>(linear[0], angular[0], j.body[0], force);
+  apply_to_bodies<1>(linear[1], angular[1], j.body[1], force);
 }
 
 template <int Dim>

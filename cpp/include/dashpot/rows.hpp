@@ -12,6 +12,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -21,6 +22,8 @@ namespace dashpot {
 
 inline constexpr int kMaxRows = 6;
 inline constexpr double kDirection = 1e-5;  // rad, to which collision knows a contact's frame
+inline constexpr double kSingular =
+    0.01;  // part of the typical inverse mass that counts as singular
 
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
@@ -157,7 +160,9 @@ struct Rows {
 
   // w, but no less than a hundredth of the typical one. Near a singular configuration w falls by
   // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.
-  double bounded_inverse_mass(int row) const;
+  double bounded_inverse_mass(int row) const {
+    return std::max(inverse_mass[row], kSingular * typical_inverse_mass[row]);
+  }
 
   // Empties everything and makes room for `count` rows, of groups to be appended.
   void reset(int count);

@@ -70,41 +70,41 @@ enum class Sweep {
   kFollow          // rows: springs follow the displacement of the bodies
 };
 
-template <typename Jacobian, typename Law>
-[[gnu::always_inline]] inline void sweep_one(Sweep sweep, Block<Jacobian, Law>& block,
-                                             const IslandMotion& m) {
+template <Sweep kSweep, typename Jacobian, typename Law>
+[[gnu::always_inline]] inline void sweep_one(Block<Jacobian, Law>& block, const IslandMotion& m) {
   constexpr int kDim = Block<Jacobian, Law>::kDim;
   Law& law = block.law;
-  if (sweep == Sweep::kPrepare) return prepare(law, m.h);
-  if (sweep == Sweep::kFlow) {
+  if constexpr (kSweep == Sweep::kPrepare) {
+    prepare(law, m.h);
+  } else if constexpr (kSweep == Sweep::kFlow) {
     Lanes acceleration[kDim], moment[kDim];
     gather<kDim>(block.jacobian, m.acceleration, acceleration);
     flow(law, acceleration, m.h, moment);
     if constexpr (std::is_same_v<Law, SpringLanes>)
       law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - moment[0];
     scatter<kDim>(block.jacobian, law.impulse, m.impulse);
-    return;
-  }
-  if (sweep == Sweep::kFollow) {
+  } else if constexpr (kSweep == Sweep::kFollow) {
     Lanes displacement[kDim];
     gather<kDim>(block.jacobian, m.displacement, displacement);
-    return follow_bodies(law, displacement);
+    follow_bodies(law, displacement);
+  } else {
+    Lanes rate[kDim];
+    gather<kDim>(block.jacobian, m.velocity, rate);
+    if constexpr (!std::is_same_v<Law, SpringLanes>)
+      if (law.turns) turn_rows(law, m.rate_time, m.work_time, rate);
+    read_motion(law, rate, m.h, m.coupled_time, m.recovery);
+    if constexpr (kSweep == Sweep::kRead) {
+      Lanes load[kDim];
+      gather<kDim>(block.jacobian, m.smooth_acceleration, load);
+      account_load(law, load, m.h);
+      scatter_two<kDim>(block.jacobian, law.total_impulse, law.total_moment, m.coordinate_impulse,
+                        m.moment);
+    } else {
+      static_assert(kSweep == Sweep::kPresentForces);
+      find_present_force(law);
+      scatter<kDim>(block.jacobian, law.force, m.force);
+    }
   }
-  Lanes rate[kDim];
-  gather<kDim>(block.jacobian, m.velocity, rate);
-  if constexpr (!std::is_same_v<Law, SpringLanes>)
-    if (law.turns) turn_rows(law, m.rate_time, m.work_time, rate);
-  read_motion(law, rate, m.h, m.coupled_time, m.recovery);
-  if (sweep == Sweep::kRead) {
-    Lanes load[kDim];
-    gather<kDim>(block.jacobian, m.smooth_acceleration, load);
-    account_load(law, load, m.h);
-    scatter_two<kDim>(block.jacobian, law.total_impulse, law.total_moment, m.coordinate_impulse,
-                      m.moment);
-    return;
-  }
-  find_present_force(law);
-  scatter<kDim>(block.jacobian, law.force, m.force);
 }
 
 // out += inv(H) applied.
@@ -172,8 +172,10 @@ template <typename Jacobian, typename Law>
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
 }
 
-[[gnu::always_inline]] inline void sweep_one(Sweep sweep, const Tree& t, const IslandMotion& m) {
-  if (sweep == Sweep::kSmoothMotion) {
+template <Sweep kSweep>
+[[gnu::always_inline]] inline void sweep_one(const Tree& tree, const IslandMotion& m) {
+  const Tree t = tree;
+  if constexpr (kSweep == Sweep::kSmoothMotion) {
     if (t.damped) add_drag(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
@@ -182,62 +184,63 @@ template <typename Jacobian, typename Law>
       store_lanes(displacement + m.h * (v + 0.5 * m.h * a), m.displacement + i);
       store_lanes(v + m.h * a, m.velocity + i);
     }
-    return respond(t, m.inverse, m.force, m.acceleration);
-  }
-  if (sweep == Sweep::kDisplacement) {
+    respond(t, m.inverse, m.force, m.acceleration);
+  } else if constexpr (kSweep == Sweep::kDisplacement) {
     respond(t, m.inverse, m.moment, m.displacement);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes)
       add_lanes(m.displacement + i, m.total_displacement + i);
-    return;
+  } else {
+    static_assert(kSweep == Sweep::kContactMotion);
+    if (t.damped) add_impulse_of_drag(t, m);
+    respond(t, m.inverse, m.impulse, m.velocity);
+    if (t.damped) account_drag(t, m);
+    set_to_zero(t, m.force);
+    set_to_zero(t, m.impulse);
   }
-  if (t.damped) add_impulse_of_drag(t, m);
-  respond(t, m.inverse, m.impulse, m.velocity);
-  if (t.damped) account_drag(t, m);
-  set_to_zero(t, m.force);
-  set_to_zero(t, m.impulse);
 }
 
 inline constexpr int kBlocksAhead = 2;
 // The bodies of a block that comes soon.
-template <typename Law>
-[[gnu::always_inline]] inline void prefetch_motion(Sweep sweep, const Block<PairLanes, Law>& block,
+template <Sweep kSweep, typename Law>
+[[gnu::always_inline]] inline void prefetch_motion(const Block<PairLanes, Law>& block,
                                                    const IslandMotion& m) {
-  if (sweep != Sweep::kFlow && sweep != Sweep::kPresentForces) return;
-  const bool flows = sweep == Sweep::kFlow;
-  for (const auto& side : block.jacobian.body)
-    for (int body : side) {
-      prefetch((flows ? m.acceleration : m.velocity) + body, sizeof(double));
-      prefetch((flows ? m.impulse : m.force) + body, sizeof(double));
-    }
+  if constexpr (kSweep == Sweep::kFlow || kSweep == Sweep::kPresentForces) {
+    constexpr bool kFlows = kSweep == Sweep::kFlow;
+    for (const auto& side : block.jacobian.body)
+      for (int body : side) {
+        prefetch((kFlows ? m.acceleration : m.velocity) + body, sizeof(double));
+        prefetch((kFlows ? m.impulse : m.force) + body, sizeof(double));
+      }
+  }
 }
-template <typename Item>
-[[gnu::always_inline]] inline void prefetch_motion(Sweep, const Item&, const IslandMotion&) {}
+template <Sweep kSweep, typename Item>
+[[gnu::always_inline]] inline void prefetch_motion(const Item&, const IslandMotion&) {}
 
-template <typename Item>
-[[gnu::always_inline]] inline void sweep_all(Sweep sweep, Item* first, Item* last,
-                                             const IslandMotion& m) {
+template <Sweep kSweep, typename Item>
+[[gnu::always_inline]] inline void sweep_all(Item* first, Item* last, const IslandMotion& motion) {
+  const IslandMotion m = motion;  // a copy, which no store to an array may change
   for (Item* item = first; item != last; ++item) {
-    if (item + kBlocksAhead < last) prefetch_motion(sweep, item[kBlocksAhead], m);
-    sweep_one(sweep, *item, m);
+    if (item + kBlocksAhead < last) prefetch_motion<kSweep>(item[kBlocksAhead], m);
+    sweep_one<kSweep>(*item, m);
   }
 }
 
 // The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
 // same bits.
-template <typename Item>
-[[gnu::flatten]] void sweep_portable(Sweep sweep, Item* first, Item* last, const IslandMotion& m) {
-  sweep_all(sweep, first, last, m);
+template <Sweep kSweep, typename Item>
+[[gnu::flatten]] void sweep_portable(Item* first, Item* last, const IslandMotion& m) {
+  sweep_all<kSweep>(first, last, m);
 }
 #if defined(__x86_64__)
-template <typename Item>
-[[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Sweep sweep, Item* first, Item* last,
+template <Sweep kSweep, typename Item>
+[[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Item* first, Item* last,
                                                       const IslandMotion& m) {
-  sweep_all(sweep, first, last, m);
+  sweep_all<kSweep>(first, last, m);
 }
-template <typename Item>
+template <Sweep kSweep, typename Item>
 [[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(
-    Sweep sweep, Item* first, Item* last, const IslandMotion& m) {
-  sweep_all(sweep, first, last, m);
+    Item* first, Item* last, const IslandMotion& m) {
+  sweep_all<kSweep>(first, last, m);
 }
 enum class InstructionSet { kPortable, kAvx2, kAvx512 };
 inline InstructionSet find_instruction_set() {
@@ -248,17 +251,17 @@ inline InstructionSet find_instruction_set() {
 }
 #endif
 
-template <typename Item>
-void sweep_fastest(Sweep sweep, std::vector<Item>& items, const IslandMotion& m) {
+template <Sweep kSweep, typename Item>
+void sweep_fastest(std::vector<Item>& items, const IslandMotion& m) {
   if (items.empty()) return;
   Item* const first = items.data();
   Item* const last = first + items.size();
 #if defined(__x86_64__)
   static const InstructionSet instructions = find_instruction_set();
-  if (instructions == InstructionSet::kAvx512) return sweep_avx512(sweep, first, last, m);
-  if (instructions == InstructionSet::kAvx2) return sweep_avx2(sweep, first, last, m);
+  if (instructions == InstructionSet::kAvx512) return sweep_avx512<kSweep>(first, last, m);
+  if (instructions == InstructionSet::kAvx2) return sweep_avx2<kSweep>(first, last, m);
 #endif
-  sweep_portable(sweep, first, last, m);
+  sweep_portable<kSweep>(first, last, m);
 }
 
 }  // namespace dashpot
