@@ -171,10 +171,7 @@ std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
 double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
                                  double recovery_speed) const {
   if (!starts() || c.soft_load == 0.0) return 0.0;
-  const double typical = rows.typical_inverse_mass[c.row];
-  const double bears = c.solref.load > 0.0 ? c.solref.load / (typical * rows.stiffness[c.row])
-                                           : bearable_compression(rows, c, recovery_speed);
-  return -std::min(-input.gap, bears);
+  return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 
 void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,

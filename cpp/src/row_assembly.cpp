@@ -68,7 +68,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     // A contact's own solref is read at the load A F of the weight F: g for a free body on the
     // ground.
     materials.push_back(material_of(model, parameters, input, typical * weight));
-    if (!materials.back().rigid() || materials.back().from_solref) c.soft_load = kSoftLoad * weight;
+    if (!materials.back().rigid()) c.soft_load = kSoftLoad * weight;
     const Material& material = materials.back().material;
     c.loaded_friction = material.loaded_friction;
     c.friction_load = material.friction_load;

@@ -18,9 +18,8 @@ constexpr double kStillTurn = 1.0;
 // Of the weight: MuJoCo's impedance may go to nothing with the load, and what then lands on the
 // contact would find no spring.
 constexpr double kLeastPart = 0.1;
-// Weights that a contact may start with: more are no state at rest, and would throw what a model
-// starts deep in a table.
-constexpr double kMostAtStart = 2.0;
+// Loads L under which overlap recovers: with one, what rests would not.
+constexpr double kBearable = 2.0;
 
 }  // namespace
 
@@ -34,24 +33,25 @@ void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches
     if (c.kind != RowKind::kContact || !given.from_solref) continue;
     const ContactInput& input = contacts[c.input];
     const double weight = given.load, least = kLeastPart * weight;
-    const double frequency = std::sqrt(given.normalised_stiffness);
+    const double typical = rows.typical_inverse_mass[c.row];
     c.solref = {weight, 0.0};
     if (matches[i].nearest >= 0) {
       const RememberedContact before = memory.contact(matches[i].nearest);
       if (before.solref.load > 0.0) c.solref = before.solref;
-      const double borne = rows.typical_inverse_mass[c.row] * before.compression * before.stiffness;
+      const double borne = typical * before.compression * before.stiffness;
+      const double frequency = std::sqrt(given.normalised_stiffness);
       double rate[kMaxRows];
       gather(rows, c, velocity, rate);
       const bool still = std::abs(rate[0]) * frequency <= kStillPart * borne;
       c.solref.still = still ? c.solref.still + length : 0.0;
       if (c.solref.still * frequency > kStillTurn)
-        c.solref.load += following * (std::max(borne, least) - c.solref.load);
+        c.solref.load += following * (std::clamp(borne, least, weight) - c.solref.load);
     } else if (memory.starts() && input.gap < 0.0) {
-      c.solref.load = std::clamp(solref_load_at_rest(input.solref, input.solimp, -input.gap), least,
-                                 kMostAtStart * weight);
+      c.solref.load =
+          std::clamp(solref_load_at_rest(input.solref, input.solimp, -input.gap), least, weight);
     }
-    if (c.solref.load == weight) continue;
-    given = solref_material(input.solref, input.solimp, c.solref.load);
+    if (typical > 0.0) c.soft_load = kBearable * c.solref.load / typical;
+    if (c.solref.load != weight) given = solref_material(input.solref, input.solimp, c.solref.load);
   }
 }
 

@@ -72,10 +72,11 @@ class Engine:
     recovery_speed
         Largest speed in m/s at which overlap that no spring has taken up (bad initial states,
         teleports) is pushed out, with a time constant of 10 ms or two steps, unless a force keeps
-        it in that is beyond a hundred weights or, of rigid contacts, beyond what stops the bodies
-        at this speed; ``inf`` makes every overlap a compressed spring at once. In the first step of
-        data, contacts of a given stiffness are compressed by their overlap as far as a hundred
-        weights compress them, those on the model's own ``solref`` as far as two do.
+        it in that is beyond a hundred weights (two on the model's own ``solref``) or, of rigid
+        contacts, beyond what stops the bodies at this speed; ``inf`` makes every overlap a
+        compressed spring at once. In the first step of data, contacts of a given stiffness are
+        compressed by their overlap as far as a hundred weights compress them, those on the model's
+        own ``solref`` as far as two do.
         Equalities that are apart, at the start or where they are switched on, close at this speed,
         m/s or rad/s, without throwing what they join; with a ``solref`` of their own they begin
         as springs that are stretched so far, up to a hundred weights.

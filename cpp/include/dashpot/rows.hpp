@@ -116,8 +116,8 @@ struct RowGroup {
   int ground = -1;                         // kSurfaceCoordinate, kTurningCoordinate, or -1 for none
   int value = 0;                           // first in Rows::value; rows are `width()` apart
   std::array<MassWeighted, 2> weighted{};  // by side; of rows of several coordinates
-  // N: many times the weight of what touches, for contacts of an SI stiffness or on a model's own
-  // solref; 0 for others.
+  // N: many times the weight of what touches, for contacts of an SI stiffness; twice the load that
+  // it is read at, for those on a model's own solref; 0 for others.
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp

@@ -2,13 +2,15 @@
 // for one load.
 //
 // A new contact has that of its lighter part's weight. Once it has been still for longer than hits
-// last, its load L (m/s^2, A F) follows the force F that it bears,
+// last, its load L (m/s^2, A F) follows the force F that it bears as far as the weight,
 //
-//     L' = (A F - L) / tau ,
+//     L' = (A F - L) / tau ,    A F <= that of the weight,
 //
-// so that under what it bears at rest it gives way as far as in MuJoCo, and a hit has the damping
-// ratio of solref. In the first step of all L is that under which the overlap rests, up to two
-// weights: what rests in MuJoCo rests here.
+// so that feet that share a weight give way as far as in MuJoCo, and a hit has the damping ratio of
+// solref. Under more than the weight L is that of the weight: what is pressed harder goes in
+// further than in MuJoCo, for a stiffer spring would ask for a damper that micro-steps seldom
+// resolve, and fingers would spring open. In the first step of all L is that under which the
+// overlap rests.
 
 #pragma once
 
