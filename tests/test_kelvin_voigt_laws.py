@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 import pytest
 from hypothesis import given, settings
@@ -147,11 +148,15 @@ def test_impulse_is_the_change_of_momentum(case):
 @every_contact
 @given(contacts(), st.integers(-20, 20))
 def test_flow_is_homogeneous_in_the_state(case, power):
-    # Scaling by a power of two is exact in floating point, so that every bit has to agree.
+    # Scaling by a power of two is exact in floating point, so that every bit has to agree, but for
+    # subnormal numbers: what has decayed for as long as that is nothing.
     k, d, w, g, u, b, time = case
     factor = 2.0**power
     plain, scaled = flow(*case), flow(k, d, w, factor * g, factor * u, factor * b, time)
-    assert all(s == factor * p for s, p in zip(scaled[:5], plain[:5], strict=True))
+    nothing = 2.0**20 * sys.float_info.min
+    assert all(
+        s == factor * p or abs(p) < nothing for s, p in zip(scaled[:5], plain[:5], strict=True)
+    )
     assert scaled.events == plain.events
 
 
