@@ -13,7 +13,8 @@
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
 // being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
 // until they separate: otherwise every change of stiffness would drop force, and the jolt change
-// the stiffness again. Contacts of SI stiffness, which users change, recover it like offsets.
+// the stiffness again. Contacts of SI stiffness, which users change, and of a model's own solref,
+// whose load changes, recover it like offsets.
 
 #pragma once
 
