@@ -13,8 +13,6 @@ namespace dashpot::host {
 
 namespace {
 
-constexpr double kStandardGravity = 9.80665;  // m/s^2
-
 // Jumps in one step that are no motion: at 2 ms they would be 50 m/s and 250 rad/s.
 constexpr double kJump = 0.1;      // m
 constexpr double kJumpTurn = 0.5;  // rad

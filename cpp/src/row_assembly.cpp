@@ -14,7 +14,6 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kStandardGravity = 9.80665;  // m/s^2
 // Part of the sag that a contact may close or open by in a step for its load to be known: more, and
 // what lands sinks in before its load is felt; less, and a change of stiffness alone seems to move
 // a grasp. And how often that load goes into the one that a contact is stiff enough for.
@@ -25,7 +24,7 @@ constexpr double kSoftLoad = 100.0;
 
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
-  const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : kStandardGravity;
+  const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : host::kStandardGravity;
   const double mass = host::contact_mass(model, input);
   return gravity * (std::isinf(mass) ? 1.0 / inverse_mass : mass);
 }

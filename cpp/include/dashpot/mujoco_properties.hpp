@@ -17,8 +17,9 @@ int position_count(const mjModel_* m);
 int flex_count(const mjModel_* m);
 int mocap_count(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
-bool has_adhesion(const mjModel_* m);  // of actuators or of geoms
-double gravity(const mjModel_* m);     // m/s^2; 0 if it is disabled
+bool has_adhesion(const mjModel_* m);                // of actuators or of geoms
+double gravity(const mjModel_* m);                   // m/s^2; 0 if it is disabled
+inline constexpr double kStandardGravity = 9.80665;  // m/s^2
 
 // Friction and priority of a side of a contact: a geom, or -1 - id for a flex.
 std::array<double, 3> geom_friction(const mjModel_* m, int geom);
