@@ -60,19 +60,28 @@ def test_every_contact_matches_reference_or_its_conditioning(case):
     # themselves, 1 ulp apart, have results further apart than any tolerance.
     errors = natural_errors(case)
     if max(errors) > TOLERANCE:
+        roundings = 10 + flow(*case).events  # every phase between events rounds its inputs anew
         spread = conditioning(case)
-        assert all(e <= TOLERANCE + 10 * s for e, s in zip(errors, spread, strict=True)), errors
+        assert all(e <= TOLERANCE + roundings * s for e, s in zip(errors, spread, strict=True)), (
+            errors
+        )
 
 
 def conditioning(case):
-    """Change of the exact result, in natural units, under rounding of the initial state."""
-    k, d, w, g, u, b, time = case
+    """Change of the exact result, in natural units, under rounding of every input.
+
+    Stiffness, inverse mass and time set the phase, of which 1e4 rad are some 1e-12 rad uncertain.
+    """
     centre = kelvin_voigt_reference.flow(*case)
     natural = scales(*case, held=centre.events == 0 and centre.force > 0)
+    sizes = [abs(value) for value in case]
+    sizes[3:5] = natural[2:4]
     spread = [0.0] * 5
-    for sign in (-1.0, 1.0):
-        for dg, du in ((4e-16 * natural[2], 0.0), (0.0, 4e-16 * natural[3])):
-            moved = kelvin_voigt_reference.flow(k, d, w, g + sign * dg, u + sign * du, b, time)
+    for index, size in enumerate(sizes):
+        for sign in (-1.0, 1.0):
+            moved_case = list(case)
+            moved_case[index] += sign * 4e-16 * size
+            moved = kelvin_voigt_reference.flow(*moved_case)
             for i in range(5):
                 if natural[i] > 0.0:
                     change = float(abs(moved[i] - centre[i])) / natural[i]
@@ -98,8 +107,11 @@ def test_flow_over_two_parts_equals_flow_over_the_whole(case, fraction):
         for a, b, s in zip(parts, whole[:4], scales(*case), strict=False)
     ]
     if max(errors) > TOLERANCE:
+        roundings = 10 + whole.events  # every phase between events rounds its inputs anew
         spread = conditioning(case)
-        assert all(e <= TOLERANCE + 10 * s for e, s in zip(errors, spread, strict=False)), errors
+        assert all(e <= TOLERANCE + roundings * s for e, s in zip(errors, spread, strict=False)), (
+            errors
+        )
 
 
 @every_contact
