@@ -101,6 +101,86 @@ def test_feet_that_share_a_weight_go_in_as_far_as_in_mujoco(solref, solimp):
     assert 0.1 - position[2] == pytest.approx(0.1 - plain[2], rel=1e-4)
 
 
+def pressed_ball(solref, solimp, timestep):
+    """Return an engine of a ball of 2 kg on the floor."""
+    own = attributes(solref, solimp)
+    return Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="{timestep}"/><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><freejoint/><geom size="0.1" mass="2" {own} condim="1"/></body>
+        </worldbody></mujoco>""")
+    )
+
+
+@pytest.mark.parametrize("weights", [3.0, 30.0])
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_what_many_weights_press_goes_in_as_far_as_in_mujoco(solref, solimp, weights):
+    engine = pressed_ball(solref, solimp, 0.002)
+    data = engine.make_data()
+    load = weights * GRAVITY
+    data.qfrc_applied[2] = -2.0 * (load - GRAVITY)
+    # The soft spring is compressed by a metre at most, which recovers at 0.1 m/s.
+    engine.step(data, nstep=10000)
+    stiffness, _ = law.solref_to_spring_at_rest(solref, solimp=solimp, load=load)
+    # What is left of a motion that ends as exp(-t / 50 ms).
+    assert 0.1 - data.qpos[2] == pytest.approx(load / stiffness, rel=1e-6)
+    assert abs(data.qvel[2]) < 1e-9
+
+
+def test_light_box_under_a_heavy_one_goes_in_as_far_as_in_mujoco():
+    own = attributes(*OWN[5])
+    boxes = "".join(
+        f"""<body pos="0 0 {0.1 + 0.2 * i}"><freejoint/>
+        <geom type="box" size="0.1 0.15 0.1" mass="{mass}" {own} condim="1"/></body>"""
+        for i, mass in enumerate((1, 20))
+    )
+    position, plain = at_rest(
+        f"""<mujoco><option timestep="0.001"/><worldbody>
+        <geom type="plane" size="1 1 1" {own}/>{boxes}</worldbody></mujoco>""",
+        seconds=8.0,
+    )
+    for i in range(2):
+        height = 0.1 + 0.2 * i
+        assert height - position[7 * i + 2] == pytest.approx(height - plain[7 * i + 2], rel=1e-3)
+
+
+def test_what_was_pressed_gets_no_more_back_than_slow_unloading_gives():
+    # The work of the force at rest, on the way out along what is overlap at rest under each force.
+    solref, solimp = OWN[5]
+    loads = np.linspace(0.0, 30.0 * GRAVITY, 2001)[1:]
+    overlaps = [f / law.solref_to_spring_at_rest(solref, solimp=solimp, load=f)[0] for f in loads]
+    work = np.trapezoid(loads, overlaps)
+    engine = pressed_ball(solref, solimp, 1e-4)
+    data = engine.make_data()
+    data.qfrc_applied[2] = -2.0 * (loads[-1] - GRAVITY)
+    engine.step(data, nstep=30000)
+    data.qfrc_applied[2] = 0.0
+    risen = 0.0
+    for _ in range(5000):
+        engine.step(data)
+        risen = max(risen, GRAVITY * (data.qpos[2] - (0.1 - overlaps[-1])))
+    # The force of the first steps is that of the spring of before.
+    assert 0.0 < risen < 1.02 * work
+
+
+def test_pressing_and_letting_go_closes_the_ledger():
+    engine = pressed_ball(*OWN[5], 0.001)
+    data = engine.make_data()
+    data.qpos[2] = 0.2
+    work, totals, turned = 0.0, [], []
+    for step in range(3000):
+        push = -200.0 if 500 <= step % 1500 < 1200 else 0.0
+        before = data.qpos[2]
+        data.qfrc_applied[2] = push
+        engine.step(data)
+        work += push * (data.qpos[2] - before)
+        energy = engine.energy(data)
+        lost = energy.dissipated_normal + energy.dissipated_recovery
+        totals.append(energy.kinetic + energy.potential + energy.elastic + lost - work)
+        turned.append(abs(work) + energy.kinetic)
+    assert np.ptp(totals) < 1e-3 * max(turned)
+
+
 @pytest.mark.parametrize(("solref", "solimp"), [OWN[0], OWN[2], OWN[4], OWN[5]])
 def test_what_rests_in_mujoco_rests_from_its_first_step(solref, solimp):
     own = attributes(solref, solimp)

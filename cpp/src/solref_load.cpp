@@ -45,13 +45,19 @@ void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches
       const bool still = std::abs(rate[0]) * frequency <= kStillPart * borne;
       c.solref.still = still ? c.solref.still + length : 0.0;
       if (c.solref.still * frequency > kStillTurn)
-        c.solref.load += following * (std::clamp(borne, least, weight) - c.solref.load);
+        c.solref.load += following * (std::max(borne, least) - c.solref.load);
     } else if (memory.starts() && input.gap < 0.0) {
       c.solref.load =
           std::clamp(solref_load_at_rest(input.solref, input.solimp, -input.gap), least, weight);
     }
     if (typical > 0.0) c.soft_load = kBearable * c.solref.load / typical;
-    if (c.solref.load != weight) given = solref_material(input.solref, input.solimp, c.solref.load);
+    if (c.solref.load == weight) continue;
+    const GroupMaterial at_weight = given;
+    given = solref_material(input.solref, input.solimp, c.solref.load);
+    if (c.solref.load > weight) {
+      given.normalised_damping = std::min(given.normalised_damping, at_weight.normalised_damping);
+      given.own_damping = std::min(given.own_damping, at_weight.own_damping);
+    }
   }
 }
 

@@ -2,15 +2,15 @@
 // for one load.
 //
 // A new contact has that of its lighter part's weight. Once it has been still for longer than hits
-// last, its load L (m/s^2, A F) follows the force F that it bears as far as the weight,
+// last, its load L (m/s^2, A F) follows the force F that it bears,
 //
-//     L' = (A F - L) / tau ,    A F <= that of the weight,
+//     L' = (A F - L) / tau ,
 //
-// so that feet that share a weight give way as far as in MuJoCo, and a hit has the damping ratio of
-// solref. Under more than the weight L is that of the weight: what is pressed harder goes in
-// further than in MuJoCo, for a stiffer spring would ask for a damper that micro-steps seldom
-// resolve, and fingers would spring open. In the first step of all L is that under which the
-// overlap rests.
+// so that feet that share a weight, and parts that are gripped with many times theirs, give way as
+// far as in MuJoCo, and a hit has the damping ratio of solref. The spring is that of L; the damper
+// at most that of the weight, for the damper that solref asks for beside a stiffer spring is one
+// that micro-steps seldom resolve. In the first step of all L is that under which the overlap
+// rests, as far as the weight.
 
 #pragma once
 
