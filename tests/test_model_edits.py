@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dashpot import Engine
+from dashpot import Engine, rollout
 
 SCENE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body pos="0 0 .1"><freejoint/><geom name="ball" size=".1"/></body></worldbody>
@@ -38,3 +38,88 @@ def test_flags_of_mujocos_own_solver_are_listed(flag):
     data = engine.make_data()
     engine.step(data)
     assert data.solver_fwdinv.tolist() == [0.0, 0.0]
+
+
+CARTS = """<mujoco><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="9 9 1" friction=".5"/>
+  <body name="box" pos="0 0 .1"><freejoint/><geom name="box" type="box" size=".1 .1 .1" mass="1"
+    friction=".5"/></body>
+  <body name="ball" pos="0 1 9"><joint type="free"/><geom name="ball" size=".1" mass="1"/></body>
+  <body name="cart" pos="0 2 1"><joint name="cart" type="slide" axis="1 0 0"/>
+    <geom type="box" size=".1 .1 .1" mass="1"/></body>
+  <body name="wheel" pos="0 3 1"><joint name="wheel" axis="0 0 -1"/>
+    <geom type="cylinder" size=".1 .1" mass="1"/></body>
+  <body name="globe" pos="0 4 1"><joint name="globe" type="ball"/><geom size=".1" mass="1"/></body>
+</worldbody></mujoco>"""
+
+
+def test_masses_that_are_edited_act_from_the_next_step_on():
+    # MuJoCo takes the inertia of these bodies from a constant that mj_setConst computes; by it a
+    # box of four times the mass would weigh four times too much, or fall at 4 g.
+    engine = Engine(mujoco.MjModel.from_xml_string(CARTS))
+    model, data = engine.model, engine.make_data()
+    engine.step(data, nstep=50)
+    bodies = slice(1, None)
+    model.body_mass[bodies] *= 4.0
+    model.body_inertia[bodies] *= 4.0
+    carts = {name: model.jnt_dofadr[model.joint(name).id] for name in ("cart", "wheel", "globe")}
+    model.dof_armature[list(carts.values())] = 0.5
+    start = data.qvel.copy()
+    for dof in carts.values():
+        data.qfrc_applied[dof] = 1.0
+    data.xfrc_applied[1, 0] = 0.9 * 0.5 * 4.0 * 9.81
+    engine.step(data, nstep=100)
+    time = 100 * model.opt.timestep
+
+    weight = 4.0 * 9.81
+    pair = engine.contacts(data, pair=("box", "floor"))
+    np.testing.assert_allclose(pair.force[:, 0].sum(), weight, rtol=1e-6)
+    np.testing.assert_allclose(data.qvel[:6], 0.0, atol=1e-6)
+    np.testing.assert_allclose(data.qvel[6:12] - start[6:12], [0, 0, -9.81 * time, 0, 0, 0])
+    inertia = {"cart": 4.0, "wheel": 4.0 * 0.1**2 / 2, "globe": 4.0 * 0.4 * 0.1**2}
+    for name, dof in carts.items():
+        np.testing.assert_allclose(data.qvel[dof], time / (inertia[name] + 0.5), err_msg=name)
+
+
+def test_rollouts_follow_edited_masses_as_steps_do():
+    engine = Engine(mujoco.MjModel.from_xml_string(CARTS))
+    data = engine.make_data()
+    engine.model.body_mass[1:] *= 4.0
+    spec = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.empty(mujoco.mj_stateSize(engine.model, spec))
+    mujoco.mj_getState(engine.model, data, state, spec)
+    states, _ = rollout(engine, np.tile(state, (3, 1)), nstep=30, nthread=2)
+    nq, nv = engine.model.nq, engine.model.nv
+    fallen = states[:, -1, 1 + nq : 1 + nq + nv][:, 8]
+    np.testing.assert_allclose(fallen, -9.81 * 30 * engine.model.opt.timestep)
+    engine.step(data, nstep=30)
+    mujoco.mj_getState(engine.model, data, state, spec)
+    assert all(np.array_equal(last, state) for last in states[:, -1])
+
+
+def test_masses_that_stay_are_those_of_mujoco_to_the_bit():
+    model = mujoco.MjModel.from_xml_string(CARTS)
+    engine = Engine(model)
+    engine.step(engine.make_data())
+    assert np.array_equal(engine.model.dof_M0, model.dof_M0)
+
+
+@pytest.mark.parametrize(
+    ("field", "entry", "value", "message"),
+    [
+        ("body_mass", 1, 0.0, "model.body_mass of 'box' holds 0.0.*> 0"),
+        ("body_mass", 2, -1.0, "model.body_mass of 'ball' holds -1.0.*> 0"),
+        ("body_inertia", (5, 1), np.nan, "model.body_inertia of 'globe' holds nan.*> 0"),
+        ("geom_size", (2, 0), -0.1, "model.geom_size of geom 'ball' holds -0.1.*>= 0"),
+        ("geom_size", (1, 2), np.inf, "model.geom_size of geom 'box' holds inf.*>= 0"),
+    ],
+)
+def test_masses_and_sizes_that_are_none_name_what_has_them(field, entry, value, message):
+    engine = Engine(mujoco.MjModel.from_xml_string(CARTS))
+    data = engine.make_data()
+    engine.step(data)
+    getattr(engine.model, field)[entry] = value
+    before = data.qpos.copy()
+    with pytest.raises(ValueError, match=message):
+        engine.step(data)
+    assert np.array_equal(data.qpos, before)

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "dashpot/mujoco_model_view.hpp"
+#include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/rollout.hpp"
 #include "model_lock.hpp"
 
@@ -26,7 +27,7 @@ class SharedRollouts {
  public:
   SharedRollouts(std::uintptr_t model_address, std::shared_ptr<ModelLock> lock,
                  const Parameters& parameters)
-      : model_(reinterpret_cast<const mjModel_*>(model_address)),
+      : model_(reinterpret_cast<mjModel_*>(model_address)),
         lock_(std::move(lock)),
         parameters_(parameters),
         kept_(parameters) {}
@@ -66,6 +67,7 @@ class SharedRollouts {
     {
       const py::gil_scoped_release release;
       std::unique_lock<ModelLock> alone(*lock_);
+      host::follow_edited_masses(model_);  // here, for the workers share its arrays
       const host::ModelView view(model_);
       alone.unlock();
       const std::unique_lock<std::mutex> have_kept(using_kept_, std::try_to_lock);
@@ -79,7 +81,7 @@ class SharedRollouts {
   }
 
  private:
-  const mjModel_* model_;
+  mjModel_* model_;
   std::shared_ptr<ModelLock> lock_;
   Parameters parameters_;
   std::mutex using_kept_;

@@ -10,6 +10,7 @@
 #include "dashpot/mujoco_features.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/position_recovery.hpp"
 #include "dashpot/row_assembly.hpp"
@@ -55,6 +56,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
 
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
+  host::follow_edited_masses(model);
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);

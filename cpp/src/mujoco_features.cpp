@@ -9,6 +9,7 @@
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_constraints.hpp"
 #include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/mujoco_trees.hpp"
 #include "dashpot/runge_kutta.hpp"
 
@@ -229,6 +230,14 @@ void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* 
                                   std::to_string(friction[i]) + "; it must be finite and >= 0");
 }
 
+void check_sizes(const mjModel* m) {
+  for (int i = 0; i < 3 * m->ngeom; ++i)
+    if (!(std::isfinite(m->geom_size[i]) && m->geom_size[i] >= 0.0))
+      throw std::invalid_argument("model.geom_size of geom " + named(m, mjOBJ_GEOM, i / 3) +
+                                  " holds " + std::to_string(m->geom_size[i]) +
+                                  "; it must be finite and >= 0");
+}
+
 // MuJoCo stops the process, or writes beyond its rows, at others.
 void check_condim(const mjModel* m, const char* field, int type, const int* condim, mjtSize count) {
   for (int i = 0; i < count; ++i)
@@ -267,6 +276,8 @@ void check_heights(const mjModel* m) {
 void check_options(const mjModel_* m, Law law) {
   check_friction(m);
   check_condim(m);
+  check_masses(m);
+  check_sizes(m);
   const mjOption& o = m->opt;
   if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
     throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
@@ -290,6 +301,8 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
 void check_supported(const mjModel_* m, Law law) {
   check_friction(m);
   check_condim(m);
+  check_masses(m);
+  check_sizes(m);
   check_heights(m);
   std::string refused;
   for (const Feature& feature : features(m, law))

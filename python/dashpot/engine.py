@@ -31,8 +31,11 @@ class Engine:
     ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
     simulation state it is. The private model may be edited between steps (time step, masses,
     gravity); sizes are fixed, and so is the memory for contacts, of which geoms that could
-    touch nothing when the engine was made have little. Edits of masses, inertias, positions or
-    joints need ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in
+    touch nothing when the engine was made have little. Edits of masses, inertias and armature act
+    from the next step on, where MuJoCo takes those of free bodies and other leaves whose
+    inertial frame is their own from a constant, ``dof_M0``, which the step brings up to date.
+    What a ``solref`` stands for and edits of positions or joints need
+    ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in
     MuJoCo (which resets the state of the data that it is given), and a geom that grows needs
     its ``geom_rbound`` and ``geom_aabb`` too. Save the model that you gave, not :attr:`model`,
     to make an engine of it later: an engine of an engine's model reserves contact memory once

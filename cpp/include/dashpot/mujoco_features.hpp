@@ -21,10 +21,11 @@ struct Feature {
 std::vector<Feature> features(const mjModel_* m, Law law);
 
 // Throws std::invalid_argument naming every refused feature, a geom, pair or flex whose friction is
-// negative or not finite, or a height of a field that is not finite.
+// negative or not finite, a body whose mass or a geom whose size is, or a height of a field that is
+// not finite.
 void check_supported(const mjModel_* m, Law law);
-// The same for the options and friction alone, which may be edited between steps. Also requires the
-// elliptic cone, whose row layout force reports rely on, and a positive time step.
+// The same for options, friction, masses and sizes alone, which may be edited between steps. Also
+// requires the elliptic cone, whose row layout force reports rely on, and a positive time step.
 void check_options(const mjModel_* m, Law law);
 
 }  // namespace dashpot::host

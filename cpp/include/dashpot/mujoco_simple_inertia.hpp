@@ -1,0 +1,25 @@
+// Inertia of the degrees of freedom that MuJoCo calls simple. Part of the mujoco_host room.
+//
+// A body without children whose inertial frame is its own frame, as most free boxes and balls are,
+// has a diagonal inertia that does not depend on its pose. MuJoCo reads it from a constant,
+//
+//     dof_M0 = mass or principal moment + armature ,
+//
+// which mj_setConst computes, while weight comes from body_mass itself: where a mass was edited
+// alone, bodies would fall by the new weight on the old inertia.
+
+#pragma once
+
+struct mjModel_;
+
+namespace dashpot::host {
+
+// Throws std::invalid_argument naming a body whose mass or moment of inertia is not finite, is
+// negative, or is 0 where simple degrees of freedom need it.
+void check_masses(const mjModel_* m);
+
+// Sets dof_M0 of simple degrees of freedom whose body_mass, body_inertia or dof_armature was edited
+// since. What differs in rounding alone stays.
+void follow_edited_masses(mjModel_* m);
+
+}  // namespace dashpot::host

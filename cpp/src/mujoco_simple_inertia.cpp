@@ -1,0 +1,65 @@
+#include "dashpot/mujoco_simple_inertia.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/mujoco_names.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+constexpr double kRounding = 1.0e-9;  // relative
+
+// Of the body that a simple degree of freedom moves.
+double own_inertia(const mjModel* m, int dof) {
+  const int body = m->dof_bodyid[dof], joint = m->dof_jntid[dof];
+  const int part = dof - m->jnt_dofadr[joint];
+  const mjtNum* moments = m->body_inertia + 3 * body;
+  switch (m->jnt_type[joint]) {
+    case mjJNT_FREE:
+      return part < 3 ? m->body_mass[body] : moments[part - 3];
+    case mjJNT_BALL:
+      return moments[part];
+    case mjJNT_SLIDE:
+      return m->body_mass[body];
+    default: {
+      const mjtNum* axis = m->jnt_axis + 3 * joint;
+      return axis[0] * axis[0] * moments[0] + axis[1] * axis[1] * moments[1] +
+             axis[2] * axis[2] * moments[2];
+    }
+  }
+}
+
+void check(const mjModel* m, const char* field, int body, double value, bool positive) {
+  if (std::isfinite(value) && (positive ? value > 0.0 : value >= 0.0)) return;
+  throw std::invalid_argument("model." + std::string(field) + " of " + named(m, mjOBJ_BODY, body) +
+                              " holds " + std::to_string(value) + "; it must be finite and " +
+                              (positive ? "> 0" : ">= 0"));
+}
+
+}  // namespace
+
+void check_masses(const mjModel_* m) {
+  for (int body = 0; body < m->nbody; ++body) {
+    const int dofs = m->body_dofnum[body];
+    const bool simple = dofs > 0 && m->dof_simplenum[m->body_dofadr[body]] > 0;
+    check(m, "body_mass", body, m->body_mass[body], simple);
+    const bool turns = simple && m->body_simple[body] == 1;
+    for (int axis = 0; axis < 3; ++axis)
+      check(m, "body_inertia", body, m->body_inertia[3 * body + axis], turns);
+  }
+}
+
+void follow_edited_masses(mjModel_* m) {
+  for (int dof = 0; dof < m->nv; ++dof) {
+    if (m->dof_simplenum[dof] == 0) continue;
+    const double inertia = own_inertia(m, dof) + m->dof_armature[dof];
+    if (std::abs(m->dof_M0[dof] - inertia) > kRounding * inertia) m->dof_M0[dof] = inertia;
+  }
+}
+
+}  // namespace dashpot::host
