@@ -66,6 +66,31 @@ def test_a_straight_chain_gains_no_energy(joint, down, kick, timestep):
     assert apart < 0.1 * timestep + 1e-3
 
 
+@pytest.mark.parametrize("timestep", [0.0005, 0.001])
+def test_a_taut_chain_of_free_links_gains_no_energy(timestep):
+    """Six links connected in a straight line between two walls, under their weight."""
+    length, mass, count = 0.06, 0.008, 6
+    bodies = equalities = ""
+    for i in range(count):
+        bodies += f"""<body name="l{i}" pos="{(i + 0.5) * length} 0 0"><freejoint/>
+          <geom type="capsule" size=".005" fromto="-.025 0 0 .025 0 0" mass="{mass}"
+            contype="0" conaffinity="0"/></body>"""
+        on = f"l{i + 1}" if i < count - 1 else "world"
+        equalities += f'<connect body1="l{i}" body2="{on}" anchor=".03 0 0"/>'
+    engine, data = engine_of(
+        f"""<mujoco><worldbody>{bodies}</worldbody><equality>{equalities}
+          <connect body1="l0" body2="world" anchor="-.03 0 0"/></equality></mujoco>""",
+        timestep,
+    )
+    start = engine.energy(data)
+    for _ in range(round(1.5 / timestep)):
+        engine.step(data)
+        energy = engine.energy(data)
+        # A hundredth of the weight times a link.
+        assert energy.mechanical - start.mechanical <= 0.01 * count * mass * GRAVITY * length
+        assert energy.total == pytest.approx(start.total, abs=1e-9)
+
+
 class FourBar:
     """Three equal links between two pins `span` apart: one degree of freedom, solved to 1e-10."""
 

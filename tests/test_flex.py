@@ -85,6 +85,75 @@ def test_momentum_of_a_cloth_on_a_ball_changes_by_weight_and_contact_alone(edges
         np.testing.assert_allclose(data.flexedge_length, engine.model.flexedge_length0, rtol=0.01)
 
 
+def rope(
+    count: int, *, pins: str = "", gravity: float = WEIGHT, timestep: float
+) -> tuple[dashpot.Engine, mujoco.MjData]:
+    """Return a rope of 1 kg along x whose edges, of 0.1 m, keep their lengths."""
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="{timestep}" gravity="0 0 {-gravity}"/><worldbody>
+      <flexcomp name="rope" type="grid" dim="1" count="{count} 1 1" spacing=".1 .1 .1" mass="1"
+        radius=".005"><edge equality="true"/><contact selfcollide="none"/>{pins}</flexcomp>
+      </worldbody></mujoco>""")
+    )
+    return engine, engine.make_data()
+
+
+@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+def test_an_edge_whirls_about_its_middle(timestep):
+    """Two ends at 1 m/s, 0.1 m apart: 20 rad/s for a second, in steps of 0.01 to 0.04 rad."""
+    engine, data = rope(2, gravity=0.0, timestep=timestep)
+    data.qvel[2], data.qvel[5] = -1.0, 1.0
+    start = engine.energy(data)
+    turned = 0.0
+    edge = np.array([1.0, 0.0])
+    for _ in range(round(1.0 / timestep)):
+        engine.step(data)
+        assert data.flexedge_length[0] == pytest.approx(0.1, abs=2e-6)
+        now = np.array([0.1 + data.qpos[3] - data.qpos[0], data.qpos[5] - data.qpos[2]])
+        turned += np.arctan2(edge[0] * now[1] - edge[1] * now[0], edge @ now)
+        edge = now
+    # Second order in the turn of a step.
+    assert turned == pytest.approx(20.0, rel=0.2 * (20.0 * timestep) ** 2)
+    # Velocities at the end of a step lack the second half of the trapezoidal rule.
+    assert engine.energy(data).mechanical == pytest.approx(
+        start.kinetic, rel=(20.0 * timestep) ** 2
+    )
+
+
+@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("count", [4, 7, 9])
+def test_a_taut_rope_gains_no_energy(count, timestep):
+    """Exactly straight between two pins, under its weight: it can only stretch."""
+    engine, data = rope(count, pins=f'<pin id="0 {count - 1}"/>', timestep=timestep)
+    start = engine.energy(data).mechanical
+    for _ in range(round(1.5 / timestep)):
+        engine.step(data)
+        # A hundredth of the weight times an edge.
+        assert engine.energy(data).mechanical - start <= 0.01 * WEIGHT * 0.1
+
+
+def test_a_box_comes_to_rest_on_a_cloth_pinned_at_its_corners():
+    grid = 'count="7 7 1" spacing=".06 .06 .06" pos="0 0 .4" dim="2"'
+    inner = '<pin id="0 6 42 48"/><edge equality="true"/>'
+    box = '<body pos="0 0 .5"><freejoint/><geom type="box" size=".05 .05 .05" mass=".5"/></body>'
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(
+            SCENE.format(grid=grid, inner=inner, attributes="", more=box, gravity="0 0 -9.81")
+            .replace('timestep="1e-3"', 'timestep="2e-3"')
+            .replace('mass="1"', 'mass=".2"')
+        )
+    )
+    data = engine.make_data()
+    engine.step(data, 2000)
+    kinetic = []
+    for _ in range(500):
+        engine.step(data)
+        kinetic.append(engine.energy(data).kinetic)
+    # A small part of what it falls with, over the 45 mm between them.
+    assert np.mean(kinetic) < 0.03 * 0.5 * 9.81 * 0.045
+
+
 def test_a_ball_on_a_cloth_on_the_floor_is_carried_by_the_cloth():
     ball = '<body pos="0 0 .08"><freejoint/><geom name="ball" size=".05" mass=".2"/></body>'
     engine, data = engine_of(CLOTH.format(height=0.01), '<edge equality="true"/>', more=ball)

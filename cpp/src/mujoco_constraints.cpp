@@ -67,12 +67,24 @@ int flex_equality_rows(const mjModel* m, int equality) {
                    kStrainRows * cells[0] * cells[1] * cells[2]});
 }
 
-// Memory of the rows of flex equalities before this one; they lie behind all others.
+// Where it begins: behind that of all else.
+int memory_of_flexes(const mjModel* m) {
+  return static_cast<int>(kEqualityRows * m->neq + m->nv + m->ntendon +
+                          kLimitSides * (m->njnt + m->ntendon));
+}
+
+// Memory of the rows of flex equalities before this one.
 int flex_equality_memory(const mjModel* m, int equality) {
   int count = 0;
   for (int i = 0; i < equality; ++i)
     if (is_flex_equality(m, i)) count += flex_equality_rows(m, i);
   return count;
+}
+
+// Where the memory of the rows of an equality begins.
+int memory_of_equality(const mjModel* m, int equality) {
+  return is_flex_equality(m, equality) ? memory_of_flexes(m) + flex_equality_memory(m, equality)
+                                       : kEqualityRows * equality;
 }
 
 // Whether a row of a limit is that of its upper side: the one whose gap it has, and, where both
@@ -93,17 +105,13 @@ Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
   const int tendon_frictions = frictions + static_cast<int>(m->nv);
   const int joint_limits = tendon_frictions + static_cast<int>(m->ntendon);
   const int tendon_limits = joint_limits + kLimitSides * static_cast<int>(m->njnt);
-  const int flex_equalities = tendon_limits + kLimitSides * static_cast<int>(m->ntendon);
   switch (type) {
     case mjCNSTR_EQUALITY: {
-      const bool flex = is_flex_equality(m, id);
-      if (index >= (flex ? flex_equality_rows(m, id) : kEqualityRows))
+      if (index >= (is_flex_equality(m, id) ? flex_equality_rows(m, id) : kEqualityRows))
         throw std::invalid_argument("equality #" + std::to_string(id) +
                                     " has more rows than there is memory for");
-      const int memory =
-          flex ? flex_equalities + flex_equality_memory(m, id) + index : kEqualityRows * id + index;
-      return {RowKind::kBilateral, memory, m->eq_solref + mjNREF * id, m->eq_solimp + mjNIMP * id,
-              0.0};
+      return {RowKind::kBilateral, memory_of_equality(m, id) + index, m->eq_solref + mjNREF * id,
+              m->eq_solimp + mjNIMP * id, 0.0};
     }
     case mjCNSTR_FRICTION_DOF:
       return {RowKind::kSlider, frictions + id, m->dof_solref + mjNREF * id,
@@ -159,9 +167,7 @@ std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source)
 }
 
 int constraint_memory_count(const mjModel_* m) {
-  return static_cast<int>(kEqualityRows * m->neq + m->nv + m->ntendon +
-                          kLimitSides * (m->njnt + m->ntendon)) +
-         flex_equality_memory(m, static_cast<int>(m->neq));
+  return memory_of_flexes(m) + flex_equality_memory(m, static_cast<int>(m->neq));
 }
 
 void read_constraints(const mjModel_* m, const mjData_* d,
@@ -240,10 +246,10 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput&
                      const Trees& trees, Rows& rows) {
   append_rows(m, d, input.source, trees, rows);
   if (input.drive != 0.0) return append_ground_motion(rows, kSurfaceCoordinate, &input.drive);
-  // Equalities of flexes have their memory behind that of the others.
-  if (input.kind != RowKind::kBilateral || input.memory >= kEqualityRows * m->neq) return;
-  const double turning =
-      turning_of_equality(m, d, input.memory / kEqualityRows, input.memory % kEqualityRows, trees);
+  if (input.kind != RowKind::kBilateral) return;
+  const int equality = d->efc_id[input.source];
+  const int row = input.memory - memory_of_equality(m, equality);
+  const double turning = turning_of_equality(m, d, equality, row, trees);
   if (turning != 0.0) append_ground_motion(rows, kTurningCoordinate, &turning);
 }
 

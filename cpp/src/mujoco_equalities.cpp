@@ -11,6 +11,7 @@
 #include "dashpot/mujoco_constraints.hpp"
 #include "dashpot/mujoco_equality_sides.hpp"
 #include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
 
@@ -69,6 +70,27 @@ double turning_of_bodies(const mjModel* m, const mjData* d, int equality, int ro
   return 0.5 * m->eq_data[mjNEQDATA * equality + 10] * rate[row - 2];
 }
 
+// Of the length of an edge: what is across the edge turns it, what the vertices are accelerated by
+// along it adds.
+double turning_of_edge(const mjModel* m, const mjData* d, int flex, int edge, const Trees& trees) {
+  mjtNum along[3]{}, velocity[3]{}, bend[3]{};
+  for (int side = 0; side < 2; ++side) {
+    const int vertex = m->flex_vertadr[flex] + m->flex_edge[2 * edge + side];
+    const int body = m->flex_vertbodyid[vertex];
+    const mjtNum* point = d->flexvert_xpos + 3 * vertex;
+    const mjtNum sign = side == 0 ? -1.0 : 1.0;
+    mjtNum rate[3];
+    point_velocity(m, d, body, point, rate);
+    mju_addToScl3(along, point, sign);
+    mju_addToScl3(velocity, rate, sign);
+    mju_addToScl3(bend, acceleration(m, d, body, point, trees).linear, sign);
+  }
+  const mjtNum length = mju_normalize3(along);
+  if (length < mjMINVAL) return 0.0;
+  const mjtNum stretching = mju_dot3(along, velocity);
+  return (mju_dot3(velocity, velocity) - stretching * stretching) / length + mju_dot3(along, bend);
+}
+
 // Of x0 - p(x1) with the polynomial p of joint and tendon equalities: -p''(x1) v1^2.
 double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
   return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
@@ -94,6 +116,14 @@ double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, in
       if (second < 0) return 0.0;
       return turning_of_polynomial(data, d->ten_length[second] - m->tendon_length0[second],
                                    d->ten_velocity[second]);
+    case mjEQ_FLEX: {
+      // Edges whose ends do not move have no row.
+      const int flex = m->eq_obj1id[equality];
+      if (m->flex_interp[flex]) return 0.0;
+      int edge = m->flex_edgeadr[flex];
+      while (m->flexedge_rigid[edge] || row-- > 0) ++edge;
+      return turning_of_edge(m, d, flex, edge, trees);
+    }
     default:
       return 0.0;
   }

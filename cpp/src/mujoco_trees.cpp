@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <set>
 #include <vector>
@@ -10,6 +11,8 @@
 namespace dashpot::host {
 
 namespace {
+
+constexpr double kOrthogonal = 1e-9;  // cosine of the axes of three slides that span space
 
 using TreeSet = std::set<int>;
 
@@ -84,6 +87,32 @@ int tree_count(const mjModel_* m) {
 bool is_free_body(const mjModel_* m, int tree) {
   const int joint = m->dof_jntid[m->tree_dofadr[tree]];
   return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;
+}
+
+bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, int axis,
+                     double* motion) {
+  const Tree& t = trees.tree[tree];
+  if (t.free_body) {
+    motion[t.begin + axis] += 1.0;
+    return true;
+  }
+  for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof) {
+    if (m->dof_parentid[dof] >= 0) continue;
+    double* const root = motion + t.begin + dof - t.dof_begin;
+    const int joint = m->dof_jntid[dof], body = m->dof_bodyid[dof];
+    if (m->jnt_type[joint] == mjJNT_FREE) {
+      root[axis] += 1.0;
+      continue;
+    }
+    const mjtNum* slide = d->xaxis + 3 * joint;
+    for (int i = 0; i < 3; ++i) {
+      if (i >= m->body_jntnum[body] || m->jnt_type[joint + i] != mjJNT_SLIDE) return false;
+      const double cosine = mju_dot3(slide + 3 * i, slide + 3 * ((i + 1) % 3));
+      if (std::abs(cosine) > kOrthogonal) return false;
+      root[i] += slide[3 * i + axis];
+    }
+  }
+  return true;
 }
 
 Trees make_trees(const mjModel_* m) {

@@ -24,6 +24,8 @@ constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
 constexpr double kBoost = 0.03;
+// Of the parts of a rate that cancel.
+constexpr double kRounding = 1e-9;
 // rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
 // have an energy that is off by half the square of it.
 constexpr double kTurn = 0.1;
@@ -139,13 +141,20 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
       return;
     find_energies(model, d, length, motion);
   } while (find_scales());
-  for (Coupled& coupled : coupled_) {
+  for (size_t first = 0; first < coupled_.size(); ++first) {
+    Coupled& coupled = coupled_[first];
     if (!coupled.left_half) continue;
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
-    if (coupled.scale == 0.0 && !coupled.by_equalities) coupled.brake = coupled.find_brake();
+    if (coupled.scale == 0.0 &&
+        (!coupled.by_equalities || are_on_ground(model, d, rows, trees, first)))
+      coupled.brake = coupled.find_brake();
+    if (coupled.by_equalities) coupled.brake = std::max(0.0, coupled.brake);
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
-    if (coupled.turns) ledger.dissipated_constraint -= coupled.turning_work;
+    if (coupled.turns)
+      ledger.dissipated_constraint -= coupled.turning_work;
+    else
+      ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
   }
   added_.assign(trees.coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
@@ -160,6 +169,28 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   }
   load_drives(length, memory, trees, data);
   stop_fast_turns(length, rows);
+}
+
+bool Trapezoid::are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows,
+                              const Trees& trees, int first) {
+  for (int axis = 0; axis < 3; ++axis) {
+    force_.assign(trees.coordinates, 0.0);
+    for (size_t index = 0; index < first_.size(); ++index)
+      if (first_[index] == first &&
+          !host::add_translation(model, d, trees, index, axis, force_.data()))
+        return true;
+    for (const RowGroup& c : rows.group) {
+      if (c.kind != RowKind::kBilateral || first_[c.tree[0]] != first) continue;
+      double rate = 0.0, most = 0.0;
+      for (int k = 0; k < c.columns[0] + c.columns[1]; ++k) {
+        const double part = rows.value[c.value + k] * force_[rows.column[c.column + k]];
+        rate += part;
+        most = std::max(most, std::abs(part));
+      }
+      if (std::abs(rate) > kRounding * most) return true;
+    }
+  }
+  return false;
 }
 
 void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {

@@ -23,8 +23,9 @@ bool is_default_impedance(const double* solref, const double* solimp);
 // Number of scalar constraints of the model that carry memory.
 int constraint_memory_count(const mjModel_* m);
 
-// dJ/dt xi of a row of an equality of bodies, joints or tendons, in m/s^2 or rad/s^2: how fast its
-// rate changes while the motion coordinates keep theirs. Leaves out that spatial tendons turn.
+// dJ/dt xi of a row of an equality of bodies, joints, tendons or edges of a flex, in m/s^2 or
+// rad/s^2: how fast its rate changes while the motion coordinates keep theirs. Leaves out that
+// spatial tendons turn, and what the other equalities of flexes keep.
 double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
                            const Trees& trees);
 

@@ -5,12 +5,17 @@
 #include "dashpot/trees.hpp"
 
 struct mjModel_;
+struct mjData_;
 
 namespace dashpot::host {
 
 int tree_count(const mjModel_* m);  // without those joined to others
 // Trees that are one free body without children.
 bool is_free_body(const mjModel_* m, int tree);
+// The motion of a tree (coordinates of all trees) that goes at 1 m/s along an axis of the world
+// (0 to 2) as a whole; false where its joints let it not.
+bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, int axis,
+                     double* motion);
 // The layout of trees in motion coordinates.
 Trees make_trees(const mjModel_* m);
 

@@ -53,9 +53,11 @@
 // while positions go ahead; the last is the work that equalities did because they turned. Where an
 // impact or a configuration near a singular one leaves no s near 1, or equalities would turn too
 // far in a step, frozen geometry stays: the second half is left out, they do not turn in that step,
-// and the work of those that did is booked as dissipation. A tree that only contacts and limits
-// hold is then brought to v1'M1 v1 / 2 by its speed, unless much of it would have to be added; and
-// so it is where the second half would be a large part of its velocity.
+// and the work of those that did is booked as dissipation. Trees that equalities tie to what does
+// not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it away: a taut
+// net, which is singular all the time, would gain energy until it shook. (The momentum of others is
+// their own.) So is a tree that only contacts and limits hold, unless much of it would have to be
+// added; and so it is where the second half would be a large part of its velocity.
 
 #pragma once
 
@@ -134,6 +136,9 @@ class Trapezoid {
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
                      const TreeMotion& motion);
+  // Whether an equality ties these trees to what does not move: they cannot go on all together.
+  bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
+                     int first);
   // Finds the scales; whether there are trees to be looked at again, without changes of drives.
   bool find_scales();
   // Where drives are not followed, lets them go on as they changed.
