@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mass_weighted.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/solref.hpp"
 
@@ -22,12 +23,11 @@ double dot(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-// Part of a contact's inverse mass that one of its two bodies has.
-double inverse_mass_of(const Rows& rows, const RowGroup& c, int tree) {
-  double sum = 0.0;
+// The side of a group that is over a tree, -1 for the ground.
+int side_of(const RowGroup& c, int tree) {
   for (int side = 0; side < 2; ++side)
-    if (c.tree[side] >= 0 && c.tree[side] == tree) sum += rows.tree_inverse_mass[c.row][side];
-  return sum;
+    if (tree >= 0 && c.tree[side] == tree) return side;
+  return -1;
 }
 
 // By what has the inverse mass `loading`.
@@ -43,7 +43,19 @@ void press(const ContactInput& input, const Rows& rows, const RowGroup& c, doubl
   given.pressed_between = true;
 }
 
+constexpr auto by_body = [](const auto& a, const auto& b) { return a.body < b.body; };
+
 }  // namespace
+
+// On the body of one of a contact's geoms, by the other's.
+PressedBetween::Push PressedBetween::push_of(const mjModel_* model, const ContactInput& input,
+                                             int group, int side) {
+  const double sign = side == 0 ? -1.0 : 1.0;
+  return {host::moved_body(model, input.geom[side]),
+          group,
+          input.tree[1 - side],
+          {sign * input.frame[0], sign * input.frame[1], sign * input.frame[2]}};
+}
 
 // All pushes within 60 degrees of their mean, as those on a tray, leave no two that are opposed.
 bool PressedBetween::any_opposed(const Push* first, const Push* last) {
@@ -65,19 +77,15 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
                                          const std::vector<ContactInput>& contacts,
                                          const Rows& rows) {
   pushes_.clear();
-  for (const RowGroup& c : rows.group) {
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact || contacts[c.input].gap >= 0.0) continue;
-    const ContactInput& input = contacts[c.input];
     for (int side = 0; side < 2; ++side) {
-      const double sign = side == 0 ? -1.0 : 1.0;
-      const int body = host::moved_body(model, input.geom[side]);
-      if (body < 0) continue;
-      pushes_.push_back(
-          {body, {sign * input.frame[0], sign * input.frame[1], sign * input.frame[2]}});
+      const Push push = push_of(model, contacts[c.input], static_cast<int>(i), side);
+      if (push.body >= 0) pushes_.push_back(push);
     }
   }
-  std::sort(pushes_.begin(), pushes_.end(),
-            [](const Push& a, const Push& b) { return a.body < b.body; });
+  std::sort(pushes_.begin(), pushes_.end(), by_body);
   pressed_.clear();
   for (auto first = pushes_.begin(), last = first; first != pushes_.end(); first = last) {
     last = std::find_if(first, pushes_.end(),
@@ -88,6 +96,22 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
 
 bool PressedBetween::is_pressed(int body) const {
   return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
+}
+
+// Of what pushes, with all that opposes it and hangs on the same tree.
+double PressedBetween::inverse_mass_behind(const Rows& rows, const Push& push) const {
+  const RowGroup& c = rows.group[push.group];
+  const int side = side_of(c, push.tree);
+  if (side < 0) return 0.0;
+  double opposed = 0.0;
+  const auto on_body = std::equal_range(pushes_.begin(), pushes_.end(), push, by_body);
+  for (auto other = on_body.first; other != on_body.second; ++other)
+    if (other->tree == push.tree && dot(other->direction, push.direction) < kOpposed) {
+      const RowGroup& opposing = rows.group[other->group];
+      opposed = std::min(
+          opposed, shared_inverse_mass(rows, c, side, opposing, side_of(opposing, push.tree)));
+    }
+  return std::max(0.0, rows.tree_inverse_mass[c.row][side] + opposed);
 }
 
 void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
@@ -106,10 +130,11 @@ void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>
     bool pressed = false;
     double loading = 0.0;  // inverse mass of what loads the contact
     for (int side = 0; side < 2; ++side) {
-      if (is_pressed(host::moved_body(model, input.geom[side])))
-        pressed = true;
-      else
-        loading += inverse_mass_of(rows, c, input.tree[side]);
+      const Push push = push_of(model, input, static_cast<int>(i), side);
+      if (!is_pressed(push.body)) continue;
+      pressed = true;
+      if (!is_pressed(host::moved_body(model, input.geom[1 - side])))
+        loading = inverse_mass_behind(rows, push);
     }
     if (pressed) press(input, rows, c, loading, materials[i]);
   }

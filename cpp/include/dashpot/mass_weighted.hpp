@@ -11,4 +11,10 @@ namespace dashpot {
 void weight_by_mass(Rows& rows, RowGroup& group, int side, const Trees& trees,
                     double* inverse_mass);
 
+// y y' of the first rows of two groups, each over its tree on one side: the rate of the one that an
+// impulse of 1 on the other causes through a tree that both share. 0 where they share none, and
+// where it is a free body.
+double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,
+                           int side_b);
+
 }  // namespace dashpot
