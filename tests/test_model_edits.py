@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dashpot import Engine, rollout
+from dashpot import Engine, Material, rollout
 
 SCENE = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
   <body pos="0 0 .1"><freejoint/><geom name="ball" size=".1"/></body></worldbody>
@@ -123,3 +123,41 @@ def test_masses_and_sizes_that_are_none_name_what_has_them(field, entry, value, 
     with pytest.raises(ValueError, match=message):
         engine.step(data)
     assert np.array_equal(data.qpos, before)
+
+
+CUBE = " ".join(f"{x} {y} {z}" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))
+OCTAHEDRON = ".2 0 0 -.2 0 0 0 .2 0 0 -.2 0 0 0 .2 0 0 -.2"
+TARGET = f"""<mujoco><option timestep="0.005" gravity="0 0 0"/>
+  <asset><mesh name="cube" vertex="{CUBE}"/><mesh name="octahedron" vertex="{OCTAHEDRON}"/></asset>
+  <worldbody><body><freejoint/><geom type="mesh" mesh="cube" mass="1e6"/></body>
+    <body name="ball"><freejoint/><geom size=".05" mass=".3"/></body></worldbody></mujoco>"""
+SPEED, BESIDE = 5.0, np.array([0.04, 0.06])  # m/s along x; m off the target's middle in y and z
+
+
+def throw_at_target(engine):
+    """Return the direction in which an elastic ball without friction flies off."""
+    data = engine.make_data()
+    data.qpos[7:10] = [-0.5, *BESIDE]
+    data.qvel[6] = SPEED
+    engine.step(data, nstep=30)
+    return data.qvel[6:9] / SPEED
+
+
+@pytest.mark.parametrize("edited", ["mesh", "type"])
+def test_a_geom_of_another_shape_is_hit_as_what_it_is(edited):
+    engine = Engine(mujoco.MjModel.from_xml_string(TARGET))
+    for geom in range(2):
+        engine.set_material(geom, Material(stiffness=1e6, restitution=1.0, friction=0.0))
+    model = engine.model
+    assert throw_at_target(engine) == pytest.approx([-1, 0, 0], abs=1e-5)  # a millionth of its mass
+    if edited == "mesh":
+        model.geom_dataid[0] = model.mesh("octahedron").id
+        normal = np.array([-1.0, 1.0, 1.0]) / np.sqrt(3)
+    else:
+        model.geom_type[0] = mujoco.mjtGeom.mjGEOM_SPHERE
+        offset = BESIDE / (0.2 + 0.05)  # of the ball's centre, in the sum of the radii
+        normal = np.array([-np.sqrt(1 - offset @ offset), *offset])
+    model.geom_size[0], model.geom_aabb[0, 3:], model.geom_rbound[0] = 0.2, 0.2, 0.2
+    expected = np.array([1.0, 0, 0]) - 2 * normal[0] * normal
+    # The normal of the sphere follows the way along it while the spring is compressed, for 1.7 ms.
+    assert throw_at_target(engine) == pytest.approx(expected, abs=1e-3)

@@ -28,17 +28,21 @@ Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
   return vertices;
 }
 
-}  // namespace
-
-HeightField height_field(const mjModel* model, int id) {
+void set_extent(const mjModel* model, int id, HeightField& field) {
   const double* size = model->hfield_size + 4 * id;
-  HeightField field;
-  field.rows = model->hfield_nrow[id];
-  field.columns = model->hfield_ncol[id];
   field.half_x = size[0];
   field.half_y = size[1];
   field.elevation = size[2];
   field.base = size[3];
+}
+
+}  // namespace
+
+HeightField height_field(const mjModel* model, int id) {
+  HeightField field;
+  field.rows = model->hfield_nrow[id];
+  field.columns = model->hfield_ncol[id];
+  set_extent(model, id, field);
   field.heights = model->hfield_data + model->hfield_adr[id];
   return field;
 }
@@ -126,10 +130,13 @@ bool has_shape(const mjModel* model, int geom) { return model->geom_type[geom] !
 
 const Shape& GeomShapes::of(const mjModel* model, int geom) {
   shape_.resize(model->ngeom);
-  std::optional<Shape>& shape = shape_[geom];
-  if (!shape) shape = geom_shape(model, geom);
-  shape->size = Eigen::Map<const Eigen::Vector3d>(model->geom_size + 3 * geom);
-  return *shape;
+  Known& known = shape_[geom];
+  const int type = model->geom_type[geom], data = model->geom_dataid[geom];
+  if (type != known.type || data != known.data) known = {geom_shape(model, geom), type, data};
+  Shape& shape = known.shape;
+  shape.size = Eigen::Map<const Eigen::Vector3d>(model->geom_size + 3 * geom);
+  if (type == mjGEOM_HFIELD) set_extent(model, data, shape.field);
+  return shape;
 }
 
 GeomBounds geom_bounds(const mjModel* model, int geom) {

@@ -2,7 +2,6 @@
 
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "dashpot/closest.hpp"
@@ -22,14 +21,19 @@ HeightField height_field(const mjModel_* model, int id);
 // size.
 Shape geom_shape(const mjModel_* model, int geom);
 
-// Shapes of geoms, each made when it is first asked for: a mesh's vertices are copied once. Sizes
-// are read anew, for they may be edited between steps. Throws as geom_shape does.
+// Shapes of geoms, each made when it is first asked for, or has another type or mesh: a mesh's
+// vertices are copied once. Sizes are read anew, for they may be edited between steps. Throws as
+// geom_shape does.
 class GeomShapes {
  public:
   const Shape& of(const mjModel_* model, int geom);
 
  private:
-  std::vector<std::optional<Shape>> shape_;  // by geom
+  struct Known {
+    Shape shape;
+    int type = -1, data = -1;  // geom_type and geom_dataid that it was made of
+  };
+  std::vector<Known> shape_;  // by geom
 };
 
 // The pose of a geom as the data's kinematics last left it (geom_xpos, geom_xmat), as
