@@ -23,8 +23,11 @@ namespace {
 // rest: what curves there is a height of 1e-10 of that size.
 constexpr double kStill = 1e-5;
 // The same way up to which a pair meets where it did: a ball that slides off a tile meets its edge
-// in the middle, though it is on the next tile by then. Planes have no edges.
+// in the middle, though it is on the next tile by then. Planes have no edges; beyond, what is round
+// is still on a face whose normal it meets, but for blows, which are over or to come by then.
 constexpr double kFarWay = 0.1;
+// Cosine between the normals, in the frame of a geom, of contacts on one of its faces.
+constexpr double kOfFace = 0.999999;
 // How far, relative to the same, a contact point moves on along a rim or a surface up to the
 // middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
 constexpr double kFarPoint = 0.5;
@@ -36,6 +39,7 @@ constexpr double kSame = 0.85;
 // A contact that the collision of a pair finds in the middle, and its place on the two geoms.
 struct MiddleContact {
   mjtNum distance, position[3], normal[3];
+  mjtNum local_normal[2][3];  // in the frames of the geoms
   std::array<double, 3> local[2];
   std::array<double, 3> on_shape[2];  // the same on what does not turn about its own axis
 };
@@ -104,7 +108,8 @@ class TurningPair {
         2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
     at_rest_ = is_still(turn, way);
     if (at_rest_) return false;
-    if (way > kFarWay * size() && !on_plane) return false;
+    is_far_ = way > kFarWay * size() && !on_plane;
+    if (is_far_ && side_with_faces() < 0) return false;
     if (are_round() && parts_early()) return false;
     way_ = way_to_middle();
     return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
@@ -140,6 +145,7 @@ class TurningPair {
       const double far = corners ? 2.0 * way_ : kFarPoint * size();
       if (squared_distance(*contact, *same) > far * far) continue;
       if (mju_dot3(same->normal, contact->frame.data()) < kSame) continue;
+      if (is_far_ && !stays_on_face(*contact, *same)) continue;
       take(*same, *contact);
       any = true;
     }
@@ -149,6 +155,21 @@ class TurningPair {
  private:
   // `turn` (rad) and `way` (m) in a step.
   bool is_still(double turn, double way) const { return turn <= kStill && way <= kStill * size(); }
+
+  // Which of the two has faces, -1 where both or neither have.
+  int side_with_faces() const {
+    const bool faces[2] = {has_corners(model_, side_[0].geom), has_corners(model_, side_[1].geom)};
+    return faces[0] == faces[1] ? -1 : (faces[0] ? 0 : 1);
+  }
+
+  bool stays_on_face(const ContactInput& contact, const MiddleContact& middle) const {
+    if (std::abs(middle.distance - contact.margin - contact.gap) > 0.5 * kFarWay * size())
+      return false;
+    const int side = side_with_faces();
+    mjtNum normal[3];
+    mju_mulMatTVec3(normal, data_->geom_xmat + 9 * side_[side].geom, contact.frame.data());
+    return mju_dot3(normal, middle.local_normal[side]) > kOfFace;
+  }
 
   // Free bodies have theirs in the coordinates of their tree.
   void find_motion(int tree, const Trees& trees, const double* motion, Side& side) const {
@@ -252,6 +273,7 @@ class TurningPair {
         mjtNum arm[3];
         mju_sub3(arm, found[i].pos, data_->geom_xpos + 3 * geom);
         mju_mulMatTVec3(middle.local[side].data(), data_->geom_xmat + 9 * geom, arm);
+        mju_mulMatTVec3(middle.local_normal[side], data_->geom_xmat + 9 * geom, found[i].normal);
         middle.on_shape[side] = before_spin(side_[side], middle.local[side]);
       }
     }
@@ -362,6 +384,7 @@ class TurningPair {
   ContactInput *first_, *last_;
   std::array<Side, 2> side_;
   bool at_rest_ = false;  // its geoms, on each other
+  bool is_far_ = false;   // they may come to another face up to the middle
   mjtNum relative_[3]{};  // velocity of side 1 to side 0
   double way_ = 0.0;      // m, to the middle
   std::array<MiddleContact, mjMAXCONPAIR> middle_;

@@ -11,6 +11,9 @@
 // in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
 // ContactInput::turning, without which dampers would take from every turn what the next step finds.
 //
+// What goes on far in the step may be past an edge by the middle: contacts of round shapes follow
+// that roll or slide on along one face, all others stay.
+//
 // That holds for forces that last. A blow between round bodies that begins or ends early in the
 // step keeps the geometry of the start.
 //
