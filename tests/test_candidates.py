@@ -336,3 +336,21 @@ def test_contacts_without_room_are_an_error_that_names_the_memory() -> None:
     engine = dashpot.Engine(model)
     with pytest.raises(RuntimeError, match="memory"):
         engine.step(engine.make_data())
+
+
+def test_meshes_that_start_in_one_place_meet_as_in_mujoco() -> None:
+    # There MuJoCo's search finds nothing, as if they were apart; from the next step on it does.
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option gravity="0 0 0"/>{ASSETS}<worldbody>
+      <body><freejoint/><geom type="mesh" mesh="wedge" mass="1"/></body>
+      <body><freejoint/><geom type="mesh" mesh="wedge" mass="1"/></body></worldbody></mujoco>""")
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[6:9] = [0.2, 0.1, 0.05]
+    engine.step(data)
+    for _ in range(10):
+        peer = mujoco.MjData(model)
+        peer.qpos[:] = data.qpos
+        mujoco.mj_fwdPosition(model, peer)
+        assert peer.ncon > 0
+        engine.step(data)
+        assert data.ncon > 0

@@ -94,7 +94,12 @@ void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePai
     --known.waits;
     return;
   }
-  const double distance = kSure * distance_of_convex(m, d, pair.geom[0], pair.geom[1], farthest);
+  // Geoms hold their centres: no distance is more than that of these. MuJoCo's search finds nothing
+  // where two meshes are in one place, as if they were far apart.
+  const double centres =
+      mju_dist3(d->geom_xpos + 3 * pair.geom[0], d->geom_xpos + 3 * pair.geom[1]);
+  const double searched = distance_of_convex(m, d, pair.geom[0], pair.geom[1], farthest);
+  const double distance = kSure * std::min(searched, centres);
   known = {place(m, d, pair), distance, distance > worth ? 0 : kWaits};
 }
 
