@@ -60,17 +60,18 @@ def test_heavy_press_rebounds_from_a_light_ball_as_mujocos_damper_lets_it(mass):
     assert mujocos == pytest.approx(expected, abs=0.05)
 
 
-# A light hand whose fingers have heavy motors, about a ball of 0.2 kg.
+# A light hand whose fingers have heavy motors, about balls of 0.2 kg in a row.
+BALL = """<body name="ball{i}" pos="0 {y} 0"><joint type="slide" axis="0 1 0"/>
+  <geom size="0.03" mass="0.2"/></body>"""
 GRIPPER = """<mujoco><option timestep="{timestep}" gravity="0 0 0"/>
 <default><geom solref="{timeconst} 1" solimp="{impedance} {impedance} 0.01" condim="1"/></default>
-<worldbody>
-  <body name="ball"><joint type="slide" axis="0 1 0"/><geom size="0.03" mass="0.2"/></body>
+<worldbody>{balls}
   <body name="hand" pos="0 0 0.2"><joint type="slide" axis="0 1 0"/>
     <geom size="0.01" mass="0.3" contype="0" conaffinity="0"/>
-    <body name="left" pos="0 -0.04 -0.2">
+    <body name="left" pos="0 -{reach} -0.2">
       <joint type="slide" axis="0 1 0" armature="{motor}"/>
       <geom type="box" size="0.02 0.01 0.02" mass="0.1"/></body>
-    <body name="right" pos="0 0.04 -0.2">
+    <body name="right" pos="0 {reach} -0.2">
       <joint type="slide" axis="0 -1 0" armature="{motor}"/>
       <geom type="box" size="0.02 0.01 0.02" mass="0.1"/></body>
   </body></worldbody></mujoco>"""
@@ -79,28 +80,39 @@ GRIPPER = """<mujoco><option timestep="{timestep}" gravity="0 0 0"/>
 def opening(model, step):
     """Return the part of their speed at which fingers open that closed at 0.2 m/s each."""
     data = mujoco.MjData(model)
-    data.qvel[2:] = 0.2
+    data.qvel[-2:] = 0.2
     for _ in range(round(1.0 / model.opt.timestep)):
         step(data)
-        if data.qvel[2] < 0.0 and data.ncon == 0:
+        if data.qvel[-1] < 0.0 and data.ncon == 0:
             break
-    np.testing.assert_allclose(data.qpos[:2], 0.0, atol=1e-9)  # as both fingers are alike
-    return -data.qvel[2] / 0.2
+    assert data.qpos[-3] == pytest.approx(0.0, abs=1e-4)  # the hand, to rounding: fingers are alike
+    return -data.qvel[-1] / 0.2
 
 
+@pytest.mark.parametrize("count", [1, 2])
 @pytest.mark.parametrize("motor", [20.0, 100.0])
-def test_heavy_fingers_of_a_light_hand_open_as_mujocos_damper_lets_them(motor):
+def test_heavy_fingers_of_a_light_hand_open_as_mujocos_damper_lets_them(motor, count):
     impedance = 0.97
 
     def gripper(timestep):
+        balls = "".join(BALL.format(i=i, y=0.06 * i - 0.03 * (count - 1)) for i in range(count))
         return mujoco.MjModel.from_xml_string(
-            GRIPPER.format(timestep=timestep, timeconst=TIMECONST, impedance=impedance, motor=motor)
+            GRIPPER.format(
+                timestep=timestep,
+                timeconst=TIMECONST,
+                impedance=impedance,
+                motor=motor,
+                balls=balls,
+                reach=0.03 * count + 0.01,
+            )
         )
 
     engine = Engine(gripper(0.001))
     k, b = law.solref_to_spring((TIMECONST, 1.0), impedance_width=impedance)
     weights = engine.model.body_invweight0[:, 0]
-    inverse_mass = weights[engine.model.body("ball").id] + weights[engine.model.body("left").id]
+    ball, finger = (weights[engine.model.body(name).id] for name in ("ball0", "left"))
+    # From a finger to the middle: its contact, and half of the one between two balls.
+    inverse_mass = ball + finger + (count - 1) * 0.5 * (2.0 * ball)
     regularisation = (1.0 - impedance) / impedance * inverse_mass
     stiffness, damping = impedance * k / regularisation, b / regularisation
     # The hand stays where it is: what moves are the fingers.

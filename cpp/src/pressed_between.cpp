@@ -43,8 +43,6 @@ void press(const ContactInput& input, const Rows& rows, const RowGroup& c, doubl
   given.pressed_between = true;
 }
 
-constexpr auto by_body = [](const auto& a, const auto& b) { return a.body < b.body; };
-
 }  // namespace
 
 // On the body of one of a contact's geoms, by the other's.
@@ -85,7 +83,8 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
       if (push.body >= 0) pushes_.push_back(push);
     }
   }
-  std::sort(pushes_.begin(), pushes_.end(), by_body);
+  std::sort(pushes_.begin(), pushes_.end(),
+            [](const Push& a, const Push& b) { return a.body < b.body; });
   pressed_.clear();
   for (auto first = pushes_.begin(), last = first; first != pushes_.end(); first = last) {
     last = std::find_if(first, pushes_.end(),
@@ -98,19 +97,21 @@ bool PressedBetween::is_pressed(int body) const {
   return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
 }
 
-// Of what pushes, with all that opposes it and hangs on the same tree.
+// Of what pushes, with what opposes it and hangs on the same tree: on the body itself, or on
+// another one that is pressed against it.
 double PressedBetween::inverse_mass_behind(const Rows& rows, const Push& push) const {
   const RowGroup& c = rows.group[push.group];
   const int side = side_of(c, push.tree);
   if (side < 0) return 0.0;
   double opposed = 0.0;
-  const auto on_body = std::equal_range(pushes_.begin(), pushes_.end(), push, by_body);
-  for (auto other = on_body.first; other != on_body.second; ++other)
-    if (other->tree == push.tree && dot(other->direction, push.direction) < kOpposed) {
-      const RowGroup& opposing = rows.group[other->group];
-      opposed = std::min(
-          opposed, shared_inverse_mass(rows, c, side, opposing, side_of(opposing, push.tree)));
-    }
+  if (c.weighted[side].count > 0)
+    for (const Push& other : pushes_)
+      if (other.tree == push.tree && dot(other.direction, push.direction) < kOpposed &&
+          is_pressed(other.body)) {
+        const RowGroup& opposing = rows.group[other.group];
+        opposed = std::min(
+            opposed, shared_inverse_mass(rows, c, side, opposing, side_of(opposing, push.tree)));
+      }
   return std::max(0.0, rows.tree_inverse_mass[c.row][side] + opposed);
 }
 

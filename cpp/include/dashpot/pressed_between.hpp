@@ -16,7 +16,7 @@
 //     1/M = w_f + J_f inv(H) J_o' ,
 //
 // w_f being what the finger's tree adds and J_o the normal row over the same tree of what opposes
-// it on the body: the least of all of them.
+// it, on the body or on others in the same grip: the least of all of them.
 
 #pragma once
 
