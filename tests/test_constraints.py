@@ -95,6 +95,26 @@ def test_a_trace_of_dry_friction_leaves_a_swing_as_it_is(timestep):
     assert data.qpos[0] == pytest.approx(reference.qpos[0], abs=1e-7)
 
 
+@pytest.mark.parametrize("timestep", [5e-4, 2e-3, 5e-3])
+def test_a_trace_of_dry_friction_leaves_the_rebound_off_a_limit_as_it_is(timestep):
+    link = """<option gravity="0 0 0"/><worldbody><body>
+        <joint axis="0 1 0" range="-90 5" limited="true" {}/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1"/></body></worldbody>"""
+
+    def rebound(joint):
+        engine, data = engine_of(link.format(joint), timestep)
+        data.qvel[0] = 5.0
+        while data.qvel[0] > 0.0:
+            engine.step(data)
+        engine.step(data, nstep=int(np.ceil(0.02 / timestep)))  # the impact may last some steps
+        return -data.qvel[0] / 5.0
+
+    # A rigid limit is critically damped: released where the force is zero it leaves exp(-2).
+    assert rebound("") == pytest.approx(np.exp(-2.0), rel=1e-6)
+    # Dry friction brakes by 1e-3 N m / 0.03 kg m^2 for some 30 ms: 0.001 rad/s of 5.
+    assert rebound('frictionloss="1e-3"') == pytest.approx(np.exp(-2.0), abs=1e-3)
+
+
 def test_a_motor_weaker_than_dry_friction_moves_nothing_but_in_mujoco_where_that_creeps():
     slide = """<option gravity="0 0 0"/><worldbody><body><joint name="finger" type="slide" {}/>
       <geom type="sphere" size=".05" mass="0.5" contype="0" conaffinity="0"/></body></worldbody>

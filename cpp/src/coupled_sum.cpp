@@ -121,7 +121,8 @@ void CoupledSum::add_contact(const Rows& rows, const Trees& trees, const RowGrou
     return dashpot::add_contact(rows.pair[c.pair], side, c.dim, weight, normal.body_[tree],
                                 friction.body_[tree]);
   }
-  normal.add(rows, trees, c, side, 0, 1, weight);
+  CoupledSum& first = c.kind == RowKind::kSlider ? friction : normal;
+  first.add(rows, trees, c, side, 0, 1, weight);
   if (c.dim > 1) friction.add(rows, trees, c, side, 1, c.dim - 1, weight + 1);
 }
 

@@ -146,7 +146,10 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   const double h = microstep.duration;
   const double resolved =
       stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
-  const double most_damped = most_damped_rigid(coupling.normal_damping) / h;
+  const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
+  const double most_damped = c.kind == RowKind::kSlider
+                                 ? most_damped_sliding
+                                 : most_damped_rigid(coupling.normal_damping) / h;
   double stiffest = resolved;
   if (given.from_solref) {
     const double own_damping = given.normalised_damping > 0.0
@@ -179,7 +182,6 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   }
   if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
-  const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
   const double stiffest_sliding = given.rigid() ? stiffest : resolved;
   for (int i = 1; i < c.dim; ++i) {

@@ -8,12 +8,13 @@
 //     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= kStiffestAlone,
 //     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
 //
-// with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction. A
-// damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as the bounds
-// allow; for a restitution kappa gives way as far as a weight sags no further than kInelasticSag. A
-// model's own solref is a kappa and a delta, as far as the bounds allow; what they leave out of a
-// delta that is more than critical adds to kappa. A material in SI units that micro-steps do not
-// resolve is rigid, no stiffer than it says, and has its damping ratio as far as the bounds allow.
+// with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction, dry
+// friction too. A damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as
+// the bounds allow; for a restitution kappa gives way as far as a weight sags no further than
+// kInelasticSag. A model's own solref is a kappa and a delta, as far as the bounds allow; what they
+// leave out of a delta that is more than critical adds to kappa. A material in SI units that micro-
+// steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as far as the
+// bounds allow.
 
 #pragma once
 
