@@ -171,7 +171,9 @@ def test_a_servo_that_brakes_takes_what_a_damper_would(limit, timestep):
         engine.step(data, nstep=round(0.2 / timestep))
         energy = engine.energy(data)
         assert energy.total == pytest.approx(start.total, rel=1e-9)
-        assert 0.0 <= energy.dissipated_constraint <= start.kinetic
+        # In the step with the impact its gain, which acts over all of it, may drive a little.
+        given = start.kinetic + max(0.0, energy.work)
+        assert 0.0 <= energy.dissipated_constraint <= given * (1.0 + ROUNDING)
         taken.append(energy.dissipated_damping - energy.work)
     # The motions are the same; in the step with the impact, a damper alone is known not to drive.
     assert taken[1] == pytest.approx(taken[0], abs=0.1 * start.kinetic)

@@ -194,7 +194,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
-  find_hits(rows, islands.all(), contacts, data, length, hits);
+  find_hits(rows, islands.all(), contacts, constraints, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   // Cuts at impacts let springs be resolved more finely.
   const double resolved = parameters.options.impact == Impact::kCut ? length : whole;

@@ -39,7 +39,8 @@ std::array<std::array<double, kMaxRows>, 2> split_between_trees(const Rows& rows
   return split;
 }
 
-// Whether a rigid contact is hit. A model's own solref is resolved unless it is stiffer than rigid.
+// Whether a rigid contact or limit is hit. A model's own solref is resolved unless it is stiffer
+// than rigid.
 bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
             const std::vector<char>& hits) {
   return std::any_of(island.group.begin(), island.group.end(), [&](int index) {
@@ -54,22 +55,28 @@ int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - 
 }  // namespace
 
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts, const RowData& data, double step,
+               const std::vector<ContactInput>& contacts,
+               const std::vector<ConstraintInput>& constraints, const RowData& data, double step,
                std::vector<char>& hits) {
   hits.assign(rows.group.size(), 0);
-  const auto is_hit = [&](const RowGroup& c) {
-    if (c.kind != RowKind::kContact) return false;
+  // The flow of a limit alone is exact at any micro-step.
+  const auto is_hit = [&](const RowGroup& c, bool alone) {
+    if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
+    const double gap =
+        c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
     double rate[kMaxRows], load[kMaxRows];
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
     const double change = load[0] * step;
     const double way = step * std::min(rate[0], rate[0] + 0.5 * change);
-    return contacts[c.input].gap + std::min(way, 0.0) < 0.0 &&
+    return gap + std::min(way, 0.0) < 0.0 &&
            std::abs(rate[0]) > std::max(kHitSpeed, 2.0 * std::abs(change));
   };
-  for (const Island& island : islands)
+  for (const Island& island : islands) {
+    const bool alone = island.group.last - island.group.first == 1;
     if (island.has_few_groups())
-      for (int index : island.group) hits[index] = is_hit(rows.group[index]);
+      for (int index : island.group) hits[index] = is_hit(rows.group[index], alone);
+  }
 }
 
 const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {

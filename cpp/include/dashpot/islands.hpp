@@ -49,13 +49,14 @@ struct Island {
   bool has_few_groups() const { return group.last - group.first <= kFewGroups; }
 };
 
-// Gap rate (m/s) from which on a contact is hit rather than pressed, where that is more than smooth
-// forces make in two steps.
+// Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
+// is more than smooth forces make in two steps.
 inline constexpr double kHitSpeed = 0.05;
-// For Islands::plan, by group: contacts of islands of few groups that touch in a step of `step` (s)
-// and are hit, or fly off.
+// For Islands::plan, by group: contacts and limits of islands of few groups that touch in a step of
+// `step` (s) and are hit, or fly off.
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts, const RowData& data, double step,
+               const std::vector<ContactInput>& contacts,
+               const std::vector<ConstraintInput>& constraints, const RowData& data, double step,
                std::vector<char>& hits);
 
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.

@@ -12,9 +12,9 @@
 // friction too. A damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as
 // the bounds allow; for a restitution kappa gives way as far as a weight sags no further than
 // kInelasticSag. A model's own solref is a kappa and a delta, as far as the bounds allow; what they
-// leave out of a delta that is more than critical adds to kappa. A material in SI units that micro-
-// steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as far as the
-// bounds allow.
+// leave out of a delta that is more than critical adds to kappa. A material in SI units that
+// micro-steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as far as
+// the bounds allow.
 
 #pragma once
 
