@@ -87,6 +87,26 @@ def test_two_limits_hit_at_once_rebound_as_stiff_springs_do(timestep):
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)
+@pytest.mark.parametrize("count", [1, 20])
+def test_a_limit_rebounds_alike_if_the_other_end_of_the_range_is_near(count, timestep):
+    """Both ends lie within reach, but one at most is pressed. A heavy base holds the joints."""
+    speed = 5.0
+    link = '<geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" mass="1" contype="0"/>'
+    joint = f'<joint axis="0 1 0" range="{-np.rad2deg(0.5 * speed * timestep)} 0"/>'
+    links = f"<body>{joint}{link}</body>" * count
+    engine, data = engine_of(
+        f"""<option gravity="0 0 0"/><worldbody><body><joint type="slide" axis="0 0 1"/>
+        <geom size="1" mass="1e6" contype="0"/>{links}</body></worldbody>""",
+        timestep,
+    )
+    data.qvel[1:] = speed
+    engine.step(data)
+    assert data.nefc == 2 * count
+    # Released where the force is zero, a critically damped hit leaves exp(-2).
+    np.testing.assert_allclose(data.qvel[1:], -speed * np.exp(-2.0), rtol=0.02)
+
+
+@pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_dry_friction_above_the_torque_holds_for_good(timestep):
     engine, data = engine_of(PENDULUM.format(joint='frictionloss="5"'), timestep)
     advance(engine, data, 1.0)

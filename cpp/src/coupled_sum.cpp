@@ -79,7 +79,7 @@ void add_weighted(const double* y, int stride, const int* column, int columns, i
 void CoupledSum::reset(const Trees& trees) {
   body_.resize(trees.tree.size());
   entry_.resize(trees.inverse.size(), 0.0);
-  joint_.resize(trees.coordinates, 0.0);
+  for (AlignedDoubles* sum : joint_sums()) sum->resize(trees.coordinates, 0.0);
   reaches_.resize(trees.coordinates, 0);
   empty_.assign(trees.tree.size(), 1);
   wide_.assign(trees.tree.size(), 0);
@@ -101,7 +101,8 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   if (c.is_of_one_coordinate(side)) {
     const int index = side == 0 ? 0 : c.columns[0];
     const double value = rows.value[c.value + index];
-    joint_[rows.column[c.column + index]] += weight[0] * value * value;
+    AlignedDoubles& sum = c.is_end_of_range ? end_[value > 0.0] : joint_;
+    sum[rows.column[c.column + index]] += weight[0] * value * value;
     return;
   }
   wide_[tree] = 1;
@@ -131,9 +132,9 @@ double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t) {
   const double* inverse = trees.inverse.data() + t.inverse;
   reached_.clear();
   for (int i = 0; i < t.dof_count; ++i)
-    if (joint_[t.begin + i] != 0.0) reached_.push_back(i);
+    if (of_joint(t.begin + i) != 0.0) reached_.push_back(i);
   const int n = static_cast<int>(reached_.size()), count = padded(n);
-  for (int i = 0; i < n; ++i) row_[i] = std::sqrt(joint_[t.begin + reached_[i]]);
+  for (int i = 0; i < n; ++i) row_[i] = std::sqrt(of_joint(t.begin + reached_[i]));
   for (int i = 0; i < n; ++i) {
     double* row = room_.data() + i * count;
     for (int j = 0; j < n; ++j)
@@ -150,9 +151,9 @@ void CoupledSum::add_joints(const Trees& trees, const Tree& t) {
   double* sum = entry_.data() + t.inverse;
   const int n = t.dof_count;
   for (int k = 0; k < n; ++k) {
-    const double weight = joint_[t.begin + k];
+    const double weight = of_joint(t.begin + k);
     if (weight == 0.0) continue;
-    joint_[t.begin + k] = 0.0;
+    for (AlignedDoubles* joint_sum : joint_sums()) (*joint_sum)[t.begin + k] = 0.0;
     reached_.clear();
     for (int dof = t.dof_begin + k; dof >= 0; dof = trees.above[dof])
       reached_.push_back(dof - t.dof_begin);
@@ -205,7 +206,7 @@ void CoupledSum::clear(const Trees& trees, int tree) {
   if (t.free_body) return;
   for (int i = 0; i < t.dof_count; ++i)
     if (reaches_[t.begin + i]) std::fill_n(entry_.data() + t.inverse + i * t.count, i + 1, 0.0);
-  std::fill_n(joint_.data() + t.begin, t.count, 0.0);
+  for (AlignedDoubles* sum : joint_sums()) std::fill_n(sum->data() + t.begin, t.count, 0.0);
   std::fill_n(reaches_.begin() + t.begin, t.count, 0);
   wide_[tree] = 0;
 }
@@ -225,7 +226,9 @@ double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to) {
   const auto add_range = [](const auto& from, int begin, int count, auto& sum) {
     for (int i = begin; i < begin + count; ++i) sum[i] += from[i];
   };
-  if (!t.free_body) add_range(joint_, t.begin, t.count, to.joint_);
+  if (!t.free_body)
+    for (size_t i = 0; i < joint_sums().size(); ++i)
+      add_range(*joint_sums()[i], t.begin, t.count, *to.joint_sums()[i]);
   for (int i = 0; i < t.dof_count; ++i) {
     if (!reaches_[t.begin + i]) continue;
     add_range(entry_, t.inverse + i * t.count, i + 1, to.entry_);

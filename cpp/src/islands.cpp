@@ -59,7 +59,7 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
                const std::vector<ConstraintInput>& constraints, const RowData& data, double step,
                std::vector<char>& hits) {
   hits.assign(rows.group.size(), 0);
-  // The flow of a limit alone is exact at any micro-step.
+  // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
   const auto is_hit = [&](const RowGroup& c, bool alone) {
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
     const double gap =
@@ -73,7 +73,10 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
            std::abs(rate[0]) > std::max(kHitSpeed, 2.0 * std::abs(change));
   };
   for (const Island& island : islands) {
-    const bool alone = island.group.last - island.group.first == 1;
+    const auto count = island.group.last - island.group.first;
+    const bool alone =
+        count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range &&
+                       rows.group[island.group.first[1]].is_end_of_range);
     if (island.has_few_groups())
       for (int index : island.group) hits[index] = is_hit(rows.group[index], alone);
   }

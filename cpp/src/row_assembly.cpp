@@ -36,6 +36,19 @@ void prefetch_inertia(const Trees& trees, const std::array<int, 2>& tree) {
   }
 }
 
+// Limits of both ends of a range follow one another, and come before all contacts.
+void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& rows) {
+  for (size_t i = 1; i < constraints.size(); ++i) {
+    const ConstraintInput &one = constraints[i - 1], &other = constraints[i];
+    if (!one.is_joint_limit || !other.is_joint_limit) continue;
+    RowGroup &a = rows.group[i - 1], &b = rows.group[i];
+    // With margins wider than the range both ends are pressed at once.
+    if (a.is_of_one_coordinate(0) && b.is_of_one_coordinate(0) &&
+        rows.column[a.column] == rows.column[b.column] && one.position + other.position > 0.0)
+      a.is_end_of_range = b.is_end_of_range = true;
+  }
+}
+
 }  // namespace
 
 void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
@@ -56,6 +69,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());
   }
+  mark_ends_of_ranges(constraints, rows);
   for (size_t i = 0; i < contacts.size(); ++i) {
     if (i + kPrefetched < contacts.size())
       prefetch_inertia(motion.trees(), contacts[i + kPrefetched].tree);

@@ -66,6 +66,38 @@ void check_bound(double bound, const Matrix& c, const char* claim) {
   ++failures;
 }
 
+// Both ends of the range of each of `n` joints, of which the stiffer counts.
+void check_ends_of_ranges(int n) {
+  const Trees trees = random_tree(n);
+  const Tree& t = trees.tree[1];
+  Rows rows;
+  rows.reset(2 * n);
+  CoupledSum sum, other;
+  sum.reset(trees);
+  other.reset(trees);
+  Matrix root = Matrix::Zero(n, n), inverse(n, n);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < n; ++j) inverse(i, j) = trees.inverse[t.inverse + i * t.count + j];
+    for (double sign : {1.0, -1.0}) {
+      RowGroup& c = rows.append(RowKind::kUnilateral, 2 * i, 1, {1, -1});
+      c.columns[0] = 1;
+      c.is_end_of_range = true;
+      rows.column.push_back(t.begin + i);
+      rows.value.push_back(sign);
+      const double weight = uniform(0.1, 3.0);
+      root(i, i) = std::max(root(i, i), std::sqrt(weight));
+      sum.add(rows, trees, c, 0, 0, 1, &weight);
+    }
+  }
+  const Matrix similar = root * inverse * root;
+  check_bound(sum.hand_over(trees, 1, other), similar, "bound of ends of ranges");
+  check_bound(other.take_bound(trees, 1), similar, "bound of ends handed over");
+  if (!sum.empty(1) || other.take_bound(trees, 1) != 0.0) {
+    std::printf("sums of ends are empty after their bounds were taken\n");
+    ++failures;
+  }
+}
+
 // `wide` groups of several coordinates and `narrow` ones of one. The first row of every group goes
 // to one sum, the others to another, which takes over what is in the first.
 void check_tree(int n, int wide, int narrow) {
@@ -132,9 +164,11 @@ void check_tree(int n, int wide, int narrow) {
 }  // namespace
 
 int main() {
-  for (int n = 1; n <= 30; ++n)
+  for (int n = 1; n <= 30; ++n) {
+    check_ends_of_ranges(n);
     for (int wide : {0, 1, 5})
       for (int narrow : {0, 1, 7})
         if (wide + narrow > 0) check_tree(n, wide, narrow);
+  }
   return failures == 0 ? 0 : 1;
 }

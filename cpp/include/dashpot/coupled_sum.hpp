@@ -18,6 +18,8 @@
 
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <vector>
 
 #include "dashpot/aligned.hpp"
@@ -50,12 +52,18 @@ class CoupledSum {
   double bound_of_reached(const Trees& trees, const Tree& tree);
   void add_joints(const Trees& trees, const Tree& tree);
   double bound(const Trees& trees, int tree);
+  std::array<AlignedDoubles*, 3> joint_sums() { return {&joint_, &end_[0], &end_[1]}; }
+  double of_joint(int coordinate) const {
+    return joint_[coordinate] + std::max(end_[0][coordinate], end_[1][coordinate]);
+  }
   void clear(const Trees& trees, int tree);
 
   std::vector<BodySum> body_;  // by tree; of free bodies
   AlignedDoubles entry_;       // of others
-  // By motion coordinate: the sum of the rows of this one coordinate, not mass-weighted.
+  // By motion coordinate: the sum of the rows of this one coordinate, not mass-weighted. Ends of a
+  // range are summed by sign, of which the larger counts: both ends are never pressed at once.
   AlignedDoubles joint_;
+  std::array<AlignedDoubles, 2> end_;
   // By tree: nothing was added; rows of several coordinates were.
   std::vector<char> empty_, wide_;
   std::vector<char> reaches_;            // by motion coordinate: a sparse row has it

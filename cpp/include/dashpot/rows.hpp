@@ -78,6 +78,7 @@ struct ConstraintInput {
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
+  bool is_joint_limit = false;
 };
 
 // The geometry of a contact between free bodies, which is all of its Jacobian.
@@ -125,6 +126,9 @@ struct RowGroup {
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;
+
+  // The limit of one end of a joint's range, beside that of the other: one at most is pressed.
+  bool is_end_of_range = false;
 
   // False of a contact apart that nothing can close, since no joint moves its bodies along the
   // normal: it belongs to no island.
