@@ -75,8 +75,7 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
   for (const Island& island : islands) {
     const auto count = island.group.last - island.group.first;
     const bool alone =
-        count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range &&
-                       rows.group[island.group.first[1]].is_end_of_range);
+        count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
     if (island.has_few_groups())
       for (int index : island.group) hits[index] = is_hit(rows.group[index], alone);
   }

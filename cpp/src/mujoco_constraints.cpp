@@ -188,7 +188,7 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.source = row;
     input.memory = source.memory;
     input.position = source.kind == RowKind::kSlider ? 0.0 : d->efc_pos[row] - source.margin;
-    input.is_joint_limit = d->efc_type[row] == mjCNSTR_LIMIT_JOINT;
+    input.is_joint_limit = type == mjCNSTR_LIMIT_JOINT;
     input.limit = d->efc_frictionloss[row];
     std::copy_n(source.solref, 2, input.solref.begin());
     std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());

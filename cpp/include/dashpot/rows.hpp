@@ -127,7 +127,8 @@ struct RowGroup {
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;
 
-  // The limit of one end of a joint's range, beside that of the other: one at most is pressed.
+  // The limit of one end of a joint's range; that of the other is a group too, and one at most of
+  // them is pressed.
   bool is_end_of_range = false;
 
   // False of a contact apart that nothing can close, since no joint moves its bodies along the
