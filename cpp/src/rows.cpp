@@ -129,8 +129,9 @@ void gather(const Rows& rows, const RowGroup& c, const double* motion, double* o
     const int* column = rows.column.data() + c.column;
     const double* value = rows.value.data() + c.value;
     for (int i = 0; i < c.dim; ++i, value += c.width()) {
-      out[i] = 0.0;
-      for (int k = 0; k < c.width(); ++k) out[i] += value[k] * motion[column[k]];
+      double sum = 0.0;
+      for (int k = 0; k < c.width(); ++k) sum += value[k] * motion[column[k]];
+      out[i] = sum;
     }
     return;
   }
