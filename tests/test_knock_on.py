@@ -62,6 +62,40 @@ def test_blow_runs_through_a_row_of_balls(joint, timestep, way, impact):
     assert energy.kinetic + energy.elastic == pytest.approx(0.5 * SPEED**2, rel=1e-3)
 
 
+@pytest.mark.parametrize("drift", [(0.0, 20.0, 0.0), (-30.0, 0.0, 5.0)])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_blow_runs_through_a_row_that_flies_along(drift, timestep, impact):
+    """Balls 2 mm apart, of which each hands on all of its speed before it reaches the next one.
+
+    Those that rest in the frame of the row have no way to go against each other before the blow.
+    """
+    bodies = "".join(
+        f'<body pos="{(2 * RADIUS + 0.002) * i} 0 0"><freejoint/>'
+        f'<geom type="sphere" size="{RADIUS}" mass="1"/></body>'
+        for i in range(5)
+    )
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(
+            f'<mujoco><option timestep="{timestep}" gravity="0 0 0"/>'
+            f"<worldbody>{bodies}</worldbody></mujoco>"
+        ),
+        impact=impact,
+    )
+    elastic = dashpot.Material(stiffness=STIFFNESS, restitution=1.0, friction=0.0)
+    for geom in range(5):
+        engine.set_material(geom, elastic)
+    data = engine.make_data()
+    data.qpos[0] -= 0.01
+    data.qvel[0] = SPEED
+    velocity = data.qvel.reshape(5, 6)[:, :3]
+    velocity += drift
+    engine.step(data, nstep=round(0.05 / timestep))
+    expected = np.zeros((5, 3))
+    expected[-1, 0] = SPEED
+    assert velocity - drift == pytest.approx(expected, abs=1e-3 * SPEED)
+
+
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 def test_what_is_hit_stops_at_its_limit(timestep):
     clearance, speed = 1e-4, 2.0

@@ -21,7 +21,7 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
     find_mean_velocity();
     find_end_gaps();
     if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
-                                detection.buffers))
+                                detection.narrowing.pairs(), detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, length, false, data);

@@ -39,16 +39,32 @@ void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
   }
 }
 
+void KnockOn::find_astray(const mjModel_* model, const mjData_* data, double length,
+                          const std::vector<host::NarrowedPair>& narrowed) {
+  astray_.clear();
+  for (const host::NarrowedPair& pair : narrowed) {
+    const auto [geom1, geom2] = pair.geom;
+    const double way =
+        length * host::relative_speed(model, data, geom1, geom2, body_velocity_.data());
+    const double farther = std::max(kFarther * way, host::unknown_overlap(model, geom1, geom2));
+    if (way - pair.reach > farther) astray_.push_back({pair.geom, pair.margin, way});
+  }
+}
+
 void KnockOn::find_known(const std::vector<ContactInput>& contacts,
                          const std::vector<double>& end_gap) {
   known_.clear();
-  const auto is_of_far_geom = [&](const ContactInput& c) {
+  asked_ = far_;
+  for (const Astray& pair : astray_)
+    asked_.insert(asked_.end(), pair.geom.begin(), pair.geom.end());
+  std::sort(asked_.begin(), asked_.end());
+  const auto is_asked = [&](const ContactInput& c) {
     return !c.is_of_flex() && std::any_of(c.geom.begin(), c.geom.end(), [&](int geom) {
-      return std::binary_search(far_.begin(), far_.end(), geom);
+      return std::binary_search(asked_.begin(), asked_.end(), geom);
     });
   };
   for (size_t i = 0; i < contacts.size(); ++i)
-    if (is_of_far_geom(contacts[i]))
+    if (is_asked(contacts[i]))
       known_.push_back(
           {sorted(contacts[i].geom[0], contacts[i].geom[1]), end_gap[i], &contacts[i]});
   std::sort(known_.begin(), known_.end(), [](const Known& a, const Known& b) {
@@ -59,8 +75,7 @@ void KnockOn::find_known(const std::vector<ContactInput>& contacts,
 // Whether two geoms overlap where their ways lead, unknown to their contacts. Those without any are
 // seen as detection would: along the normal through their nearest points.
 bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
-                    double length) {
-  const double way = way_[geom1] + way_[geom2];
+                    double way, double length) {
   if (!has_shape(model, geom1) || !has_shape(model, geom2)) return false;
   const double unknown = host::unknown_overlap(model, geom1, geom2);
   const int geom[2] = {geom1, geom2};
@@ -105,19 +120,28 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
 bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
                             const std::vector<double>& mean_velocity, double length,
                             const std::vector<ContactInput>& contacts,
-                            const std::vector<double>& end_gap, host::ReachBuffers& reach) {
+                            const std::vector<double>& end_gap,
+                            const std::vector<host::NarrowedPair>& narrowed,
+                            host::ReachBuffers& reach) {
   find_ways(model, data, mean_velocity, length, reach);
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
-  if (far_.empty()) return more;
+  find_astray(model, data, length, narrowed);
+  if (far_.empty() && astray_.empty()) return more;
   find_known(contacts, end_gap);
+  const auto widen = [&](int geom1, int geom2) {
+    for (int geom : {geom1, geom2})
+      reach.least_reach[geom] = std::max(reach.least_reach[geom], way_[geom]);
+    more = true;
+  };
+  for (const Astray& pair : astray_)
+    if (meets(model, data, pair.geom[0], pair.geom[1], pair.margin, pair.way, length))
+      widen(pair.geom[0], pair.geom[1]);
+  if (far_.empty()) return more;
   partners_.start(model, data, way_, reach.reach);
   for (int geom : far_) {
-    for (const auto& [other, margin] : partners_.of(geom)) {
-      if (!meets(model, data, geom, other, margin, length)) continue;
-      for (int side : {geom, other})
-        reach.least_reach[side] = std::max(reach.least_reach[side], way_[side]);
-      more = true;
-    }
+    for (const auto& [other, margin] : partners_.of(geom))
+      if (meets(model, data, geom, other, margin, way_[geom] + way_[other], length))
+        widen(geom, other);
   }
   return more;
 }

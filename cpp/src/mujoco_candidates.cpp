@@ -11,6 +11,7 @@
 
 #include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_narrowing.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/prefetch.hpp"
@@ -116,11 +117,10 @@ bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
 }
 
 const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const mjData_* d,
-                                                       const std::vector<double>& reach) {
-  if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) {
-    near_.clear();
-    return near_;
-  }
+                                                       const std::vector<double>& reach,
+                                                       Narrowing& narrowing) {
+  near_.clear();
+  if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
   read_filters(m);
   const bool changed = filters_now_ != filters_;
   if (changed) {
@@ -133,11 +133,14 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
   }
   find_boxes(m, d);
   if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
-  near_.clear();
   for (size_t i = 0; i < all_.size(); ++i) {
     if (i + kPrefetched < all_.size())
       for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
-    if (are_near(m, d, all_[i])) near_.push_back(all_[i]);
+    CandidatePair pair = all_[i];
+    pair.within = margin_of(m, pair) + gap_of(m, pair);
+    if (!are_near(m, d, pair)) continue;
+    const double before = std::exchange(pair.within, narrowing.within(m, d, pair));
+    if (pair.within == before || are_near(m, d, pair)) near_.push_back(pair);
   }
   return near_;
 }
@@ -276,16 +279,15 @@ void CandidatePairs::add(const mjModel_* m, int geom1, int geom2) {
 bool CandidatePairs::are_near(const mjModel_* m, const mjData_* d,
                               const CandidatePair& pair) const {
   const int geom1 = pair.geom[0], geom2 = pair.geom[1];
-  const double within = margin_of(m, pair) + gap_of(m, pair);
   if (m->geom_type[geom1] == mjGEOM_PLANE)
-    return height_over_plane(d, geom1, boxes_[geom2]) <= within;
+    return height_over_plane(d, geom1, boxes_[geom2]) <= pair.within;
   if (pair.defined < 0 && !overlap(present_[geom1], present_[geom2])) return false;
-  const double between = m->geom_rbound[geom1] + m->geom_rbound[geom2] + within;
+  const double between = m->geom_rbound[geom1] + m->geom_rbound[geom2] + pair.within;
   mjtNum apart[3];
   mju_sub3(apart, d->geom_xpos + 3 * geom1, d->geom_xpos + 3 * geom2);
   if (mju_dot3(apart, apart) > between * between) return false;
   return m->geom_type[geom1] == mjGEOM_SPHERE ||
-         boxes_apart(boxes_[geom1], boxes_[geom2]) <= within;
+         boxes_apart(boxes_[geom1], boxes_[geom2]) <= pair.within;
 }
 
 }  // namespace dashpot::host

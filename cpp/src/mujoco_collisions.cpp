@@ -5,8 +5,10 @@
 #include <algorithm>
 
 #include "dashpot/mujoco_coming.hpp"
+#include "dashpot/mujoco_contact_parameters.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_flat_cylinder.hpp"
+#include "dashpot/mujoco_narrowing.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
 #include "dashpot/mujoco_terrain.hpp"
 
@@ -35,7 +37,9 @@ constexpr double kTwins =
 
 thread_local mjModel* replaced = nullptr;  // the model whose collisions are
 thread_local FaceBuffers* face_buffers = nullptr;
+thread_local Narrowing* narrowing_now = nullptr;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
+mjfCollision collide_whole[mjNGEOMTYPES][mjNGEOMTYPES] = {};  // replaced, but not narrowed
 
 // Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
 bool may_adhere(const mjModel* m, int geom1, int geom2) {
@@ -181,6 +185,17 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
              : collide_cylinder(m, d, contact, plane, cylinder, margin);
 }
 
+int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
+                     mjtNum margin) {
+  const mjfCollision collide = collide_whole[m->geom_type[geom1]][m->geom_type[geom2]];
+  if (m == replaced && narrowing_now) {
+    CandidatePair pair{{geom1, geom2}, defining_pair(m, geom1, geom2)};
+    pair.within = margin;
+    margin = narrowing_now->within(m, d, pair);
+  }
+  return collide(m, d, contact, geom1, geom2, margin);
+}
+
 // Once in a process.
 void install() {
   static const bool installed = [] {
@@ -208,6 +223,13 @@ void install() {
     mjfCollision& standing = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
     collide_cylinder = standing;
     standing = collide_flat_cylinder;
+    for (int type1 = 0; type1 < mjNGEOMTYPES; ++type1)
+      for (int type2 = 0; type2 < mjNGEOMTYPES; ++type2) {
+        mjfCollision& pair = mjCOLLISIONFUNC[type1][type2];
+        if (!pair) continue;
+        collide_whole[type1][type2] = pair;
+        pair = collide_narrowed;
+      }
     return true;
   }();
   static_cast<void>(installed);
@@ -215,15 +237,17 @@ void install() {
 
 }  // namespace
 
-ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces)
+ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing)
     : model_(m),
       flags_(m->opt.disableflags),
       tolerance_(m->opt.ccd_tolerance),
       outer_(replaced),
-      outer_faces_(face_buffers) {
+      outer_faces_(face_buffers),
+      outer_narrowing_(narrowing_now) {
   install();
   replaced = m;
   face_buffers = faces;
+  narrowing_now = narrowing;
 }
 
 ReplacedCollisions::~ReplacedCollisions() {
@@ -231,6 +255,7 @@ ReplacedCollisions::~ReplacedCollisions() {
   model_->opt.ccd_tolerance = tolerance_;
   replaced = outer_;
   face_buffers = outer_faces_;
+  narrowing_now = outer_narrowing_;
 }
 
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most) {
@@ -242,7 +267,7 @@ double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, d
 
 int collide_all(const mjModel_* m, mjData_* d, int geom1, int geom2, double margin,
                 mjPreContact_* contact) {
-  const mjfCollision collide = mjCOLLISIONFUNC[m->geom_type[geom1]][m->geom_type[geom2]];
+  const mjfCollision collide = collide_whole[m->geom_type[geom1]][m->geom_type[geom2]];
   return collide == collide_moving ? find_contacts(m, d, geom1, geom2, margin, contact)
                                    : collide(m, d, contact, geom1, geom2, margin);
 }

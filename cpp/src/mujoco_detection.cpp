@@ -76,7 +76,8 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
 
 void collide_candidates(mjModel* m, mjData* d, Detection& detection) {
   Narrowphase& narrowphase = detection.narrowphase;
-  narrowphase.find(m, d, detection.candidates.near(m, d, detection.buffers.reach));
+  narrowphase.find(m, d,
+                   detection.candidates.near(m, d, detection.buffers.reach, detection.narrowing));
   narrowphase.write(m, d);
 }
 
@@ -85,10 +86,14 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  std::vector<ConstraintInput>& constraints) {
   {
     FaceBuffers* const faces = detection.takes_faces ? &detection.faces : nullptr;
-    WidenedReach reach(m, d, acceleration, faces, detection.buffers);
+    const bool keeps_pairs = CandidatePairs::cover(m, d);
+    // Where MuJoCo looks for pairs itself, its collisions ask.
+    detection.narrowing.start(detection.buffers);
+    WidenedReach reach(m, d, acceleration, faces, keeps_pairs ? nullptr : &detection.narrowing,
+                       detection.buffers);
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
-    if (CandidatePairs::cover(m, d))
+    if (keeps_pairs)
       collide_candidates(m, d, detection);
     else
       call_with_callbacks(mj_collision, m, d);

@@ -58,19 +58,20 @@ void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<Candidat
         prefetch(m->geom_size + 3 * geom, 3 * sizeof(mjtNum));
       }
     const CandidatePair& pair = pairs[i];
-    const double within = margin_of(m, pair) + gap_of(m, pair);
+    const double within = pair.within;
     const int first = static_cast<int>(now_.contacts.size());
     while (old != before_.pairs.end() && comes_before(old->pair, pair)) ++old;
-    if (old != before_.pairs.end() && !comes_before(pair, old->pair) && old->within == within) {
+    if (old != before_.pairs.end() && !comes_before(pair, old->pair) &&
+        old->pair.within == within) {
       const auto begin = before_.contacts.begin() + old->first;
       now_.contacts.insert(now_.contacts.end(), begin, begin + old->count);
-      now_.pairs.push_back({pair, within, first, old->count});
+      now_.pairs.push_back({pair, first, old->count});
       continue;
     }
     if (apart_.are_apart(m, d, pair, within)) continue;
     const int count = collide_all(m, d, pair.geom[0], pair.geom[1], within, found);
     if (count == 0) apart_.find_distance(m, d, pair, within);
-    now_.pairs.push_back({pair, within, first, count});
+    now_.pairs.push_back({pair, first, count});
     for (const mjPreContact* c = found; c != found + count; ++c)
       now_.contacts.push_back({c->dist,
                                {c->pos[0], c->pos[1], c->pos[2]},

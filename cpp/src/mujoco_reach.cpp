@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
@@ -18,13 +19,21 @@ namespace dashpot::host {
 
 namespace {
 
+using Vector = Eigen::Map<const Eigen::Vector3d>;
+
+// Velocity of the point of a body that is at `point`.
+Eigen::Vector3d velocity_at(const mjModel* m, const mjData* d, int body, const Vector& point,
+                            const double* body_velocity) {
+  const Vector centre(d->subtree_com + 3 * m->body_rootid[body]);
+  const Vector angular(body_velocity + 6 * body), linear(body_velocity + 6 * body + 3);
+  return linear + angular.cross(point - centre);
+}
+
 // Largest speed of any point of a body within `radius` of `point`.
 double speed_about(const mjModel* m, const mjData* d, int body, const mjtNum* point, double radius,
                    const double* body_velocity) {
-  using Vector = Eigen::Map<const Eigen::Vector3d>;
-  const Vector centre(d->subtree_com + 3 * m->body_rootid[body]);
-  const Vector angular(body_velocity + 6 * body), linear(body_velocity + 6 * body + 3);
-  return (linear + angular.cross(Vector(point) - centre)).norm() + angular.norm() * radius;
+  return velocity_at(m, d, body, Vector(point), body_velocity).norm() +
+         Vector(body_velocity + 6 * body).norm() * radius;
 }
 
 // Largest speed of the vertices of a flex, or of the nodes that carry them.
@@ -48,6 +57,23 @@ double geom_speed(const mjModel* m, const mjData* d, int geom, const double* bod
                      body_velocity);
 }
 
+double relative_speed(const mjModel* m, const mjData* d, int geom1, int geom2,
+                      const double* body_velocity) {
+  const int body1 = m->geom_bodyid[geom1], body2 = m->geom_bodyid[geom2];
+  const double turning =
+      (Vector(body_velocity + 6 * body2) - Vector(body_velocity + 6 * body1)).norm();
+  double least = std::numeric_limits<double>::infinity();
+  for (int geom : {geom1, geom2}) {
+    // Neither planes nor height fields have a radius to count on.
+    if (m->geom_type[geom] == mjGEOM_PLANE || m->geom_type[geom] == mjGEOM_HFIELD) continue;
+    const Vector centre(d->geom_xpos + 3 * geom);
+    const Eigen::Vector3d velocity = velocity_at(m, d, body2, centre, body_velocity) -
+                                     velocity_at(m, d, body1, centre, body_velocity);
+    least = std::min(least, velocity.norm() + turning * m->geom_rbound[geom]);
+  }
+  return least;
+}
+
 bool moves_and_collides(const mjModel* m, int geom) {
   const int body = m->geom_bodyid[geom];
   return (m->body_treeid[body] >= 0 || is_mocap(m, body)) && may_collide(m, geom);
@@ -58,9 +84,13 @@ void ReachBuffers::forget_least() {
   std::fill(least_dof_reach.begin(), least_dof_reach.end(), 0.0);
 }
 
+double ReachBuffers::own_gap(const std::array<int, 2>& geom, int pair) const {
+  return pair >= 0 ? pair_gap[pair] : geom_gap[geom[0]] + geom_gap[geom[1]];
+}
+
 WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<double>& acceleration,
-                           FaceBuffers* faces, ReachBuffers& buffers)
-    : collisions_(m, faces), m_(m), buffers_(buffers) {
+                           FaceBuffers* faces, Narrowing* narrowing, ReachBuffers& buffers)
+    : collisions_(m, faces, narrowing), m_(m), buffers_(buffers) {
   buffers.geom_gap.assign(m->geom_gap, m->geom_gap + m->ngeom);
   buffers.body_margin.assign(m->body_margin, m->body_margin + m->nbody);
   buffers.pair_gap.assign(m->pair_gap, m->pair_gap + m->npair);

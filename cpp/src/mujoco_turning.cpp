@@ -260,7 +260,7 @@ class TurningPair {
   void find_contacts() {
     const int geom1 = side_[0].geom, geom2 = side_[1].geom;
     const MovedGeom moved1(model_, data_, geom1, time_), moved2(model_, data_, geom2, time_);
-    const ReplacedCollisions replaced(model_, &faces_);
+    const ReplacedCollisions replaced(model_, &faces_, nullptr);
     mjPreContact found[mjMAXCONPAIR];
     count_ = collide_all(model_, data_, geom1, geom2, first_->margin + way_, found);
     for (int i = 0; i < count_; ++i) {

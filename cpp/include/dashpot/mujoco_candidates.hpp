@@ -18,11 +18,14 @@ struct mjData_;
 
 namespace dashpot::host {
 
+class Narrowing;
+
 // Two geoms in the order in which MuJoCo's collisions take their types.
 struct CandidatePair {
   std::array<int, 2> geom;
   int defined = -1;     // index of the <pair> that defines it, -1 for none
   unsigned bodies = 0;  // by which MuJoCo orders pairs
+  double within = 0.0;  // m, how far apart its contacts are looked for
 };
 
 // MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
@@ -48,10 +51,11 @@ class CandidatePairs {
   // threads look for contacts, or where its hierarchy of bounds, which orders them, is disabled.
   static bool cover(const mjModel_* m, const mjData_* d);
 
-  // Those whose bounds come within their margin and gap, in the order of MuJoCo's contacts. `reach`
-  // (by geom, m) is how far geoms may move in the step. Valid until the next call.
+  // Those whose bounds come within the distance that contacts are looked for, in the order of
+  // MuJoCo's contacts. `reach` (by geom, m) is how far geoms may move in the step. Valid until the
+  // next call.
   const std::vector<CandidatePair>& near(const mjModel_* m, const mjData_* d,
-                                         const std::vector<double>& reach);
+                                         const std::vector<double>& reach, Narrowing& narrowing);
 
  private:
   struct PlaneAsGathered {

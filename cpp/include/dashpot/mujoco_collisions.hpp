@@ -33,13 +33,14 @@ struct mjPreContact_;
 namespace dashpot::host {
 
 struct FaceBuffers;
+class Narrowing;
 
-// While it lives, collisions of this thread and model are those; others stay as they are. Faces
-// that lie flat give their points where there are buffers for them; what MuJoCo has no room for
-// waits there.
+// While it lives, collisions of this thread and model are those; others stay as they are. Contacts
+// that MuJoCo looks for are narrowed where `narrowing` is there. Faces that lie flat give their
+// points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
-  ReplacedCollisions(mjModel_* m, FaceBuffers* faces);
+  ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
@@ -50,6 +51,7 @@ class ReplacedCollisions {
   double tolerance_;
   mjModel_* outer_;  // a callback of collision may step another model
   FaceBuffers* outer_faces_;
+  Narrowing* outer_narrowing_;
 };
 
 // Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are

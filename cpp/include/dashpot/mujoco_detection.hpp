@@ -6,6 +6,7 @@
 
 #include "dashpot/mujoco_candidates.hpp"
 #include "dashpot/mujoco_faces.hpp"
+#include "dashpot/mujoco_narrowing.hpp"
 #include "dashpot/mujoco_narrowphase.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/mujoco_seams.hpp"
@@ -26,6 +27,7 @@ struct Detection {
   bool takes_faces = true;  // see mujoco_collisions.hpp
   FaceBuffers faces;
   ReachBuffers buffers;
+  Narrowing narrowing;
   CandidatePairs candidates;
   Narrowphase narrowphase;
   SeamBuffers seams;

@@ -34,7 +34,6 @@ class Narrowphase {
   // Contacts of one pair, count of them from the first of all.
   struct FoundPair {
     CandidatePair pair;
-    double within;  // m, how far apart they were looked for
     int first, count;
   };
   struct Found {
