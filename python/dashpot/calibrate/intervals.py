@@ -33,8 +33,9 @@ from dashpot.calibrate.losses import Loss
 Array = NDArray[np.float64]
 
 # A direction of the Jacobian whose scaled singular value is below this fraction of the largest is
-# not determined at all: its variance is infinite.
-_RANK_TOLERANCE = 1e-10
+# not determined at all: its variance is infinite. Rounding leaves up to 1e-9 of derivatives by
+# differences, as along spins that a sticking ball forgets, which would be a variance of 1e18.
+_RANK_TOLERANCE = 1e-8
 # Of robust losses the size of the noise is read off this quantile of the residuals' magnitudes:
 # outliers are beyond it, and move it little where they are few.
 _NOISE_QUANTILE = 0.7
