@@ -4,7 +4,8 @@
 
 The bins of `run.py` filled by other seeds, dashpot beside the MuJoCo settings that are fastest
 there: conjugate gradients with the sparse Jacobian and both cones, and Newton with the pyramidal
-one, which takes too long in the largest bin.
+one, which takes too long in the largest bin. Then two threads against the fastest of these on one
+or two.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from piles import BINS, bin_of
-from speed import solver_settings, summary, time_scene
+from speed import THREADS, solver_settings, summary, time_scene
 
 SEEDS = range(1, 6)
 FASTEST = ("CG pyramidal sparse", "CG elliptic sparse", "Newton pyramidal sparse")
@@ -26,17 +27,22 @@ def main() -> None:
         ratios = []
         for seed in SEEDS:
             timings = time_scene(bin_of(count, seed=seed), settings, budget=2.0)
-            ratio = summary(timings)
-            ratios.append((ratio["step ratio"], ratio["solve ratio"]))
-            ours, *theirs = timings
+            ours, shared, *theirs = timings
+            ratios.append(list(summary(timings).values()))
+            step, solve, on_threads = ratios[-1]
             print(
                 f"{name} seed {seed}: {ours.contacts} contacts, step {ours.step:.3f} ms, MuJoCo "
-                f"{min(t.step for t in theirs):.3f} ms: {ratios[-1][0]:.2f}x, "
-                f"solve {ratios[-1][1]:.2f}x; mean speed {ours.mean_speed:.0e} m/s",
+                f"{min(t.step for t in theirs if t.threads == 1):.3f} ms: {step:.2f}x, "
+                f"solve {solve:.2f}x; {THREADS} threads {shared.step:.3f} ms, MuJoCo "
+                f"{min(t.step for t in theirs if t.threads > 1):.3f} ms: {on_threads:.2f}x; "
+                f"mean speed {ours.mean_speed:.0e} m/s",
                 flush=True,
             )
-        step, solve = np.median(ratios, axis=0)
-        print(f"{name} median: step {step:.2f}x, solve {solve:.2f}x", flush=True)
+        step, solve, on_threads = np.median(ratios, axis=0)
+        medians = (
+            f"step {step:.2f}x, solve {solve:.2f}x, step on {THREADS} threads {on_threads:.2f}x"
+        )
+        print(f"{name} median: {medians}", flush=True)
 
 
 if __name__ == "__main__":

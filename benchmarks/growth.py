@@ -3,9 +3,10 @@
     python benchmarks/growth.py [--largest BODIES] [--out growth.json]
 
 Bins of mixed bodies settle, large ones longer, until at most one in a thousand bodies moves faster
-than 1 cm/s. Then 40 steps are timed, five times; the least counts. The solve is the step without
-what `mj_step` takes with constraints disabled and without collision. The exponents are slopes of
-straight lines through log time over log contacts.
+than 1 cm/s. Then 40 steps are timed, five times, on one thread and on two in turn; the least
+counts. The solve is the step on one thread without what `mj_step` takes with constraints disabled
+and without collision. The exponents, for one thread, are slopes of straight lines through log time
+over log contacts.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 
 from piles import bin_of
 from simulate import DASHPOT, prepare
-from speed import TIMESTEP, without_contact
+from speed import STATE, THREADS, TIMESTEP, without_contact
 
 MOVING = 0.01  # m/s
 FEW = 1e-3  # part of the bodies
@@ -38,6 +39,7 @@ class Growth:
     contacts: int
     step: float
     solve: float
+    shared_step: float  # on THREADS
 
 
 def settle(data: mujoco.MjData, advance: Callable[[int], object], steps: int) -> None:
@@ -54,13 +56,22 @@ def measure(bodies: int) -> Growth:
     scene = bin_of(bodies)
     model, data, advance = prepare(scene, DASHPOT, TIMESTEP)
     settle(data, advance, round(scene.duration / TIMESTEP))
-    step = np.inf
-    for _ in range(5):
-        before = time.perf_counter()
-        advance(40)
-        step = min(step, (time.perf_counter() - before) / 40)
+    _, shared, advance_shared = prepare(scene, DASHPOT.on_threads(THREADS), TIMESTEP)
+    state = np.empty(mujoco.mj_stateSize(model, STATE))
+    mujoco.mj_getState(model, data, state, STATE)
+    mujoco.mj_setState(model, shared, state, STATE)
+    times = np.array([[seconds(advance), seconds(advance_shared)] for _ in range(5)])
+    step, shared_step = times.min(axis=0)
     contacts = int((data.contact.dist < 0).sum())
-    return Growth(bodies, contacts, step, step - without_contact(model, data, repeats=40))
+    solve = step - without_contact(model, data, repeats=40)
+    return Growth(bodies, contacts, step, solve, shared_step)
+
+
+def seconds(advance: Callable[[int], object]) -> float:
+    """Return the time of a step, over 40."""
+    before = time.perf_counter()
+    advance(40)
+    return (time.perf_counter() - before) / 40
 
 
 def exponent(contacts: np.ndarray, seconds: np.ndarray) -> float:
@@ -75,14 +86,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="write results to this JSON file")
     arguments = parser.parse_args()
     results = []
-    print("bodies contacts  step ms  solve ms  solve ns/contact")
+    print(f"bodies contacts  step ms  solve ms  solve ns/contact  {THREADS} threads: step ms")
     for bodies in (n for n in BODIES if n <= arguments.largest):
         r = measure(bodies)
         results.append(r)
         per_contact = 1e9 * r.solve / r.contacts
         print(
             f"{r.bodies:6d} {r.contacts:8d} {1e3 * r.step:8.3f} {1e3 * r.solve:9.3f}"
-            f" {per_contact:12.0f}",
+            f" {per_contact:12.0f} {1e3 * r.shared_step:20.3f}",
             flush=True,
         )
     contacts = np.array([r.contacts for r in results])

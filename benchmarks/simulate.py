@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import mujoco
@@ -18,12 +18,21 @@ DIRECT_IMPEDANCE = 1e-4  # MuJoCo's smallest: its load-dependent part of the con
 
 @dataclass(frozen=True)
 class Setting:
-    """A way to step: dashpot, or MuJoCo with options set on `model.opt`."""
+    """A way to step: dashpot, or MuJoCo with options set on `model.opt`.
+
+    `threads` share a step of dashpot's, and the islands of MuJoCo's, which has a pool of those
+    beside the calling one.
+    """
 
     name: str
     dashpot: bool = False
     direct: bool = False
     option: Mapping[str, Any] = field(default_factory=dict)
+    threads: int = 1
+
+    def on_threads(self, count: int) -> Setting:
+        """Return the same setting with steps that `count` threads share."""
+        return replace(self, name=f"{self.name} {count} threads", threads=count)
 
     def accepts(self, scene: Scene) -> bool:
         """Direct stiffness is defined for scenes that say what it is."""
@@ -62,7 +71,7 @@ def prepare(
         model.geom_solref[:] = scene.direct_solref
         model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
     if setting.dashpot:
-        engine = make_engine(scene, model)
+        engine = make_engine(scene, model, nthread=setting.threads)
         data = engine.make_data()
         model = engine.model
 
@@ -70,6 +79,8 @@ def prepare(
             engine.step(data, nstep=steps)
     else:
         data = mujoco.MjData(model)
+        if setting.threads > 1:
+            mujoco.mju_threadpool(data, setting.threads - 1)
 
         def advance(steps: int) -> None:
             mujoco.mj_step(model, data, steps)

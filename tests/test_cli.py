@@ -78,6 +78,8 @@ def test_every_command_has_help(capsys, words):
         ["compare"],
         ["simulate", "ball", "--duration", "-1"],
         ["simulate", "ball", "--duration", "nan"],
+        ["simulate", "ball", "--threads", "0"],
+        ["view", "ball", "--threads", "1.5"],
         ["calibrate", "p.toml", "--threads", "0"],
         ["calibrate", "p.toml", "--plot", "fit.txt"],
         ["demo", "--seed", "-1"],

@@ -20,6 +20,7 @@
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"
+#include "dashpot/team.hpp"
 #include "model_lock.hpp"
 
 namespace py = pybind11;
@@ -37,8 +38,9 @@ constexpr std::chrono::milliseconds kSignalInterval{50};
 // A stepper that Python threads may share, and other steppers of the same model with it.
 class SharedStepper {
  public:
-  SharedStepper(std::uintptr_t model, std::shared_ptr<ModelLock> lock, const Parameters& parameters)
-      : lock_(std::move(lock)), stepper_(model_at(model), parameters) {}
+  SharedStepper(std::uintptr_t model, std::shared_ptr<ModelLock> lock, const Parameters& parameters,
+                int nthread)
+      : lock_(std::move(lock)), stepper_(model_at(model), parameters, nthread) {}
 
   StepStats step(std::uintptr_t data, int nstep) {
     try {
@@ -202,9 +204,11 @@ void bind_engine(py::module_& module) {
       .def("__exit__", [](ModelLock& lock, const py::object&, const py::object&,
                           const py::object&) { lock.unlock(); });
 
+  module.attr("MAX_THREADS") = kMostThreads;
+
   py::class_<SharedStepper>(module, "Stepper", "Steps one model; see dashpot.Engine.")
-      .def(py::init<std::uintptr_t, std::shared_ptr<ModelLock>, const Parameters&>(),
-           py::arg("model_address"), py::arg("lock"), py::arg("parameters"))
+      .def(py::init<std::uintptr_t, std::shared_ptr<ModelLock>, const Parameters&, int>(),
+           py::arg("model_address"), py::arg("lock"), py::arg("parameters"), py::arg("nthread"))
       .def("step", &SharedStepper::step, py::arg("data_address"), py::arg("nstep"));
 
   module.def(

@@ -76,6 +76,15 @@ void add_weighted(const double* y, int stride, const int* column, int columns, i
 
 }  // namespace
 
+void CoupledSum::Room::fit(const Trees& trees) {
+  size_t largest = 0;
+  for (const Tree& t : trees.tree)
+    if (!t.free_body) largest = std::max<size_t>(largest, t.count);
+  matrix.resize(largest * largest);
+  row.resize(largest);
+  product.resize(largest);
+}
+
 void CoupledSum::reset(const Trees& trees) {
   body_.resize(trees.tree.size());
   entry_.resize(trees.inverse.size(), 0.0);
@@ -83,12 +92,6 @@ void CoupledSum::reset(const Trees& trees) {
   reaches_.resize(trees.coordinates, 0);
   empty_.assign(trees.tree.size(), 1);
   wide_.assign(trees.tree.size(), 0);
-  size_t largest = 0;
-  for (const Tree& t : trees.tree)
-    if (!t.free_body) largest = std::max<size_t>(largest, t.count);
-  room_.resize(largest * largest);
-  row_.resize(largest);
-  product_.resize(largest);
 }
 
 void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, int side, int first,
@@ -128,24 +131,25 @@ void CoupledSum::add_contact(const Rows& rows, const Trees& trees, const RowGrou
 }
 
 // Rows of one coordinate each: B has the eigenvalues of C = K^1/2 inv(H) K^1/2, K = diag(joint).
-double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t) {
+double CoupledSum::bound_of_joints(const Trees& trees, const Tree& t, Room& room) {
   const double* inverse = trees.inverse.data() + t.inverse;
-  reached_.clear();
+  room.reached.clear();
   for (int i = 0; i < t.dof_count; ++i)
-    if (of_joint(t.begin + i) != 0.0) reached_.push_back(i);
-  const int n = static_cast<int>(reached_.size()), count = padded(n);
-  for (int i = 0; i < n; ++i) row_[i] = std::sqrt(of_joint(t.begin + reached_[i]));
+    if (of_joint(t.begin + i) != 0.0) room.reached.push_back(i);
+  const int n = static_cast<int>(room.reached.size()), count = padded(n);
+  for (int i = 0; i < n; ++i) room.row[i] = std::sqrt(of_joint(t.begin + room.reached[i]));
   for (int i = 0; i < n; ++i) {
-    double* row = room_.data() + i * count;
+    double* row = room.matrix.data() + i * count;
     for (int j = 0; j < n; ++j)
-      row[j] = row_[i] * row_[j] * std::abs(inverse[reached_[i] * t.count + reached_[j]]);
+      row[j] = room.row[i] * room.row[j] *
+               std::abs(inverse[room.reached[i] * t.count + room.reached[j]]);
     std::fill(row + n, row + count, 0.0);
   }
-  return perron_bound(room_.data(), n, count, row_.data(), product_.data());
+  return perron_bound(room.matrix.data(), n, count, room.row.data(), room.product.data());
 }
 
 // Makes the rows of one coordinate each a part of S.
-void CoupledSum::add_joints(const Trees& trees, const Tree& t) {
+void CoupledSum::add_joints(const Trees& trees, const Tree& t, Room& room) {
   const double* factor = trees.factor.data() + t.inverse;
   const double* inverse_root = trees.inverse_root.data() + t.begin;
   double* sum = entry_.data() + t.inverse;
@@ -154,48 +158,48 @@ void CoupledSum::add_joints(const Trees& trees, const Tree& t) {
     const double weight = of_joint(t.begin + k);
     if (weight == 0.0) continue;
     for (AlignedDoubles* joint_sum : joint_sums()) (*joint_sum)[t.begin + k] = 0.0;
-    reached_.clear();
+    room.reached.clear();
     for (int dof = t.dof_begin + k; dof >= 0; dof = trees.above[dof])
-      reached_.push_back(dof - t.dof_begin);
-    const int count = static_cast<int>(reached_.size());
-    double* y = row_.data();
+      room.reached.push_back(dof - t.dof_begin);
+    const int count = static_cast<int>(room.reached.size());
+    double* y = room.row.data();
     std::fill_n(y, count, 0.0);
     y[0] = 1.0;
     for (int a = 0; a < count; ++a) {
-      const double* row = factor + reached_[a] * n;
-      for (int b = a + 1; b < count; ++b) y[b] -= row[reached_[b]] * y[a];
-      y[a] *= inverse_root[reached_[a]];
+      const double* row = factor + room.reached[a] * n;
+      for (int b = a + 1; b < count; ++b) y[b] -= row[room.reached[b]] * y[a];
+      y[a] *= inverse_root[room.reached[a]];
     }
     for (int a = 0; a < count; ++a) {
-      reaches_[t.begin + reached_[a]] = 1;
-      double* row = sum + reached_[a] * t.count;
-      for (int b = a; b < count; ++b) row[reached_[b]] += weight * y[a] * y[b];
+      reaches_[t.begin + room.reached[a]] = 1;
+      double* row = sum + room.reached[a] * t.count;
+      for (int b = a; b < count; ++b) row[room.reached[b]] += weight * y[a] * y[b];
     }
   }
 }
 
 // Of a tree rows may reach a part only, as the legs of a robot: the rest of S is zero.
-double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t) {
-  add_joints(trees, t);
+double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t, Room& room) {
+  add_joints(trees, t, room);
   const double* sum = entry_.data() + t.inverse;
-  reached_.clear();
+  room.reached.clear();
   for (int i = 0; i < t.dof_count; ++i)
-    if (reaches_[t.begin + i]) reached_.push_back(i);
-  const int n = static_cast<int>(reached_.size()), count = padded(n);
+    if (reaches_[t.begin + i]) room.reached.push_back(i);
+  const int n = static_cast<int>(room.reached.size()), count = padded(n);
   for (int i = 0; i < n; ++i) {
-    const double* row = sum + reached_[i] * t.count;
+    const double* row = sum + room.reached[i] * t.count;
     for (int j = 0; j <= i; ++j)
-      room_[i * count + j] = room_[j * count + i] = std::abs(row[reached_[j]]);
-    std::fill(room_.data() + i * count + n, room_.data() + (i + 1) * count, 0.0);
+      room.matrix[i * count + j] = room.matrix[j * count + i] = std::abs(row[room.reached[j]]);
+    std::fill(room.matrix.data() + i * count + n, room.matrix.data() + (i + 1) * count, 0.0);
   }
-  return perron_bound(room_.data(), n, count, row_.data(), product_.data());
+  return perron_bound(room.matrix.data(), n, count, room.row.data(), room.product.data());
 }
 
-double CoupledSum::bound(const Trees& trees, int tree) {
+double CoupledSum::bound(const Trees& trees, int tree, Room& room) {
   const Tree& t = trees.tree[tree];
   if (empty_[tree]) return 0.0;
   if (t.free_body) return bound_of_body(body_[tree], trees.inverse.data() + t.inverse);
-  return wide_[tree] ? bound_of_reached(trees, t) : bound_of_joints(trees, t);
+  return wide_[tree] ? bound_of_reached(trees, t, room) : bound_of_joints(trees, t, room);
 }
 
 void CoupledSum::clear(const Trees& trees, int tree) {
@@ -211,14 +215,14 @@ void CoupledSum::clear(const Trees& trees, int tree) {
   wide_[tree] = 0;
 }
 
-double CoupledSum::take_bound(const Trees& trees, int tree) {
-  const double result = bound(trees, tree);
+double CoupledSum::take_bound(const Trees& trees, int tree, Room& room) {
+  const double result = bound(trees, tree, room);
   clear(trees, tree);
   return result;
 }
 
-double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to) {
-  const double result = bound(trees, tree);
+double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to, Room& room) {
+  const double result = bound(trees, tree, room);
   if (empty_[tree]) return result;
   to.empty_[tree] = 0;
   add_sum(body_[tree], to.body_[tree]);

@@ -35,8 +35,9 @@ void accumulate(const StepStats& step, StepStats& total) {
 
 }  // namespace
 
-Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
-    : model(m),
+Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
+    : team(threads),
+      model(m),
       parameters(p),
       motion(m, p.options.law != Law::kComFree),
       runge_kutta(p.options.law == Law::kComFree) {
@@ -55,6 +56,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p)
 }
 
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
+  team.wake();
   host::check_options(model, parameters.options.law);
   host::follow_edited_masses(model);
   host::check_data(model, d, data_size);
@@ -92,11 +94,11 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   const bool new_control = !parts.cut();
   host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
   mocap.write_velocities();
-  motion.find_smooth_motion(d, length, is_rough(parts), data);
-  if (shorten_for_turns(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data);
+  motion.find_smooth_motion(d, length, is_rough(parts), data, team);
+  if (shorten_for_turns(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
   while (shorten_for_throws(parts)) {
-    motion.find_smooth_motion(d, length, is_rough(parts), data);
+    motion.find_smooth_motion(d, length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
   }
   report_forces(d);
@@ -112,12 +114,12 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
 void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool rough = is_rough(parts);
   const double searched = length;
-  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints);
+  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
   mocap.drive(constraints);
   part = Part();
   correct_contacts_ahead(d);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  if (rough || length != searched) motion.find_smooth_motion(d, length, false, data);
+  if (rough || length != searched) motion.find_smooth_motion(d, length, false, data, team);
   solve(d, mocap);
   follow_knock_on(d, mocap);
 }
@@ -141,7 +143,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
-    memory(d).match(contacts, rows, matches);
+    memory(d).match(contacts, rows, matches, team);
     finish_last_step(d);
     plan_and_recall(d);
     run_islands();
@@ -157,7 +159,7 @@ void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
 
 void Stepper::Impl::build_rows(mjData_* d) {
   damp_held_trees(d);
-  assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials);
+  assemble_rows(model, d, parameters, constraints, contacts, motion, rows, materials, team);
 }
 
 // Dry friction has no position to keep, and leaves a tree the dampers of MuJoCo's integrator. What
@@ -193,35 +195,35 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   const Memory view = memory(d);
   read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
-  find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time);
+  find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time, team);
   find_hits(rows, islands.all(), contacts, constraints, data, length, hits);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   // Cuts at impacts let springs be resolved more finely.
   const double resolved = parameters.options.impact == Impact::kCut ? length : whole;
   islands.plan(rows, motion.trees(), materials, sag_time, hits, length, resolved,
-               parameters.options);
-  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length,
-              data);
+               parameters.options, team);
+  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
+              team);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
   leapfrog.fall_back(model, view, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands() {
-  const EnergyShares before = elastic_energy(rows, data);
+  const EnergyShares before = elastic_energy(rows, data, team);
   for (const Island& island : islands.all())
     if (!stays_apart(rows, island, length, data))
-      microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data);
+      microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data, team);
   check_velocities();
   check_memory();
   find_touched_trees();
   leapfrog.lead(length, held, motion, rows, data);
-  book_rows(data, before, elastic_energy(rows, data), ledger);
+  book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery_displacement.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed, length,
-                          data, recovery_displacement);
+                          data, recovery_displacement, team);
     ledger.dissipated_recovery -= strained;
     ledger.elastic += strained;
   }
@@ -251,8 +253,8 @@ Memory Stepper::Impl::memory(mjData_* d) const {
   return Memory(host::memory(model, d, memory_layout.size()), memory_layout);
 }
 
-Stepper::Stepper(mjModel_* model, const Parameters& parameters)
-    : impl_(std::make_unique<Impl>(model, parameters)) {}
+Stepper::Stepper(mjModel_* model, const Parameters& parameters, int threads)
+    : impl_(std::make_unique<Impl>(model, parameters, threads)) {}
 Stepper::~Stepper() = default;
 Stepper::Stepper(Stepper&&) noexcept = default;
 Stepper& Stepper::operator=(Stepper&&) noexcept = default;

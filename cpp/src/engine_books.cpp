@@ -10,15 +10,21 @@
 
 namespace dashpot {
 
+namespace {
+
+constexpr int kTreesAtOnce = 64;  // by a thread
+
+}  // namespace
+
 void Stepper::Impl::report_forces(mjData_* d) {
   leave_out_untouched(d);
   constraint_force.assign(motion.start_velocity().size(), 0.0);
-  for (int index = 0; index < motion.tree_count(); ++index) {
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
     if (touched[index])
       motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
                                   constraint_force.data() + tree.dof_begin);
-  }
+  });
   for (double& force : constraint_force) force /= length;
   row_force = data.total_impulse;
   for (double& force : row_force) force /= length;
@@ -73,7 +79,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
     mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
   if (parameters.options.law != Law::kComFree) {
     recovered.assign(start_velocity.size(), 0.0);
-    for (int index = 0; index < motion.tree_count(); ++index) {
+    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
       const Tree& tree = motion.trees().tree[index];
       if (gets_second_half_in_flight(index)) {
         const double* added = trapezoid.added_velocity() + tree.begin;
@@ -82,7 +88,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
           added_in_flight[tree.dof_begin + i] = added[i];
         }
       }
-      if (!moved(index)) continue;
+      if (!moved(index)) return;
       double* mean = mean_displacement.data() + tree.dof_begin;
       double* shift = recovered.data() + tree.dof_begin;
       motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
@@ -90,10 +96,14 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
       if (!tree.free_body)
         for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
-      if (trapezoid.load())
-        for (int i = 0; i < tree.dof_count; ++i)
-          ledger.work += trapezoid.load()[tree.dof_begin + i] * mean[i];
-    }
+    });
+    if (trapezoid.load())
+      for (int index = 0; index < motion.tree_count(); ++index) {
+        if (!moved(index)) continue;
+        const Tree& tree = motion.trees().tree[index];
+        for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
+          ledger.work += trapezoid.load()[i] * mean_displacement[i];
+      }
     ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   }
   smooth_work.find(
@@ -111,7 +121,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
 void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
-  view.remember(contacts, constraints, rows, data);
+  view.remember(contacts, constraints, rows, data, team);
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   leapfrog.keep(length, held, motion, view);

@@ -42,7 +42,7 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
-                       contacts, turned);
+                       detection.workplaces, contacts, turned, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) turned[tree] = 0;
@@ -58,7 +58,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   const std::vector<ConstraintInput> start_constraints = constraints;
   mocap.show(0.5 * length);
   host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
-                              constraints);
+                              constraints, team);
   drop_pairs(apart, contacts);
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);

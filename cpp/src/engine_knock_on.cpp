@@ -11,6 +11,7 @@ namespace {
 // Times that a step is taken anew for what its impacts bring about: bodies that a blow runs through
 // within one step, at most.
 constexpr int kMostTurns = 16;
+constexpr int kTreesAtOnce = 64;  // by a thread
 
 }  // namespace
 
@@ -24,9 +25,9 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
                                 detection.narrowing.pairs(), detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
-    motion.find_smooth_motion(d, length, false, data);
+    motion.find_smooth_motion(d, length, false, data, team);
     host::detect_again(model, d, motion.smooth_acceleration(), knock_on.body_velocity(), detection,
-                       contacts, constraints);
+                       contacts, constraints, team);
     mocap.drive(constraints);
     correct_contacts_ahead(d);
     drop_pairs(part.apart, contacts);
@@ -45,13 +46,13 @@ void Stepper::Impl::find_mean_velocity() {
   mean_velocity = start;
   for (size_t i = 0; i < start.size(); ++i)
     mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
-  for (int index = 0; index < motion.tree_count(); ++index) {
-    if (!touched[index]) continue;
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+    if (!touched[index]) return;
     const Tree& tree = motion.trees().tree[index];
     double* mean = mean_velocity.data() + tree.dof_begin;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
-  }
+  });
 }
 
 // Positions, not compressions.

@@ -7,6 +7,12 @@
 
 namespace dashpot {
 
+namespace {
+
+constexpr int kTreesAtOnce = 16;  // by a thread
+
+}  // namespace
+
 void Stepper::Impl::find_touched_trees() {
   touched.assign(motion.tree_count(), 0);
   held.assign(motion.tree_count(), 0);
@@ -73,12 +79,21 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
   if (comfree && !stages) return;
   find_unpaid(d);
+  withheld.resize(motion.tree_count());
+  const auto advance = [&](int index) {
+    withheld[index] = motion.advance(d, index, length, rows_on_tree(index, stages), data);
+  };
+  if (!comfree)
+    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+      if (motion.is_accurate(index)) advance(index);
+    });
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
       if (touched[index]) motion.advance_semi_implicitly(d, index, length);
       continue;
     }
-    ledger.dissipated_normal += motion.advance(d, index, length, rows_on_tree(index, stages), data);
+    if (!motion.is_accurate(index)) advance(index);
+    ledger.dissipated_normal += withheld[index];
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);

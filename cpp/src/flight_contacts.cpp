@@ -54,7 +54,7 @@ class FlightSearch {
     flights_.clear();
     for (size_t first = 0, last; first < contacts_.size(); first = last) {
       last = first + 1;
-      while (last < contacts_.size() && contacts_[last].geom == contacts_[first].geom) ++last;
+      while (last < contacts_.size() && contacts_[last].is_of_pair(contacts_[first].geom)) ++last;
       if (!is_flight(first, last)) continue;
       flights_.emplace_back();
       flights_.back().first = first;

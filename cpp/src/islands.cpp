@@ -12,6 +12,8 @@ namespace {
 
 // Least share of the resolution of damping that friction takes from normals.
 constexpr double kFrictionShare = 0.5;
+// Of groups and of trees, how many a thread takes at once.
+constexpr int kGroupsAtOnce = 64, kTreesAtOnce = 16;
 
 // (a + b)^2 <= (1 + s) a^2 + (1 + 1/s) b^2 splits the bound of all rows between normals, which have
 // the bound `normal` (0: nothing to split), and friction, where that is the better one for normals:
@@ -25,16 +27,17 @@ RigidCoupling split_coupling(double all, double normal) {
   return {all, (1.0 + share) * normal, (1.0 + 1.0 / share) * all};
 }
 
-// The weight of each row in its two trees, k (1 + sqrt(w_other / w)), without k; 0 in one that does
-// not move it.
-std::array<std::array<double, kMaxRows>, 2> split_between_trees(const Rows& rows,
-                                                                const RowGroup& c) {
-  std::array<std::array<double, kMaxRows>, 2> split;
+// The weight of each row in the tree on one side, k (1 + sqrt(w_other / w)), without k; 0 where
+// that tree does not move it.
+std::array<double, kMaxRows> split_to_tree(const Rows& rows, const RowGroup& c, int side) {
+  std::array<double, kMaxRows> split;
   for (int i = 0; i < c.dim; ++i) {
     const auto [w0, w1] = rows.tree_inverse_mass[c.row + i];
     const double ratio = w0 > 0.0 && w1 > 0.0 ? std::sqrt(w1 / w0) : 0.0;
-    split[0][i] = w0 > 0.0 ? 1.0 + ratio : 0.0;
-    split[1][i] = w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0;
+    if (side == 0)
+      split[i] = w0 > 0.0 ? 1.0 + ratio : 0.0;
+    else
+      split[i] = w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0;
   }
   return split;
 }
@@ -89,18 +92,23 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
     while (root_[tree] != tree) tree = root_[tree] = root_[root_[tree]];
     return tree;
   };
-  const auto tree_of = [](const RowGroup& c) { return c.tree[0] >= 0 ? c.tree[0] : c.tree[1]; };
-  for (const RowGroup& c : rows.group)
+  // A tree of each group that can be loaded, -1 of others.
+  const int group_count = static_cast<int>(rows.group.size());
+  tree_of_.resize(group_count);
+  for (int i = 0; i < group_count; ++i) {
+    const RowGroup& c = rows.group[i];
+    tree_of_[i] = !c.can_be_loaded ? -1 : c.tree[0] >= 0 ? c.tree[0] : c.tree[1];
     if (c.can_be_loaded && c.tree[0] >= 0 && c.tree[1] >= 0) {
       const int a = find_root(c.tree[0]), b = find_root(c.tree[1]);
       root_[std::max(a, b)] = std::min(a, b);
     }
+  }
   // Number islands by their first group, then count and sort groups and trees into them.
   island_of_.assign(tree_count, -1);
   int count = 0;
-  for (const RowGroup& c : rows.group) {
-    if (!c.can_be_loaded) continue;
-    int& island = island_of_[find_root(tree_of(c))];
+  for (int tree : tree_of_) {
+    if (tree < 0) continue;
+    int& island = island_of_[find_root(tree)];
     if (island < 0) island = count++;
   }
   islands_.assign(count, Island{});
@@ -119,101 +127,159 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
         order[(islands_[island].*range).last++ - order.data()] = i;
   };
   sort_into(
-      group_order_, static_cast<int>(rows.group.size()),
-      [&](int i) {
-        const RowGroup& c = rows.group[i];
-        return c.can_be_loaded ? island_of_[find_root(tree_of(c))] : -1;
-      },
+      group_order_, group_count,
+      [&](int i) { return tree_of_[i] < 0 ? -1 : island_of_[find_root(tree_of_[i])]; },
       &Island::group);
   sort_into(
       tree_order_, tree_count, [&](int i) { return island_of_[find_root(i)]; }, &Island::tree);
+  island_at_.clear();
+  for (int island = 0; island < count; ++island)
+    island_at_.insert(island_at_.end(), islands_[island].group.last - islands_[island].group.first,
+                      island);
+  sort_sides(rows, tree_count);
   return islands_;
+}
+
+// By tree, in the order of groups, so that every sum over them has one.
+void Islands::sort_sides(const Rows& rows, int tree_count) {
+  first_side_.assign(tree_count + 1, 0);
+  trees_of_order_.clear();
+  for (int index : group_order_) {
+    trees_of_order_.push_back(rows.group[index].tree);
+    for (int tree : trees_of_order_.back())
+      if (tree >= 0) ++first_side_[tree + 1];
+  }
+  std::partial_sum(first_side_.begin(), first_side_.end(), first_side_.begin());
+  side_order_.resize(first_side_.back());
+  first_.assign(first_side_.begin(), first_side_.end());
+  for (size_t at = 0; at < group_order_.size(); ++at)
+    for (int side = 0; side < 2; ++side)
+      if (const int tree = trees_of_order_[at][side]; tree >= 0)
+        side_order_[first_[tree]++] = 2 * group_order_[at] + side;
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
                    const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
-                   double step, const Options& options) {
+                   double step, const Options& options, Team& team) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
-  for (Island& island : islands_) {
-    for (int index : island.group)
-      if (!materials[index].rigid())
-        fill_given_rows(rows, rows.group[index], materials[index].material);
-    measure(island, rows, trees, materials, false);
-    const double si_microstep = longest_si_microstep(island);
-    double count = options.microsteps;
-    if (options.microsteps == 0) {
-      const double longest =
-          std::min(si_microstep, longest_rigid_microstep(island, rows, materials, sag_time));
-      count = std::max<double>(kMinimumMicrosteps, step / longest);
-    }
-    const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
-    const double rigid_microstep = step / of_step;
-    island.microsteps = part == step ? of_step : rounded_up(part / rigid_microstep);
-    const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
-    if (options.microsteps == 0 && finer > 1 && is_hit(island, materials, hits)) {
-      island.microsteps *= finer;
-      // Enough for friction as for normals: nothing is taken from one for the other.
-      for (int tree : island.tree) {
-        RigidCoupling& own = bounds_[tree].coupling;
-        own = {own.stiffness, own.stiffness, own.stiffness};
-      }
-    }
-    island.duration = part / island.microsteps;
-    const bool resolves_si = fits(island.duration, si_microstep);
-    if (!resolves_si) measure(island, rows, trees, materials, true);
-    for (int index : island.group) {
+  room_.resize(team.size());
+  for (CoupledSum::Room& room : room_) room.fit(trees);
+  const int count = static_cast<int>(group_order_.size());
+  for (int index : group_order_)
+    if (!materials[index].rigid())
+      fill_given_rows(rows, rows.group[index], materials[index].material);
+  const int* const all_trees = tree_order_.data();
+  measure(all_trees, all_trees + tree_order_.size(), rows, trees, materials, false, team);
+  if (options.microsteps == 0) {
+    rigid_longest_.assign(rows.group.size(), std::numeric_limits<double>::infinity());
+    team.for_each(count, kGroupsAtOnce, [&](int at) {
+      const int index = group_order_[at];
       const RowGroup& c = rows.group[index];
-      if (resolves_si && !materials[index].rigid()) continue;
-      if (!fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
-                           {island.duration, rigid_microstep}))
-        island.clipped += c.dim;
+      if (materials[index].rigid())
+        rigid_longest_[index] = dashpot::longest_rigid_microstep(
+            rows, c, materials[index], rigid_coupling(c), sag_time[index]);
+    });
+  }
+  resolves_.resize(islands_.size());
+  for (size_t i = 0; i < islands_.size(); ++i) {
+    Island& island = islands_[i];
+    const double si_microstep = longest_si_microstep(island);
+    choose_microsteps(island, materials, hits, part, step, options);
+    resolves_[i] = fits(island.duration, si_microstep);
+    if (!resolves_[i])
+      measure(island.tree.first, island.tree.last, rows, trees, materials, true, team);
+  }
+  lowered_.resize(count);
+  team.for_each(count, kGroupsAtOnce, [&](int at) {
+    const int index = group_order_[at];
+    const RowGroup& c = rows.group[index];
+    const Island& island = islands_[island_at_[at]];
+    lowered_[at] = false;
+    if (resolves_[island_at_[at]] && !materials[index].rigid()) return;
+    lowered_[at] = !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
+                                    {island.duration, island.rigid_duration});
+  });
+  for (int at = 0; at < count; ++at)
+    if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
+}
+
+void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
+                                const std::vector<char>& hits, double part, double step,
+                                const Options& options) {
+  double count = options.microsteps;
+  if (options.microsteps == 0) {
+    const double longest = std::min(longest_si_microstep(island), longest_rigid_microstep(island));
+    count = std::max<double>(kMinimumMicrosteps, step / longest);
+  }
+  const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
+  island.rigid_duration = step / of_step;
+  island.microsteps = part == step ? of_step : rounded_up(part / island.rigid_duration);
+  const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
+  if (options.microsteps == 0 && finer > 1 && is_hit(island, materials, hits)) {
+    island.microsteps *= finer;
+    // Enough for friction as for normals: nothing is taken from one for the other.
+    for (int tree : island.tree) {
+      RigidCoupling& own = bounds_[tree].coupling;
+      own = {own.stiffness, own.stiffness, own.stiffness};
+    }
+  }
+  island.duration = part / island.microsteps;
+}
+
+void Islands::measure(const int* first_tree, const int* last_tree, const Rows& rows,
+                      const Trees& trees, const std::vector<GroupMaterial>& materials,
+                      bool all_rigid, Team& team) {
+  team.share(static_cast<int>(last_tree - first_tree), kTreesAtOnce,
+             [&](int worker, int first, int last) {
+               for (int i = first; i < last; ++i) {
+                 add_sides(first_tree[i], rows, trees, materials, all_rigid);
+                 take_bounds(first_tree[i], trees, room_[worker]);
+               }
+             });
+}
+
+void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
+                        const std::vector<GroupMaterial>& materials, bool all_rigid) {
+  for (int at = first_side_[tree]; at < first_side_[tree + 1]; ++at) {
+    const int index = side_order_[at] / 2, side = side_order_[at] % 2;
+    const RowGroup& c = rows.group[index];
+    const auto split = split_to_tree(rows, c, side);
+    double weight[kMaxRows];
+    const auto weigh = [&](const double* of_row) {
+      for (int i = 0; i < c.dim; ++i) weight[i] = split[i] * of_row[i];
+    };
+    if (all_rigid || materials[index].rigid()) {
+      double unit[kMaxRows];
+      for (int i = 0; i < c.dim; ++i) {
+        const double w = rows.inverse_mass[c.row + i];
+        unit[i] = w > 0.0 ? 1.0 / w : 0.0;
+      }
+      weigh(unit);
+      CoupledSum::add_contact(rows, trees, c, side, weight, rigid_normal_, rigid_friction_);
+    } else {
+      weigh(rows.stiffness.data() + c.row);
+      stiffness_.add(rows, trees, c, side, 0, c.dim, weight);
+      weigh(rows.damping.data() + c.row);
+      damping_.add(rows, trees, c, side, 0, c.dim, weight);
     }
   }
 }
 
-void Islands::measure(const Island& island, const Rows& rows, const Trees& trees,
-                      const std::vector<GroupMaterial>& materials, bool all_rigid) {
-  for (int index : island.group) {
-    const RowGroup& c = rows.group[index];
-    const bool is_rigid = all_rigid || materials[index].rigid();
-    const auto split = split_between_trees(rows, c);
-    double weight[kMaxRows], unit[kMaxRows];
-    for (int i = 0; i < c.dim; ++i) {
-      const double w = rows.inverse_mass[c.row + i];
-      unit[i] = w > 0.0 ? 1.0 / w : 0.0;
-    }
-    const auto weigh = [&](int side, const double* of_row) {
-      for (int i = 0; i < c.dim; ++i) weight[i] = split[side][i] * of_row[i];
-    };
-    for (int side = 0; side < 2; ++side) {
-      if (c.tree[side] < 0) continue;
-      if (is_rigid) {
-        weigh(side, unit);
-        CoupledSum::add_contact(rows, trees, c, side, weight, rigid_normal_, rigid_friction_);
-      } else {
-        weigh(side, rows.stiffness.data() + c.row);
-        stiffness_.add(rows, trees, c, side, 0, c.dim, weight);
-        weigh(side, rows.damping.data() + c.row);
-        damping_.add(rows, trees, c, side, 0, c.dim, weight);
-      }
-    }
+void Islands::take_bounds(int tree, const Trees& trees, CoupledSum::Room& room) {
+  TreeBounds& b = bounds_[tree];
+  b.stiffness = stiffness_.take_bound(trees, tree, room);
+  b.damping = damping_.take_bound(trees, tree, room);
+  if (rigid_friction_.empty(tree)) {
+    b.rigid = rigid_normal_.take_bound(trees, tree, room);
+    const double all = b.rigid / b.rigid_share();
+    b.coupling = {all, all, all};
+    return;
   }
-  for (int tree : island.tree) {
-    TreeBounds& b = bounds_[tree];
-    b.stiffness = stiffness_.take_bound(trees, tree);
-    b.damping = damping_.take_bound(trees, tree);
-    if (rigid_friction_.empty(tree)) {
-      b.rigid = rigid_normal_.take_bound(trees, tree);
-      const double all = b.rigid / b.rigid_share();
-      b.coupling = {all, all, all};
-      continue;
-    }
-    const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_);
-    b.rigid = rigid_friction_.take_bound(trees, tree);
-    b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
-  }
+  const double normal = rigid_normal_.hand_over(trees, tree, rigid_friction_, room);
+  b.rigid = rigid_friction_.take_bound(trees, tree, room);
+  b.coupling = split_coupling(b.rigid / b.rigid_share(), normal / b.rigid_share());
 }
 
 // Longest micro-step that resolves every SI value.
@@ -227,16 +293,9 @@ double Islands::longest_si_microstep(const Island& island) const {
   return h;
 }
 
-double Islands::longest_rigid_microstep(const Island& island, const Rows& rows,
-                                        const std::vector<GroupMaterial>& materials,
-                                        const std::vector<SagTime>& sag_time) const {
+double Islands::longest_rigid_microstep(const Island& island) const {
   double h = std::numeric_limits<double>::infinity();
-  for (int index : island.group) {
-    const RowGroup& c = rows.group[index];
-    if (!materials[index].rigid()) continue;
-    h = std::min(h, dashpot::longest_rigid_microstep(rows, c, materials[index], rigid_coupling(c),
-                                                     sag_time[index]));
-  }
+  for (int index : island.group) h = std::min(h, rigid_longest_[index]);
   return h;
 }
 

@@ -18,6 +18,7 @@ constexpr int kStepped = 8;
 constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
 constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
+constexpr int kContactsAtOnce = 64;  // by a thread
 
 // a t1 + b t2 in the frame of geom 1, t1 and t2 the tangents of the contact.
 void tangent_to_local(double a, double b, const ContactInput& input, double* local) {
@@ -150,58 +151,72 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::remember(const std::vector<ContactInput>& contacts,
                       const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                      const RowData& data) {
+                      const RowData& data, Team& team) {
   std::fill(constraint_storage(), contact_storage(0), 0.0);
-  int count = 0;
+  thread_local std::vector<int> kept;  // by the thread: no allocation in a step
+  std::vector<int>& compressed = kept;
+  compressed.clear();
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact) {
-      RememberedConstraint slot{};
-      const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
-      slot.stiffness = rows.stiffness[c.row];
-      if (!separated) {
-        slot.deformation = data.deformation[c.row];
-        slot.credit = data.credit[index];
-      }
-      if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
-      std::memcpy(constraint_storage() + kConstraint * constraints[c.input].memory, &slot,
-                  sizeof(slot));
-      continue;
-    }
-    if (data.deformation[c.row] >= 0.0) continue;
-    const ContactInput& input = contacts[c.input];
-    const double* s = data.deformation.data() + c.row;
-    const double* k = rows.stiffness.data() + c.row;
-    RememberedContact slot{};
-    for (int side = 0; side < 2; ++side) {
-      slot.geom[side] = input.geom[side];
-      std::copy_n(input.local_position[side].begin(), 3, slot.position[side]);
-    }
-    slot.source = input.source;
-    slot.sticking = data.sticking[index];
-    slot.compression = -s[0];
-    slot.stiffness = k[0];
-    slot.slack = slack(s[0], data.offset[index]);
-    if (c.dim > 1) {
-      tangent_to_local(s[1], s[2], input, slot.slide);
-      slot.slide_stiffness = k[more_mobile(rows, c, 1)];
-    }
-    if (c.dim > 3) {
-      slot.spin = s[3];
-      slot.spin_stiffness = k[3];
-    }
-    if (c.dim > 4) {
-      tangent_to_local(s[4], s[5], input, slot.roll);
-      slot.roll_stiffness = k[more_mobile(rows, c, 4)];
-    }
-    slot.credit = data.credit[index];
-    slot.solref = c.solref;
-    std::memcpy(contact_storage(count++), &slot, sizeof(slot));
+    if (c.kind != RowKind::kContact)
+      remember(constraints[c.input], rows, static_cast<int>(index), data);
+    else if (data.deformation[c.row] < 0.0)
+      compressed.push_back(static_cast<int>(index));
   }
+  const int count = static_cast<int>(compressed.size());
+  team.for_each(count, kContactsAtOnce, [&](int slot) {
+    remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data, slot);
+  });
   if (count < contact_count())
     std::fill(contact_storage(count), contact_storage(contact_count()), 0.0);
   storage_[0] = count;
   storage_[kStepped] = 1.0;
+}
+
+void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
+                      const RowData& data) {
+  const RowGroup& c = rows.group[index];
+  RememberedConstraint slot{};
+  const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
+  slot.stiffness = rows.stiffness[c.row];
+  if (!separated) {
+    slot.deformation = data.deformation[c.row];
+    slot.credit = data.credit[index];
+  }
+  if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
+  std::memcpy(constraint_storage() + kConstraint * input.memory, &slot, sizeof(slot));
+}
+
+void Memory::remember(const ContactInput& input, const Rows& rows, int index, const RowData& data,
+                      int place) {
+  const RowGroup& c = rows.group[index];
+  const double* s = data.deformation.data() + c.row;
+  const double* k = rows.stiffness.data() + c.row;
+  RememberedContact slot{};
+  for (int side = 0; side < 2; ++side) {
+    slot.geom[side] = input.geom[side];
+    std::copy_n(input.local_position[side].begin(), 3, slot.position[side]);
+  }
+  slot.source = input.source;
+  slot.sticking = data.sticking[index];
+  slot.compression = -s[0];
+  slot.stiffness = k[0];
+  slot.slack = slack(s[0], data.offset[index]);
+  if (c.dim > 1) {
+    tangent_to_local(s[1], s[2], input, slot.slide);
+    slot.slide_stiffness = k[more_mobile(rows, c, 1)];
+  }
+  if (c.dim > 3) {
+    slot.spin = s[3];
+    slot.spin_stiffness = k[3];
+  }
+  if (c.dim > 4) {
+    tangent_to_local(s[4], s[5], input, slot.roll);
+    slot.roll_stiffness = k[more_mobile(rows, c, 4)];
+  }
+  slot.credit = data.credit[index];
+  slot.solref = c.solref;
+  std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }
 
 }  // namespace dashpot

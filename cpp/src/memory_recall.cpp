@@ -19,6 +19,7 @@ constexpr int kSlotStiffness = offsetof(RememberedContact, stiffness) / sizeof(d
 
 // That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
+constexpr int kContactsAtOnce = 64;  // by a thread
 
 double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
@@ -97,9 +98,9 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
 void Memory::recall(const std::vector<ContactInput>& contacts,
                     const std::vector<ConstraintInput>& constraints,
                     const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
-                    double length, RowData& data) const {
+                    double length, RowData& data, Team& team) const {
   recall_constraints(constraints, rows, recovery_speed, data);
-  recall_contacts(contacts, matches, rows, recovery_speed, length, data);
+  recall_contacts(contacts, matches, rows, recovery_speed, length, data, team);
 }
 
 // Of a limit or equality that nothing is remembered of and whose solref the model sets: an
@@ -174,10 +175,24 @@ double Memory::first_deformation(const ContactInput& input, const Rows& rows, co
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 
+namespace {
+
+using NearestSlot = std::pair<int, double>;
+
+struct MatchBuffers {
+  SlotsByPair slots;
+  std::vector<NearestSlot> found;  // by group
+  std::vector<int> heir;           // by slot
+  std::vector<double> distance;    // by slot
+};
+
+}  // namespace
+
 void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
-                   std::vector<Match>& matches) const {
+                   std::vector<Match>& matches, Team& team) const {
   matches.assign(rows.group.size(), Match());
-  thread_local SlotsByPair slots;  // kept by the thread: no allocation in a step
+  thread_local MatchBuffers kept;  // by the thread: no allocation in a step
+  auto& [slots, found, heir, distance] = kept;
   slots.reset(contact_count());
   for (int i = contact_count() - 1; i >= 0; --i) {
     const double* slot = contact_storage(i);
@@ -189,28 +204,28 @@ void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
   };
   // By remembered point: the group that is nearest to it. Another one near it is a new point: a
   // compression that two inherit would be two springs as deep.
-  thread_local std::vector<int> heir;
-  thread_local std::vector<double> distance;
   heir.assign(contact_count(), -1);
   distance.assign(contact_count(), std::numeric_limits<double>::infinity());
-  double load = 0.0;
-  bool first = true, any_at_seam = false;
-  std::uint64_t last_pair = 0;
+  found.resize(rows.group.size());
+  // Threads are to see what this one keeps, not what they keep themselves.
+  const SlotsByPair& all_slots = slots;
+  std::vector<NearestSlot>& nearest_slot = found;
+  team.for_each(static_cast<int>(rows.group.size()), kContactsAtOnce, [&](int index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) return;
+    const ContactInput& input = contacts[c.input];
+    all_slots.for_each(pair_key(input.geom[0], input.geom[1]),
+                       [&](int slot) { matches[index].load += force(slot); });
+    if (input.gap < 0.0) nearest_slot[index] = nearest_contact(input, all_slots);
+  });
+  bool any_at_seam = false;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
-    const std::uint64_t pair = pair_key(input.geom[0], input.geom[1]);
-    if (first || pair != last_pair) {  // contacts of a pair come one after the other
-      load = 0.0;
-      slots.for_each(pair, [&](int slot) { load += force(slot); });
-      last_pair = pair;
-      first = false;
-    }
-    matches[index].load = load;
     any_at_seam = any_at_seam || input.is_at_seam();
     if (input.gap >= 0.0) continue;
-    const auto [nearest, away] = nearest_contact(input, slots);
+    const auto [nearest, away] = found[index];
     if (nearest < 0 || !(away < distance[nearest])) continue;
     if (heir[nearest] >= 0) matches[heir[nearest]].nearest = -1;
     heir[nearest] = static_cast<int>(index);
@@ -247,13 +262,14 @@ void Memory::match_at_seams(const std::vector<ContactInput>& contacts, const Row
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
                              const std::vector<Match>& matches, const Rows& rows,
-                             double recovery_speed, double length, RowData& data) const {
-  for (size_t index = 0; index < rows.group.size(); ++index) {
+                             double recovery_speed, double length, RowData& data,
+                             Team& team) const {
+  team.for_each(static_cast<int>(rows.group.size()), kContactsAtOnce, [&](int index) {
     const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact) continue;
+    if (c.kind != RowKind::kContact) return;
     const ContactInput& input = contacts[c.input];
     data.deformation[c.row] = input.gap;
-    if (input.gap >= 0.0) continue;
+    if (input.gap >= 0.0) return;
     const int nearest = matches[index].nearest;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     double& credit = data.credit[index];
@@ -265,7 +281,7 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
     if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, credit, data);
-  }
+  });
 }
 
 void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,

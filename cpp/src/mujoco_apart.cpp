@@ -66,16 +66,15 @@ PairsApart::Placement PairsApart::place(const mjModel_* m, const mjData_* d,
 bool PairsApart::are_apart(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
                            double within) {
   if (!is_worth_keeping(m, pair)) return false;
-  const auto found = known_.find(key_of(pair));
-  if (found == known_.end() || found->second.distance <= within) return false;
-  const Known& known = found->second;
-  const Placement now = place(m, d, pair);
-  if (now.extent != known.placement.extent) return false;
+  const std::optional<Known> before = known(pair);
+  if (!before || before->distance <= within) return false;
+  const Placement &then = before->placement, now = place(m, d, pair);
+  if (now.extent != then.extent) return false;
   double shift = 0.0, turn = 0.0;
-  for (int i = 0; i < 3; ++i) shift += std::pow(now.position[i] - known.placement.position[i], 2);
-  for (int i = 0; i < 9; ++i) turn += std::pow(now.rotation[i] - known.placement.rotation[i], 2);
+  for (int i = 0; i < 3; ++i) shift += std::pow(now.position[i] - then.position[i], 2);
+  for (int i = 0; i < 9; ++i) turn += std::pow(now.rotation[i] - then.rotation[i], 2);
   const double way = std::sqrt(shift) + m->geom_rbound[pair.geom[1]] * std::sqrt(0.5 * turn);
-  return known.distance - way > within;
+  return before->distance - way > within;
 }
 
 void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePair& pair,
@@ -84,15 +83,10 @@ void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePai
   const double radius = std::min(m->geom_rbound[pair.geom[0]], m->geom_rbound[pair.geom[1]]);
   const double farthest = within + kLook * radius, worth = (1.0 + kStepsWorth) * within;
   if (!(kSure * farthest > worth)) return;
-  auto found = known_.find(key_of(pair));
-  if (found == known_.end()) {
-    if (known_.size() >= kMostKept) known_.clear();
-    found = known_.emplace(key_of(pair), Known()).first;
-  }
-  Known& known = found->second;
-  if (known.waits > 0) {
-    --known.waits;
-    return;
+  Known now = known(pair).value_or(Known());
+  if (now.waits > 0) {
+    --now.waits;
+    return keep(pair, now);
   }
   // Geoms hold their centres: no distance is more than that of these. MuJoCo's search finds nothing
   // where two meshes are in one place, as if they were far apart.
@@ -100,7 +94,19 @@ void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePai
       mju_dist3(d->geom_xpos + 3 * pair.geom[0], d->geom_xpos + 3 * pair.geom[1]);
   const double searched = distance_of_convex(m, d, pair.geom[0], pair.geom[1], farthest);
   const double distance = kSure * std::min(searched, centres);
-  known = {place(m, d, pair), distance, distance > worth ? 0 : kWaits};
+  keep(pair, {place(m, d, pair), distance, distance > worth ? 0 : kWaits});
+}
+
+std::optional<PairsApart::Known> PairsApart::known(const CandidatePair& pair) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto found = known_.find(key_of(pair));
+  return found == known_.end() ? std::nullopt : std::optional<Known>(found->second);
+}
+
+void PairsApart::keep(const CandidatePair& pair, const Known& known) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (known_.size() >= kMostKept && known_.find(key_of(pair)) == known_.end()) known_.clear();
+  known_[key_of(pair)] = known;
 }
 
 }  // namespace dashpot::host

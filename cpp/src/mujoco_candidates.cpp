@@ -28,6 +28,8 @@ constexpr double kLeastRoom = 0.1;
 // Pairs kept for each that is near and each geom above which they are gathered anew, where geoms
 // are half as fast as then: the step before may have been a fast one.
 constexpr size_t kMostKept = 8;
+// Pairs and geoms that a thread takes at once.
+constexpr int kPairsAtOnce = 256, kGeomsAtOnce = 64;
 
 unsigned signature_of(int body1, int body2) {
   return (static_cast<unsigned>(std::min(body1, body2)) << 16) +
@@ -118,7 +120,7 @@ bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
 
 const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const mjData_* d,
                                                        const std::vector<double>& reach,
-                                                       Narrowing& narrowing) {
+                                                       Narrowing& narrowing, Team& team) {
   near_.clear();
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
   read_filters(m);
@@ -131,16 +133,31 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
       if (may_collide(m, geom))
         (m->geom_type[geom] == mjGEOM_PLANE ? planes_ : bounded_).push_back(geom);
   }
-  find_boxes(m, d);
+  find_boxes(m, d, team);
   if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
-  for (size_t i = 0; i < all_.size(); ++i) {
-    if (i + kPrefetched < all_.size())
-      for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
-    CandidatePair pair = all_[i];
-    pair.within = margin_of(m, pair) + gap_of(m, pair);
-    if (!are_near(m, d, pair)) continue;
-    const double before = std::exchange(pair.within, narrowing.within(m, d, pair));
-    if (pair.within == before || are_near(m, d, pair)) near_.push_back(pair);
+  const int count = static_cast<int>(all_.size());
+  near_of_range_.resize(count / kPairsAtOnce + 1);
+  for (NearOfRange& range : near_of_range_) {
+    range.pairs.clear();
+    range.narrowed.clear();
+  }
+  team.share(count, kPairsAtOnce, [&](int, int first, int last) {
+    NearOfRange& found = near_of_range_[first / kPairsAtOnce];
+    for (int i = first; i < last; ++i) {
+      if (i + static_cast<int>(kPrefetched) < last)
+        for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
+      CandidatePair pair = all_[i];
+      pair.within = margin_of(m, pair) + gap_of(m, pair);
+      if (!are_near(m, d, pair)) continue;
+      const double before =
+          std::exchange(pair.within, narrowing.within(m, d, pair, found.narrowed));
+      if (pair.within == before || are_near(m, d, pair)) found.pairs.push_back(pair);
+    }
+  });
+  std::vector<NarrowedPair>& narrowed = narrowing.pairs();
+  for (const NearOfRange& range : near_of_range_) {
+    near_.insert(near_.end(), range.pairs.begin(), range.pairs.end());
+    narrowed.insert(narrowed.end(), range.narrowed.begin(), range.narrowed.end());
   }
   return near_;
 }
@@ -162,19 +179,20 @@ bool CandidatePairs::are_too_many(const std::vector<double>& reach) const {
          std::accumulate(reach.begin(), reach.end(), 0.0) < 0.5 * reach_;
 }
 
-void CandidatePairs::find_boxes(const mjModel_* m, const mjData_* d) {
+void CandidatePairs::find_boxes(const mjModel_* m, const mjData_* d, Team& team) {
   boxes_.resize(m->ngeom);
   present_.resize(m->ngeom);
-  for (int geom : bounded_) {
+  team.for_each(static_cast<int>(bounded_.size()), kGeomsAtOnce, [&](int i) {
+    const int geom = bounded_[i];
     BoundingBox& box = boxes_[geom] = bounding_box(m, d, geom);
     Room& room = present_[geom];
-    for (int i = 0; i < 3; ++i) {
+    for (int axis = 0; axis < 3; ++axis) {
       double wide = around(m, geom);
-      for (int j = 0; j < 3; ++j) wide += box.half[j] * std::abs(box.rotation[3 * i + j]);
-      room.low[i] = box.centre[i] - wide;
-      room.high[i] = box.centre[i] + wide;
+      for (int j = 0; j < 3; ++j) wide += box.half[j] * std::abs(box.rotation[3 * axis + j]);
+      room.low[axis] = box.centre[axis] - wide;
+      room.high[axis] = box.centre[axis] + wide;
     }
-  }
+  });
 }
 
 bool CandidatePairs::is_left(const mjModel_* m, const mjData_* d) const {

@@ -34,8 +34,9 @@ Frame frame_of_side(const mjData* d, const mjContact& contact, int side) {
   return {d->xpos, d->xmat};
 }
 
-void read_contact(const mjModel* m, const mjData* d, int index, ContactInput& input) {
+void read_included(const mjModel* m, const mjData* d, int index, ContactInput& input) {
   const mjContact& contact = d->contact[index];
+  input = {};
   input.source = index;
   input.dim = contact.dim;
   input.margin = contact.includemargin;
@@ -67,7 +68,7 @@ bool is_of_contact(int row_type) {
 // Whether no joint moves the two sides of a contact against each other: those of one body or of
 // bodies welded to it, or both of the world and of mocap bodies. MuJoCo makes no rows of them.
 bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInput& input) {
-  if (input.tree == std::array<int, 2>{-1, -1}) return true;
+  if (input.tree[0] < 0 && input.tree[1] < 0) return true;
   const int first = contact.geom[0], second = contact.geom[1];
   return first >= 0 && second >= 0 &&
          m->body_weldid[m->geom_bodyid[first]] == m->body_weldid[m->geom_bodyid[second]];
@@ -75,16 +76,20 @@ bool moves_nothing(const mjModel* m, const mjContact& contact, const ContactInpu
 
 }  // namespace
 
+bool read_contact(const mjModel_* m, const mjData_* d, int index, ContactInput& input) {
+  const mjContact& contact = d->contact[index];
+  // Contacts of flexes are read from MuJoCo's rows.
+  const bool geoms = contact.geom[0] >= 0 && contact.geom[1] >= 0;
+  if (contact.exclude != kIncluded || !(geoms || contact.efc_address >= 0)) return false;
+  read_included(m, d, index, input);
+  return !moves_nothing(m, contact, input);
+}
+
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts) {
   contacts.clear();
   for (int i = 0; i < d->ncon; ++i) {
-    const mjContact& contact = d->contact[i];
-    // Contacts of flexes are read from MuJoCo's rows.
-    const bool geoms = contact.geom[0] >= 0 && contact.geom[1] >= 0;
-    if (contact.exclude != kIncluded || !(geoms || contact.efc_address >= 0)) continue;
     contacts.emplace_back();
-    read_contact(m, d, i, contacts.back());
-    if (moves_nothing(m, contact, contacts.back())) contacts.pop_back();
+    if (!read_contact(m, d, i, contacts.back())) contacts.pop_back();
   }
 }
 

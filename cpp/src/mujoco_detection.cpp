@@ -16,6 +16,8 @@ namespace dashpot::host {
 
 namespace {
 
+constexpr int kContactsAtOnce = 64;  // by a thread
+
 // Whether a single joint moves two geoms that are apart against each other and keeps their contact
 // as it is, along a line across its normal or about it, like links that face each other across the
 // axis between them: it cannot be loaded.
@@ -74,16 +76,36 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   return make_rows_without_contacts(m, d);
 }
 
-void collide_candidates(mjModel* m, mjData* d, Detection& detection) {
-  Narrowphase& narrowphase = detection.narrowphase;
-  narrowphase.find(m, d,
-                   detection.candidates.near(m, d, detection.buffers.reach, detection.narrowing));
-  narrowphase.write(m, d);
+void collide_candidates(mjModel* m, mjData* d, FaceBuffers* faces, Detection& detection,
+                        Team& team) {
+  const std::vector<CandidatePair>& near =
+      detection.candidates.near(m, d, detection.buffers.reach, detection.narrowing, team);
+  detection.narrowphase.find(m, d, near, faces, detection.workplaces, team);
+  detection.narrowphase.write(m, d, team);
+}
+
+// Those that may be loaded in the step, as they are found.
+void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
+                   std::vector<ContactInput>& contacts, Team& team) {
+  contacts.resize(d->ncon);
+  detection.counts.resize(d->ncon);
+  team.for_each(d->ncon, kContactsAtOnce, [&](int i) {
+    detection.counts[i] =
+        read_contact(m, d, i, contacts[i]) && !keeps_its_gap(m, d, contacts[i]) &&
+        !only_spin_brings_near(m, d, detection.buffers, detection.faces.body_velocity, contacts[i]);
+  });
+  int kept = 0;
+  for (int i = 0; i < d->ncon; ++i) {
+    if (!detection.counts[i]) continue;
+    if (kept != i) contacts[kept] = contacts[i];
+    ++kept;
+  }
+  contacts.resize(kept);
 }
 
 void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
-                 std::vector<ConstraintInput>& constraints) {
+                 std::vector<ConstraintInput>& constraints, Team& team) {
   {
     FaceBuffers* const faces = detection.takes_faces ? &detection.faces : nullptr;
     const bool keeps_pairs = CandidatePairs::cover(m, d);
@@ -94,7 +116,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     const int lost = d->warning[mjWARN_CONTACTFULL].number;
     detection.faces.surplus.clear();
     if (keeps_pairs)
-      collide_candidates(m, d, detection);
+      collide_candidates(m, d, faces, detection, team);
     else
       call_with_callbacks(mj_collision, m, d);
     const bool contacts_fit = add_surplus(d, detection.faces.surplus);
@@ -110,15 +132,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       throw std::runtime_error(
           "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
   }
-  read_contacts(m, d, contacts);
-  contacts.erase(std::remove_if(contacts.begin(), contacts.end(),
-                                [&](const ContactInput& contact) {
-                                  return keeps_its_gap(m, d, contact) ||
-                                         only_spin_brings_near(m, d, detection.buffers,
-                                                               detection.faces.body_velocity,
-                                                               contact);
-                                }),
-                 contacts.end());
+  read_loadable(m, d, detection, contacts, team);
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
                          contacts);
   read_constraints(m, d, constraints);
@@ -133,11 +147,12 @@ bool anything_reads_rows(const mjModel_* m) {
 }
 
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
-            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+            Team& team) {
   detection.buffers.forget_least();
   detection.narrowphase.forget();
   detection.faces.body_velocity = nullptr;
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
+  detect_rows(m, d, acceleration, detection, contacts, constraints, team);
   call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_sensorVel, m, d);
   if (m->opt.enableflags & mjENBL_ENERGY) {
@@ -148,14 +163,15 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
 
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                   const std::vector<double>& body_velocity, Detection& detection,
-                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+                  Team& team) {
   detection.faces.body_velocity = body_velocity.data();
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
+  detect_rows(m, d, acceleration, detection, contacts, constraints, team);
 }
 
 MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                                Detection& detection, std::vector<ContactInput>& contacts,
-                               std::vector<ConstraintInput>& constraints)
+                               std::vector<ConstraintInput>& constraints, Team& team)
     : start_(m, d) {
   const double half = 0.5 * m->opt.timestep;
   std::vector<double> velocity(d->qvel, d->qvel + m->nv);
@@ -164,7 +180,7 @@ MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double
   mj_fwdKinematics(m, d);
   mj_makeM(m, d);
   detection.narrowphase.forget();
-  detect_rows(m, d, acceleration, detection, contacts, constraints);
+  detect_rows(m, d, acceleration, detection, contacts, constraints, team);
   detection.narrowphase.forget();  // for the start is where geoms will be asked for next
 }
 

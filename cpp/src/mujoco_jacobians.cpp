@@ -25,6 +25,12 @@ bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
   return twist && is_moving(twist);
 }
 
+// Whether the surface of a side moves by itself, as belts and mocap bodies do.
+bool is_driven(const mjModel* m, const mjData* d, const ContactInput& input) {
+  return has_surface_motion(m, input) || is_on_moving_mocap(m, d, input.geom[0]) ||
+         is_on_moving_mocap(m, d, input.geom[1]);
+}
+
 // Where a contact acts on one of its bodies. In the middle between two bodies apart friction would
 // have another arm than where they meet, and so would the two bodies' angular momenta.
 std::array<double, 3> acting_point(const ContactInput& input, int side) {
@@ -109,11 +115,32 @@ void add_side(const mjModel* m, const mjData* d, const ContactInput& input, int 
 
 }  // namespace
 
+bool has_pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                       const Trees& trees) {
+  if (input.is_of_flex() || input.tree[0] == input.tree[1] || is_driven(m, d, input)) return false;
+  return std::all_of(input.tree.begin(), input.tree.end(),
+                     [&](int tree) { return tree < 0 || trees.tree[tree].free_body; });
+}
+
+PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                           const Trees& trees) {
+  PairGeometry pair;
+  pair.frame = input.frame;
+  for (int side = 0; side < 2; ++side) {
+    const int tree = input.tree[side];
+    if (tree < 0) continue;
+    pair.begin[side] = trees.tree[tree].begin;
+    const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
+    const std::array<double, 3> point = acting_point(input, side);
+    for (int i = 0; i < 3; ++i) pair.arm[side][i] = point[i] - centre[i];
+  }
+  return pair;
+}
+
 void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
                      const Trees& trees, Rows& rows) {
   RowGroup& c = rows.group.back();
-  const bool driven = has_surface_motion(m, input) || is_on_moving_mocap(m, d, input.geom[0]) ||
-                      is_on_moving_mocap(m, d, input.geom[1]);
+  const bool driven = is_driven(m, d, input);
   std::array<double, 6> surface_rate{};
   if (driven) {
     surface_rate = surface_motion(m, d, input);
@@ -124,23 +151,7 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& in
     if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());
     return;
   }
-  PairGeometry pair;
-  pair.frame = input.frame;
-  bool is_pair = !driven;
-  for (int side = 0; side < 2; ++side) {
-    const int tree = input.tree[side];
-    if (tree < 0) continue;
-    is_pair = is_pair && trees.tree[tree].free_body && input.tree[0] != input.tree[1];
-    pair.begin[side] = trees.tree[tree].begin;
-    const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
-    const std::array<double, 3> point = acting_point(input, side);
-    for (int i = 0; i < 3; ++i) pair.arm[side][i] = point[i] - centre[i];
-  }
-  if (is_pair) {
-    c.pair = static_cast<int>(rows.pair.size());
-    rows.pair.push_back(pair);
-    return;
-  }
+  const PairGeometry pair = pair_geometry(m, d, input, trees);
   for (int block = 0; block < 2; ++block)
     if (c.tree[block] >= 0)
       c.columns[block] = append_columns(m, input, trees.tree[c.tree[block]], c.tree[block], rows);

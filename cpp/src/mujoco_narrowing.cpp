@@ -31,7 +31,8 @@ void Narrowing::start(const ReachBuffers& reach) {
   pairs_.clear();
 }
 
-double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePair& pair) {
+double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
+                         std::vector<NarrowedPair>& narrowed) const {
   const auto [geom1, geom2] = pair.geom;
   if (reach_->least_reach[geom1] > 0.0 || reach_->least_reach[geom2] > 0.0) return pair.within;
   const double margin = margin_of(m, pair), reach = pair.within - margin;
@@ -42,7 +43,7 @@ double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePai
                                 relative_speed(m, d, geom1, geom2, reach_->later.data()));
   const double narrower = std::max(least, m->opt.timestep * speed);
   if (narrower >= reach) return pair.within;
-  pairs_.push_back({pair.geom, margin, narrower});
+  narrowed.push_back({pair.geom, margin, narrower});
   return margin + narrower;
 }
 

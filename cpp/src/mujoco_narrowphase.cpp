@@ -14,6 +14,8 @@ namespace dashpot::host {
 
 namespace {
 
+constexpr int kPairsAtOnce = 16;  // by a thread
+
 // No contacts, and no rows that lie behind them.
 void clear_contacts(mjModel* m, mjData* d) {
   const int flags = m->opt.disableflags;
@@ -44,58 +46,88 @@ mjContact contact_of(const mjModel* m, const CandidatePair& pair) {
 
 }  // namespace
 
-void Narrowphase::find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs) {
+void Narrowphase::find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs,
+                       FaceBuffers* faces, Workplaces& workplaces, Team& team) {
   std::swap(before_, now_);
   now_.pairs.clear();
   now_.contacts.clear();
+  const int count = static_cast<int>(pairs.size());
+  found_.resize(count / kPairsAtOnce + 1);
+  for (Found& found : found_) {
+    found.pairs.clear();
+    found.contacts.clear();
+  }
+  workplaces.open(m, d, faces, team.size());
+  team.share(count, kPairsAtOnce, [&](int worker, int first, int last) {
+    const Workplace at(workplaces, worker);
+    find_in(at.model(), at.data(), pairs.data() + first, pairs.data() + last,
+            found_[first / kPairsAtOnce]);
+  });
+  workplaces.close();
+  if (team.size() == 1) return std::swap(now_, found_.front());
+  for (const Found& found : found_) {
+    const int before = static_cast<int>(now_.contacts.size());
+    for (const FoundPair& of : found.pairs)
+      now_.pairs.push_back({of.pair, before + of.first, of.count});
+    now_.contacts.insert(now_.contacts.end(), found.contacts.begin(), found.contacts.end());
+  }
+}
+
+void Narrowphase::find_in(const mjModel_* m, mjData_* d, const CandidatePair* first_pair,
+                          const CandidatePair* last_pair, Found& all) {
   mjPreContact found[mjMAXCONPAIR];
-  auto old = before_.pairs.begin();
-  for (size_t i = 0; i < pairs.size(); ++i) {
-    if (i + kPrefetched < pairs.size())
-      for (int geom : pairs[i + kPrefetched].geom) {
+  auto old = std::lower_bound(
+      before_.pairs.begin(), before_.pairs.end(), *first_pair,
+      [](const FoundPair& a, const CandidatePair& b) { return comes_before(a.pair, b); });
+  for (const CandidatePair* at = first_pair; at != last_pair; ++at) {
+    if (last_pair - at > static_cast<int>(kPrefetched))
+      for (int geom : at[kPrefetched].geom) {
         prefetch(d->geom_xpos + 3 * geom, 3 * sizeof(mjtNum));
         prefetch(d->geom_xmat + 9 * geom, 9 * sizeof(mjtNum));
         prefetch(m->geom_size + 3 * geom, 3 * sizeof(mjtNum));
       }
-    const CandidatePair& pair = pairs[i];
+    const CandidatePair& pair = *at;
     const double within = pair.within;
-    const int first = static_cast<int>(now_.contacts.size());
+    const int first = static_cast<int>(all.contacts.size());
     while (old != before_.pairs.end() && comes_before(old->pair, pair)) ++old;
     if (old != before_.pairs.end() && !comes_before(pair, old->pair) &&
         old->pair.within == within) {
       const auto begin = before_.contacts.begin() + old->first;
-      now_.contacts.insert(now_.contacts.end(), begin, begin + old->count);
-      now_.pairs.push_back({pair, first, old->count});
+      all.contacts.insert(all.contacts.end(), begin, begin + old->count);
+      all.pairs.push_back({pair, first, old->count});
       continue;
     }
     if (apart_.are_apart(m, d, pair, within)) continue;
     const int count = collide_all(m, d, pair.geom[0], pair.geom[1], within, found);
     if (count == 0) apart_.find_distance(m, d, pair, within);
-    now_.pairs.push_back({pair, first, count});
+    all.pairs.push_back({pair, first, count});
     for (const mjPreContact* c = found; c != found + count; ++c)
-      now_.contacts.push_back({c->dist,
-                               {c->pos[0], c->pos[1], c->pos[2]},
-                               {c->normal[0], c->normal[1], c->normal[2]},
-                               {c->tangent[0], c->tangent[1], c->tangent[2]}});
+      all.contacts.push_back({c->dist,
+                              {c->pos[0], c->pos[1], c->pos[2]},
+                              {c->normal[0], c->normal[1], c->normal[2]},
+                              {c->tangent[0], c->tangent[1], c->tangent[2]}});
   }
 }
 
-void Narrowphase::write(mjModel_* m, mjData_* d) const {
+void Narrowphase::write(mjModel_* m, mjData_* d, Team& team) const {
   clear_contacts(m, d);
-  for (const FoundPair& of : now_.pairs) {
-    if (of.count == 0) continue;
+  int room = static_cast<int>(now_.contacts.size());
+  while (!make_room_for_contacts(d, room)) --room;
+  team.for_each(static_cast<int>(now_.pairs.size()), kPairsAtOnce, [&](int i) {
+    const FoundPair& of = now_.pairs[i];
+    if (of.count == 0 || of.first >= room) return;
     const mjContact of_pair = contact_of(m, of.pair);
-    for (int i = of.first; i < of.first + of.count; ++i) {
-      if (!make_room_for_contacts(d, 1)) return mj_warning(d, mjWARN_CONTACTFULL, d->ncon);
-      mjContact* const contact = d->contact + d->ncon - 1;
-      const FoundContact& found = now_.contacts[i];
-      *contact = of_pair;
-      contact->dist = found.distance;
-      mju_copy3(contact->pos, found.position.data());
-      set_frame(found.normal.data(), found.tangent.data(), contact->frame);
-      contact->exclude = contact->dist >= contact->includemargin;
+    for (int place = of.first; place < std::min(room, of.first + of.count); ++place) {
+      const FoundContact& found = now_.contacts[place];
+      mjContact& contact = d->contact[place];
+      contact = of_pair;
+      contact.dist = found.distance;
+      mju_copy3(contact.pos, found.position.data());
+      set_frame(found.normal.data(), found.tangent.data(), contact.frame);
+      contact.exclude = contact.dist >= contact.includemargin;
     }
-  }
+  });
+  if (room < static_cast<int>(now_.contacts.size())) mj_warning(d, mjWARN_CONTACTFULL, d->ncon);
 }
 
 }  // namespace dashpot::host

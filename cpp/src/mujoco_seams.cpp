@@ -255,7 +255,7 @@ void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
   // Contacts of a pair come one after the other.
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;
-    while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
+    while (last < contacts.size() && contacts[last].is_of_pair(contacts[first].geom)) ++last;
     hand_over(seams, first, last, buffers, contacts);
   }
   for (size_t i = 0; i < contacts.size(); ++i)

@@ -13,6 +13,7 @@
 #include "dashpot/mujoco_moved_geom.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
+#include "dashpot/mujoco_workplaces.hpp"
 #include "dashpot/terrain_contacts.hpp"
 
 namespace dashpot::host {
@@ -35,6 +36,7 @@ constexpr double kFarPoint = 0.5;
 constexpr double kEarly = 0.25;
 // Cosine between the normals of one contact at the start and in the middle.
 constexpr double kSame = 0.85;
+constexpr int kContactsAtOnce = 16;  // by a thread
 
 // A contact that the collision of a pair finds in the middle, and its place on the two geoms.
 struct MiddleContact {
@@ -131,12 +133,11 @@ class TurningPair {
     }
   }
 
-  // Takes the contacts that are found there to the middle; whether there were any.
-  bool take() {
+  // Takes the contacts that are found there to the middle.
+  void take() {
     find_contacts();
     find_twists();
     const bool corners = has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
-    bool any = false;
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
@@ -147,9 +148,7 @@ class TurningPair {
       if (mju_dot3(same->normal, contact->frame.data()) < kSame) continue;
       if (is_far_ && !stays_on_face(*contact, *same)) continue;
       take(*same, *contact);
-      any = true;
     }
-    return any;
   }
 
  private:
@@ -350,6 +349,7 @@ class TurningPair {
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
     const std::array<double, 3> rate = point_rate(contact, 1);
+    contact.is_in_middle = true;
     contact.ahead = time_;
     for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / time_;
     mju_copy(data_->contact[contact.source].frame, frame, 9);
@@ -395,20 +395,33 @@ class TurningPair {
 }  // namespace
 
 void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
-                    std::vector<char>& taken) {
-  for (size_t first = 0, last; first < contacts.size(); first = last) {
-    last = first + 1;
-    while (last < contacts.size() && contacts[last].geom == contacts[first].geom) ++last;
-    TurningPair pair(m, d, 0.5 * length, faces, contacts.data() + first, contacts.data() + last);
-    if (!pair.moves(trees, motion)) {
-      pair.turn_axes();
-      continue;
+                    const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                    std::vector<ContactInput>& contacts, std::vector<char>& taken, Team& team) {
+  const int count = static_cast<int>(contacts.size());
+  const auto begins_pair = [&](int i) {
+    return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
+  };
+  workplaces.open(m, d, &faces, team.size());
+  team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
+    const Workplace at(workplaces, worker);
+    // Pairs that begin in the range.
+    while (begin < end && !begins_pair(begin)) ++begin;
+    for (int first = begin, last; first < end; first = last) {
+      last = first + 1;
+      while (!begins_pair(last)) ++last;
+      TurningPair pair(at.model(), at.data(), 0.5 * length, *at.faces(), contacts.data() + first,
+                       contacts.data() + last);
+      if (pair.moves(trees, motion))
+        pair.take();
+      else
+        pair.turn_axes();
     }
-    if (!pair.take()) continue;
-    for (int tree : contacts[first].tree)
-      if (tree >= 0) taken[tree] = 1;
-  }
+  });
+  workplaces.close();
+  for (const ContactInput& contact : contacts)
+    if (contact.is_in_middle)
+      for (int tree : contact.tree)
+        if (tree >= 0) taken[tree] = 1;
 }
 
 }  // namespace dashpot::host

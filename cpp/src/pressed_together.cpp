@@ -41,7 +41,7 @@ void PressedTogether::find(const std::vector<GroupMaterial>& materials,
     last = first + 1;
     if (rows.group[first].kind != RowKind::kContact || !has_ratio(materials[first])) continue;
     const auto& geom = contacts[rows.group[first].input].geom;
-    while (last < count && contacts[rows.group[last].input].geom == geom) ++last;
+    while (last < count && contacts[rows.group[last].input].is_of_pair(geom)) ++last;
     if (last == first + 1) continue;
     const auto begin = rows.group.begin() + first, end = rows.group.begin() + last;
     if (std::any_of(begin, end, [&](const RowGroup& c) { return rows.inverse_mass[c.row] == 0.0; }))

@@ -21,6 +21,8 @@ constexpr double kStillPart = 0.03;
 constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
+// Contacts that a thread takes at once: of those that are assembled, and those that are looked at.
+constexpr int kContactsAtOnce = 32, kLooksAtOnce = 128;
 
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
@@ -49,70 +51,99 @@ void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& 
   }
 }
 
+// Groups of all contacts, with the rows of those that have no pair geometry.
+void append_contacts(const mjModel_* model, const mjData_* data,
+                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows) {
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    const ContactInput& input = contacts[i];
+    RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
+    if (host::has_pair_geometry(model, data, input, motion.trees())) {
+      c.pair = static_cast<int>(rows.pair.size());
+      rows.pair.emplace_back();
+      continue;
+    }
+    host::append_jacobian(model, data, input, motion.trees(), rows);
+    motion.invert_inertia(c.tree);
+    find_inverse_mass(rows, c, motion.trees());
+  }
+}
+
+// All else of a contact's group, which depends on no other.
+void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& parameters,
+                  const ContactInput& input, const Trees& trees, Rows& rows, RowGroup& c,
+                  GroupMaterial& given) {
+  host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
+  const double typical = rows.typical_inverse_mass[c.row];
+  const double weight = weight_at_contact(model, input, typical);
+  // A contact's own solref is read at the load A F of the weight F: g for a free body on the
+  // ground.
+  given = material_of(model, parameters, input, typical * weight);
+  if (!given.rigid()) c.soft_load = kSoftLoad * weight;
+  const Material& material = given.material;
+  c.loaded_friction = material.loaded_friction;
+  c.friction_load = material.friction_load;
+  c.turning = input.turning;
+  const std::array<double, 5> friction = friction_of(input, material);
+  std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
+  if (c.pair >= 0) {
+    rows.pair[c.pair] = host::pair_geometry(model, data, input, trees);
+    find_inverse_mass(rows, c, trees);
+  }
+  c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
+}
+
 }  // namespace
 
 void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
                    const std::vector<ConstraintInput>& constraints,
                    const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
-                   std::vector<GroupMaterial>& materials) {
+                   std::vector<GroupMaterial>& materials, Team& team) {
   int count = static_cast<int>(constraints.size());
   for (const ContactInput& contact : contacts) count += contact.dim;
   rows.reset(count);
-  materials.clear();
+  materials.resize(constraints.size() + contacts.size());
   for (size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintInput& input = constraints[i];
     RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
     rows.friction[c.row] = input.limit;
     host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
-    materials.push_back(material_of(model, data, input));
+    materials[i] = material_of(model, data, input);
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());
   }
   mark_ends_of_ranges(constraints, rows);
-  for (size_t i = 0; i < contacts.size(); ++i) {
-    if (i + kPrefetched < contacts.size())
-      prefetch_inertia(motion.trees(), contacts[i + kPrefetched].tree);
-    const ContactInput& input = contacts[i];
-    RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
-    host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
-    const double typical = rows.typical_inverse_mass[c.row];
-    const double weight = weight_at_contact(model, input, typical);
-    // A contact's own solref is read at the load A F of the weight F: g for a free body on the
-    // ground.
-    materials.push_back(material_of(model, parameters, input, typical * weight));
-    if (!materials.back().rigid()) c.soft_load = kSoftLoad * weight;
-    const Material& material = materials.back().material;
-    c.loaded_friction = material.loaded_friction;
-    c.friction_load = material.friction_load;
-    c.turning = input.turning;
-    const std::array<double, 5> friction = friction_of(input, material);
-    std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
-    host::append_jacobian(model, data, input, motion.trees(), rows);
-    motion.invert_inertia(c.tree);
-    find_inverse_mass(rows, c, motion.trees());
-    c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
-  }
+  append_contacts(model, data, contacts, motion, rows);
+  team.share(static_cast<int>(contacts.size()), kContactsAtOnce, [&](int, int first, int last) {
+    for (int i = first; i < last; ++i) {
+      if (i + static_cast<int>(kPrefetched) < last)
+        prefetch_inertia(motion.trees(), contacts[i + kPrefetched].tree);
+      const size_t index = constraints.size() + i;
+      fill_contact(model, data, parameters, contacts[i], motion.trees(), rows, rows.group[index],
+                   materials[index]);
+    }
+  });
 }
 
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    const double* velocity, double step, std::vector<SagTime>& sag_time) {
+                    const double* velocity, double step, std::vector<SagTime>& sag_time,
+                    Team& team) {
   const double gravity = host::gravity(model);
   sag_time.assign(rows.group.size(), SagTime());
   if (gravity == 0.0) return;
-  for (size_t i = 0; i < rows.group.size(); ++i) {
+  team.for_each(static_cast<int>(rows.group.size()), kLooksAtOnce, [&](int i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kContact) continue;
+    if (c.kind != RowKind::kContact) return;
     const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
     sag_time[i].weight = std::sqrt(sag / gravity);
-    if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
     double rate[kMaxRows];
     gather(rows, c, velocity, rate);
-    if (std::abs(rate[0]) * step > kStillPart * sag) continue;
+    if (std::abs(rate[0]) * step > kStillPart * sag) return;
     const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
     sag_time[i].load = std::sqrt(sag / std::max(acceleration, gravity));
-  }
+  });
 }
 
 }  // namespace dashpot

@@ -1,8 +1,18 @@
 #include "dashpot/row_data.hpp"
 
+#include <algorithm>
+#include <vector>
+
 #include "dashpot/islands.hpp"
 
 namespace dashpot {
+
+namespace {
+
+// Groups that are summed up one by one: sums over ranges of them do not depend on threads.
+constexpr int kGroupsOfSum = 128;
+
+}  // namespace
 
 double& share(EnergyShares& shares, const RowGroup& c, int i) {
   if (c.kind != RowKind::kContact) return shares.constraint;
@@ -61,15 +71,26 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
   return true;
 }
 
-EnergyShares elastic_energy(const Rows& rows, const RowData& data) {
-  EnergyShares energy;
-  for (const RowGroup& c : rows.group) {
-    if (c.is_unilateral() && data.deformation[c.row] >= 0.0) continue;
-    for (int i = 0; i < c.dim; ++i) {
-      const double x = data.deformation[c.row + i];
-      share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
+EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team) {
+  const int count = static_cast<int>(rows.group.size());
+  thread_local std::vector<EnergyShares> kept;  // by the thread: no allocation in a step
+  std::vector<EnergyShares>& of_range = kept;
+  of_range.resize((count + kGroupsOfSum - 1) / kGroupsOfSum);
+  team.for_each(static_cast<int>(of_range.size()), 1, [&](int range) {
+    EnergyShares energy;
+    const int first = range * kGroupsOfSum, last = std::min(count, first + kGroupsOfSum);
+    for (int index = first; index < last; ++index) {
+      const RowGroup& c = rows.group[index];
+      if (c.is_unilateral() && data.deformation[c.row] >= 0.0) continue;
+      for (int i = 0; i < c.dim; ++i) {
+        const double x = data.deformation[c.row + i];
+        share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
+      }
     }
-  }
+    of_range[range] = energy;
+  });
+  EnergyShares energy;
+  for (const EnergyShares& term : of_range) energy += term;
   return energy;
 }
 

@@ -98,7 +98,7 @@ void Rows::reset(int count) {
 
 RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree) {
   if (tree[0] == tree[1]) tree[1] = -1;
-  RowGroup c;
+  RowGroup& c = group.emplace_back();
   c.kind = kind;
   c.input = input;
   c.dim = dim;
@@ -107,8 +107,7 @@ RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree
   c.column = static_cast<int>(column.size());
   c.value = static_cast<int>(value.size());
   appended += dim;
-  group.push_back(c);
-  return group.back();
+  return c;
 }
 
 std::array<double, 6> pair_row(const PairGeometry& pair, int i, int side) {

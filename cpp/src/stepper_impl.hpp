@@ -26,13 +26,14 @@
 #include "dashpot/pressed_together.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 #include "dashpot/trapezoid.hpp"
 #include "dashpot/tree_motion.hpp"
 
 namespace dashpot {
 
 struct Stepper::Impl {
-  Impl(mjModel_* m, const Parameters& p);
+  Impl(mjModel_* m, const Parameters& p, int threads);
   StepStats step(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
@@ -75,6 +76,7 @@ struct Stepper::Impl {
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
 
+  Team team;
   mjModel_* model;
   Parameters parameters;
   MemoryLayout memory_layout;
@@ -113,7 +115,7 @@ struct Stepper::Impl {
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
   std::vector<char> turned;                    // by tree: its inertia is that of the middle
-  std::vector<double> unpaid;                  // by tree, J
+  std::vector<double> unpaid, withheld;        // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
   std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight

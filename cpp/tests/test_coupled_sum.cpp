@@ -73,6 +73,8 @@ void check_ends_of_ranges(int n) {
   Rows rows;
   rows.reset(2 * n);
   CoupledSum sum, other;
+  CoupledSum::Room room;
+  room.fit(trees);
   sum.reset(trees);
   other.reset(trees);
   Matrix root = Matrix::Zero(n, n), inverse(n, n);
@@ -90,9 +92,9 @@ void check_ends_of_ranges(int n) {
     }
   }
   const Matrix similar = root * inverse * root;
-  check_bound(sum.hand_over(trees, 1, other), similar, "bound of ends of ranges");
-  check_bound(other.take_bound(trees, 1), similar, "bound of ends handed over");
-  if (!sum.empty(1) || other.take_bound(trees, 1) != 0.0) {
+  check_bound(sum.hand_over(trees, 1, other, room), similar, "bound of ends of ranges");
+  check_bound(other.take_bound(trees, 1, room), similar, "bound of ends handed over");
+  if (!sum.empty(1) || other.take_bound(trees, 1, room) != 0.0) {
     std::printf("sums of ends are empty after their bounds were taken\n");
     ++failures;
   }
@@ -115,6 +117,8 @@ void check_tree(int n, int wide, int narrow) {
   Rows rows;
   rows.reset(kMaxRows * (wide + narrow));
   CoupledSum first, others;
+  CoupledSum::Room room;
+  room.fit(trees);
   first.reset(trees);
   others.reset(trees);
   for (int group = 0; group < wide + narrow; ++group) {
@@ -153,9 +157,9 @@ void check_tree(int n, int wide, int narrow) {
     const Matrix root = sum.diagonal().cwiseSqrt().asDiagonal();
     return root * inverse * root;
   };
-  check_bound(first.hand_over(trees, 1, others), similar(first_sum), "bound of first rows");
-  check_bound(others.take_bound(trees, 1), similar(all_sum), "bound of all rows");
-  if (!first.empty(1) || !others.empty(1) || others.take_bound(trees, 1) != 0.0) {
+  check_bound(first.hand_over(trees, 1, others, room), similar(first_sum), "bound of first rows");
+  check_bound(others.take_bound(trees, 1, room), similar(all_sum), "bound of all rows");
+  if (!first.empty(1) || !others.empty(1) || others.take_bound(trees, 1, room) != 0.0) {
     std::printf("sums are empty after their bounds were taken\n");
     ++failures;
   }

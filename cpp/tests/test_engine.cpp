@@ -280,11 +280,12 @@ void check_restored_middle() {
   const double half = 0.5 * m->opt.timestep;
   for (int i = 2; i < m->nv; i += 6) fall[i] = -0.001 / (0.5 * half * half);
   dashpot::host::Detection detection;
+  dashpot::Team team(1);
   std::vector<dashpot::ContactInput> contacts;
   std::vector<dashpot::ConstraintInput> constraints;
   bool thrown = false;
   try {
-    const dashpot::host::MiddleGeometry middle(m, d, fall, detection, contacts, constraints);
+    const dashpot::host::MiddleGeometry middle(m, d, fall, detection, contacts, constraints, team);
   } catch (const std::runtime_error&) {
     thrown = true;
   }
@@ -308,13 +309,14 @@ void check_return_from_the_middle_without_room() {
   const std::vector<double> qpos(d->qpos, d->qpos + m->nq), still(m->nv, 0.0);
   d->qvel[2] = 1.0;
   dashpot::host::Detection detection;
+  dashpot::Team team(1);
   std::vector<dashpot::ContactInput> contacts;
   std::vector<dashpot::ConstraintInput> constraints;
   bool leaving_throws = false, first_error_is_told = false;
   for (const bool leaves : {true, false}) {
     const dashpot::host::ErrorGuard guard(d);
     try {
-      dashpot::host::MiddleGeometry middle(m, d, still, detection, contacts, constraints);
+      dashpot::host::MiddleGeometry middle(m, d, still, detection, contacts, constraints, team);
       d->parena = d->narena - d->pstack;
       if (leaves) middle.leave();
       throw std::runtime_error("first");
@@ -426,7 +428,8 @@ void check_forces_that_are_no_numbers() {
     data.deformation[0] = -1e-3;
     bool thrown = false;
     try {
-      dashpot::MicrostepLoop().run(rows, trees, island, 0.1, data);
+      dashpot::Team team(1);
+      dashpot::MicrostepLoop().run(rows, trees, island, 0.1, data, team);
     } catch (const std::runtime_error&) {
       thrown = true;
     }

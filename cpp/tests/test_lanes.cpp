@@ -133,7 +133,7 @@ void check_friction(Contact c, double h, bool load_dependent) {
 // A chain of bodies in contact, swept as a micro-step does.
 struct Swept {
   std::vector<Block<PairLanes, Contact>> blocks;
-  std::vector<Tree> trees;
+  std::vector<IslandTree> trees;
   std::vector<double> arrays[9];
 
   explicit Swept(double h) {
@@ -153,7 +153,7 @@ struct Swept {
         arrays[8][t.inverse + j] = 2.0;
         arrays[8][t.inverse + 4 * (j + 1) + j] = uniform(100.0, 300.0);
       }
-      trees.push_back(t);
+      trees.push_back({t, 0});
     }
     for (int i = 0; i < 3; ++i) {
       Block<PairLanes, Contact> block;

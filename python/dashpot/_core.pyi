@@ -20,6 +20,7 @@ __all__: list[str] = [
     "FrictionRule",
     "Impact",
     "Law",
+    "MAX_THREADS",
     "Material",
     "ModelLock",
     "ObservedTrajectory",
@@ -422,6 +423,7 @@ class Stepper:
         model_address: typing.SupportsInt | typing.SupportsIndex,
         lock: ModelLock,
         parameters: Parameters,
+        nthread: typing.SupportsInt | typing.SupportsIndex,
     ) -> None: ...
     def step(
         self,
@@ -701,5 +703,6 @@ def solref_to_spring_at_rest(
     See dashpot.law.solref_to_spring_at_rest.
     """
 
+MAX_THREADS: int = 128
 __mujoco_version__: str = "3.17.0"
 __version__: str = "0.1.0"

@@ -52,14 +52,14 @@ def finite_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return array
 
 
-def whole_number(name: str, value: object, *, lowest: int) -> int:
-    """Return an integer from `lowest` on; raise TypeError for no integer, ValueError otherwise."""
+def whole_number(name: str, value: object, *, lowest: int, highest: int = _LARGEST_COUNT) -> int:
+    """Return an integer in a range; raise TypeError for no integer, ValueError otherwise."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} must be an integer, got {value!r}")
     if value < lowest:
         raise ValueError(f"{name} must be >= {lowest}, got {value}")
-    if value > _LARGEST_COUNT:
-        raise ValueError(f"{name} must be <= {_LARGEST_COUNT}, got {value}")
+    if value > highest:
+        raise ValueError(f"{name} must be <= {highest}, got {value}")
     return int(value)
 
 

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from dashpot import _core
-from dashpot.checks import is_data_of, positive_count
+from dashpot.checks import is_data_of, positive_count, whole_number
 from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy
 from dashpot.engine_options import EngineOptions
@@ -115,12 +115,20 @@ class Engine:
     comfree_damping
         Damping d of law ``"comfree"``, >= 0, no unit; 0.001 where None. A facet pushes with
         m d / timestep per m/s of approach.
+    nthread
+        Number of threads, from 1 to 128, that share the passes of a step over contacts and bodies,
+        the calling one among them. Results are the same bit for bit for any number. Two take a
+        tenth less time than one at 75 contacts, a quarter less at 270, a third less at 1,000. The
+        others wait for the next step in a loop for half a millisecond and then sleep: more than
+        there are free cores do not help. Rollouts, calibrations and linearisations have a number
+        of threads of their own, each of which steps one state at a time.
 
     Raises
     ------
     TypeError
         If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, a number of
-        micro-steps no integer, or ``recovery_speed`` or an option of law ``"comfree"`` no number.
+        micro-steps or threads no integer, or ``recovery_speed`` or an option of law ``"comfree"``
+        no number.
     ValueError
         If an option is out of range or belongs to the other law, or the model uses a feature that
         the engine refuses; the message names it.
@@ -139,6 +147,7 @@ class Engine:
         rules: CombinationRules | None = None,
         comfree_stiffness: float | None = None,
         comfree_damping: float | None = None,
+        nthread: int = 1,
     ) -> None:
         if not isinstance(model, mujoco.MjModel):
             raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
@@ -153,6 +162,7 @@ class Engine:
             comfree_stiffness=comfree_stiffness,
             comfree_damping=comfree_damping,
         )
+        self._nthread = whole_number("nthread", nthread, lowest=1, highest=_core.MAX_THREADS)
         _core.check_supported(model._address, _core.Law[law])
         self._model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -186,6 +196,11 @@ class Engine:
     def rules(self) -> CombinationRules:
         """How the materials of two geoms combine."""
         return self._options.rules
+
+    @property
+    def nthread(self) -> int:
+        """Number of threads that share the passes of a step."""
+        return self._nthread
 
     @property
     def materials(self) -> dict[int, Material]:
@@ -325,7 +340,9 @@ class Engine:
         self._check_data(data)
         steps = positive_count("nstep", nstep)
         if self._stepper is None:
-            self._stepper = _core.Stepper(self.model._address, self._lock, self._parameters())
+            self._stepper = _core.Stepper(
+                self.model._address, self._lock, self._parameters(), self.nthread
+            )
         return self._stepper.step(data._address, steps)
 
     def contacts(
@@ -416,6 +433,7 @@ class Engine:
         return {
             "_model": model,
             "_options": self._options,
+            "_nthread": self._nthread,
             "_contact_capacity": self._contact_capacity,
             "_geom_material": dict(self._geom_material),
             "_pair_material": dict(self._pair_material),

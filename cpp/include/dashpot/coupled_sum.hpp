@@ -30,9 +30,17 @@
 namespace dashpot {
 
 // S_T of every tree, of those that are no free bodies the lower triangle, `count` columns each,
-// mass-weighted; zero between islands. Keeps its arrays from step to step.
+// mass-weighted; zero between steps. Keeps its arrays from step to step. Threads may add rows of
+// different trees at once, and take their bounds with a room of their own.
 class CoupledSum {
  public:
+  // For the matrix of a bound, and vectors of its size.
+  struct Room {
+    void fit(const Trees& trees);
+    AlignedDoubles matrix, row, product;
+    std::vector<int> reached;  // coordinates of one tree, from its first
+  };
+
   void reset(const Trees& trees);
   // Adds `dim` rows of a group from the row `first` on over one of its trees, `weight` for each.
   void add(const Rows& rows, const Trees& trees, const RowGroup& group, int side, int first,
@@ -43,15 +51,15 @@ class CoupledSum {
                           const double* weight, CoupledSum& normal, CoupledSum& friction);
   bool empty(int tree) const { return empty_[tree]; }
   // The bound of one tree, whose sum is zero afterwards; 0 where nothing was added.
-  double take_bound(const Trees& trees, int tree);
+  double take_bound(const Trees& trees, int tree, Room& room);
   // The same, but what was added goes to another sum.
-  double hand_over(const Trees& trees, int tree, CoupledSum& to);
+  double hand_over(const Trees& trees, int tree, CoupledSum& to, Room& room);
 
  private:
-  double bound_of_joints(const Trees& trees, const Tree& tree);
-  double bound_of_reached(const Trees& trees, const Tree& tree);
-  void add_joints(const Trees& trees, const Tree& tree);
-  double bound(const Trees& trees, int tree);
+  double bound_of_joints(const Trees& trees, const Tree& tree, Room& room);
+  double bound_of_reached(const Trees& trees, const Tree& tree, Room& room);
+  void add_joints(const Trees& trees, const Tree& tree, Room& room);
+  double bound(const Trees& trees, int tree, Room& room);
   std::array<AlignedDoubles*, 3> joint_sums() { return {&joint_, &end_[0], &end_[1]}; }
   double of_joint(int coordinate) const {
     return joint_[coordinate] + std::max(end_[0][coordinate], end_[1][coordinate]);
@@ -66,9 +74,7 @@ class CoupledSum {
   std::array<AlignedDoubles, 2> end_;
   // By tree: nothing was added; rows of several coordinates were.
   std::vector<char> empty_, wide_;
-  std::vector<char> reaches_;            // by motion coordinate: a sparse row has it
-  std::vector<int> reached_;             // coordinates of one tree, from its first
-  AlignedDoubles room_, row_, product_;  // for the matrix of a bound, and vectors of its size
+  std::vector<char> reaches_;  // by motion coordinate: a sparse row has it
 };
 
 }  // namespace dashpot

@@ -3,7 +3,8 @@
 // Parameters are fixed during a step, mjData changes, StepStats is the result. A Stepper is used
 // by one thread at a time and has the model to itself while it steps: during the step it widens
 // contact detection in the model and, where it cuts the step into parts, changes opt.timestep; both
-// are restored. Parallel work gives every worker its own copy of the model and its own Stepper.
+// are restored. Parallel work on many states gives every worker its own copy of the model and its
+// own Stepper; a Stepper of several threads shares the passes of a single step among them.
 
 #pragma once
 
@@ -35,7 +36,9 @@ class Stepper {
  public:
   // `model` must outlive the stepper. Throws std::invalid_argument naming the feature that is
   // refused, or the size of `parameters` that does not fit the model.
-  Stepper(mjModel_* model, const Parameters& parameters);
+  // `threads` >= 1 share the passes of a step (team.hpp), the calling one among them; results are
+  // the same bit for bit.
+  Stepper(mjModel_* model, const Parameters& parameters, int threads = 1);
   ~Stepper();
   Stepper(Stepper&&) noexcept;
   Stepper& operator=(Stepper&&) noexcept;

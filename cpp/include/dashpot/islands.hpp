@@ -10,6 +10,7 @@
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/coupled_sum.hpp"
@@ -18,6 +19,7 @@
 #include "dashpot/row_data.hpp"
 #include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 
 namespace dashpot {
 
@@ -44,8 +46,9 @@ struct Island {
   Indices tree;   // in Trees
   Indices group;  // in Rows::group
   int microsteps = 1;
-  double duration = 0.0;  // h, s
-  int clipped = 0;        // rows whose stiffness or damping was lowered to what h resolves
+  double duration = 0.0;        // h, s
+  double rigid_duration = 0.0;  // of micro-steps that rigid rows are as stiff for, s
+  int clipped = 0;              // rows whose stiffness or damping was lowered to what h resolves
   bool has_few_groups() const { return group.last - group.first <= kFewGroups; }
 };
 
@@ -73,7 +76,7 @@ class Islands {
   // stiffer than given. What is lowered is counted as clipped.
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
             const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
-            double step, const Options& options);
+            double step, const Options& options, Team& team);
 
   const std::vector<Island>& all() const { return islands_; }
 
@@ -87,17 +90,30 @@ class Islands {
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
   };
-  void measure(const Island& island, const Rows& rows, const Trees& trees,
-               const std::vector<GroupMaterial>& materials, bool all_rigid);
+  void sort_sides(const Rows& rows, int tree_count);
+  void measure(const int* first_tree, const int* last_tree, const Rows& rows, const Trees& trees,
+               const std::vector<GroupMaterial>& materials, bool all_rigid, Team& team);
+  void add_sides(int tree, const Rows& rows, const Trees& trees,
+                 const std::vector<GroupMaterial>& materials, bool all_rigid);
+  void take_bounds(int tree, const Trees& trees, CoupledSum::Room& room);
   double longest_si_microstep(const Island& island) const;
-  double longest_rigid_microstep(const Island& island, const Rows& rows,
-                                 const std::vector<GroupMaterial>& materials,
-                                 const std::vector<SagTime>& sag_time) const;
+  double longest_rigid_microstep(const Island& island) const;
+  void choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
+                         const std::vector<char>& hits, double part, double step,
+                         const Options& options);
   RigidCoupling rigid_coupling(const RowGroup& group) const;
 
   std::vector<Island> islands_;
-  std::vector<int> root_, island_of_, tree_order_, group_order_, first_;
-  std::vector<TreeBounds> bounds_;  // by tree
+  std::vector<int> root_, island_of_, tree_of_, tree_order_, group_order_, first_;
+  // Twice a group and its side, 0 or 1, by tree that this side is of: from first_side_[tree] on.
+  std::vector<int> side_order_, first_side_;
+  std::vector<std::array<int, 2>> trees_of_order_;  // by place in group_order_
+  std::vector<TreeBounds> bounds_;                  // by tree
+  std::vector<double> rigid_longest_;               // by group: microstep that resolves it, s
+  std::vector<char> resolves_;                      // by island: its SI values
+  std::vector<int> island_at_;                      // by place in group_order_
+  std::vector<char> lowered_;           // by place in group_order_: its stiffness or damping
+  std::vector<CoupledSum::Room> room_;  // by worker
   CoupledSum stiffness_, damping_, rigid_normal_, rigid_friction_;
 };
 

@@ -25,6 +25,7 @@
 #include "dashpot/energy_ledger.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 
 namespace dashpot {
 
@@ -123,12 +124,13 @@ class Memory {
 
   // What is remembered of the contacts of every group.
   void match(const std::vector<ContactInput>& contacts, const Rows& rows,
-             std::vector<Match>& matches) const;
+             std::vector<Match>& matches, Team& team) const;
   // Fills the deformation and offset of every row at the start of a step of `length` (s). With
   // infinite `recovery_speed` the spring takes the whole overlap.
   void recall(const std::vector<ContactInput>& contacts,
               const std::vector<ConstraintInput>& constraints, const std::vector<Match>& matches,
-              const Rows& rows, double recovery_speed, double length, RowData& data) const;
+              const Rows& rows, double recovery_speed, double length, RowData& data,
+              Team& team) const;
   // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
   // normals than the pair remembers, as points that are new among old ones do, all of them give
   // way.
@@ -139,9 +141,12 @@ class Memory {
   // Replaces the memory by the deformed rows of `data`.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                const RowData& data);
+                const RowData& data, Team& team);
 
  private:
+  void remember(const ConstraintInput& input, const Rows& rows, int group, const RowData& data);
+  void remember(const ContactInput& input, const Rows& rows, int group, const RowData& data,
+                int place);
   double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const;
@@ -155,7 +160,8 @@ class Memory {
   double first_deformation(const ConstraintInput& input, const Rows& rows,
                            const RowGroup& group) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                       const Rows& rows, double recovery_speed, double length, RowData& data) const;
+                       const Rows& rows, double recovery_speed, double length, RowData& data,
+                       Team& team) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
                           double recovery_speed, RowData& data) const;
 

@@ -44,6 +44,7 @@
 #include "dashpot/islands.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 
 namespace dashpot {
 
@@ -55,7 +56,7 @@ class MicrostepLoop {
   MicrostepLoop(MicrostepLoop&&) noexcept;
 
   void run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
-           RowData& data);
+           RowData& data, Team& team);
 
  private:
   struct Impl;

@@ -9,11 +9,14 @@
 //
 // Which contacts there are does not depend on what was kept: what is left out has none. Geoms whose
 // kind, size, mesh or bounds were edited are asked anew; a mesh whose vertices alone are is not.
+// Threads may ask at the same time, for different pairs.
 
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <mutex>
+#include <optional>
 #include <unordered_map>
 
 #include "dashpot/mujoco_candidates.hpp"
@@ -44,7 +47,10 @@ class PairsApart {
     int waits = 0;          // how often it is not looked for yet
   };
   static Placement place(const mjModel_* m, const mjData_* d, const CandidatePair& pair);
+  std::optional<Known> known(const CandidatePair& pair);
+  void keep(const CandidatePair& pair, const Known& known);
 
+  std::mutex mutex_;  // of what is kept
   std::unordered_map<std::uint64_t, Known> known_;
 };
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "dashpot/mujoco_bounds.hpp"
+#include "dashpot/team.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -26,6 +27,13 @@ struct CandidatePair {
   int defined = -1;     // index of the <pair> that defines it, -1 for none
   unsigned bodies = 0;  // by which MuJoCo orders pairs
   double within = 0.0;  // m, how far apart its contacts are looked for
+};
+
+// A pair whose contacts are looked for less far, see mujoco_narrowing.hpp.
+struct NarrowedPair {
+  std::array<int, 2> geom;
+  double margin = 0.0;
+  double reach = 0.0;  // beyond the margin, m
 };
 
 // MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
@@ -55,7 +63,8 @@ class CandidatePairs {
   // MuJoCo's contacts. `reach` (by geom, m) is how far geoms may move in the step. Valid until the
   // next call.
   const std::vector<CandidatePair>& near(const mjModel_* m, const mjData_* d,
-                                         const std::vector<double>& reach, Narrowing& narrowing);
+                                         const std::vector<double>& reach, Narrowing& narrowing,
+                                         Team& team);
 
  private:
   struct PlaneAsGathered {
@@ -65,7 +74,7 @@ class CandidatePairs {
   void read_filters(const mjModel_* m);
   bool are_too_many(const std::vector<double>& reach) const;
   bool is_left(const mjModel_* m, const mjData_* d) const;
-  void find_boxes(const mjModel_* m, const mjData_* d);
+  void find_boxes(const mjModel_* m, const mjData_* d, Team& team);
   void gather(const mjModel_* m, const mjData_* d, const std::vector<double>& reach);
   void check_places(const mjModel_* m, const mjData_* d) const;
   void gather_of_planes(const mjModel_* m, const mjData_* d);
@@ -81,6 +90,12 @@ class CandidatePairs {
   std::vector<Room> present_, rooms_;         // by geom
   std::vector<int> order_;                    // of bounded geoms along an axis
   std::vector<CandidatePair> all_, near_;
+  // What threads find, by range of all_, until it is put together.
+  struct NearOfRange {
+    std::vector<CandidatePair> pairs;
+    std::vector<NarrowedPair> narrowed;
+  };
+  std::vector<NearOfRange> near_of_range_;
   double reach_ = 0.0;  // m, of all geoms together when pairs were gathered
 };
 

@@ -15,6 +15,8 @@ namespace dashpot::host {
 // Values of mjContact::exclude. MuJoCo leaves contacts beyond the margin out of its rows.
 inline constexpr int kIncluded = 0, kInGap = 1;
 
+// Reads contact `index` of data; false where it loads nothing: it is excluded, or moves nothing.
+bool read_contact(const mjModel_* m, const mjData_* d, int index, ContactInput& contact);
 // The contacts of the last step as data still hold them.
 void read_contacts(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts);
 // Appends `count` contacts that are yet to be filled in, first in the arena, as mj_addContact has

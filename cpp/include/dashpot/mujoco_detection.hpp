@@ -10,7 +10,9 @@
 #include "dashpot/mujoco_narrowphase.hpp"
 #include "dashpot/mujoco_reach.hpp"
 #include "dashpot/mujoco_seams.hpp"
+#include "dashpot/mujoco_workplaces.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -31,6 +33,8 @@ struct Detection {
   CandidatePairs candidates;
   Narrowphase narrowphase;
   SeamBuffers seams;
+  Workplaces workplaces;
+  std::vector<char> counts;  // by contact found: may be loaded
 };
 
 // Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
@@ -43,12 +47,14 @@ bool anything_reads_rows(const mjModel_* m);
 // where contacts or required rows exceed the memory of the model.
 // `acceleration` is the smooth generalized acceleration over the step (nv).
 void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
-            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+            Team& team);
 // The same once more in this step, with the reach that detection.buffers now ask for at least, and
 // with the points where `body_velocity` (6 by body, as in cvel) leads in place of the present one.
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                   const std::vector<double>& body_velocity, Detection& detection,
-                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+                  Team& team);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
@@ -59,7 +65,7 @@ class MiddleGeometry {
  public:
   MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
                  Detection& detection, std::vector<ContactInput>& contacts,
-                 std::vector<ConstraintInput>& constraints);
+                 std::vector<ConstraintInput>& constraints, Team& team);
 
   // Throws what MuJoCo throws.
   void leave() { start_.restore(); }

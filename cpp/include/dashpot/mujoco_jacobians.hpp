@@ -17,8 +17,13 @@ namespace dashpot::host {
 std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source);
 // Appends sparse rows for the group that was appended last, from `source` on in MuJoCo's.
 void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& trees, Rows& rows);
-// Appends the geometry or the sparse rows of a scalar constraint or contact, for the group that
-// was appended last.
+// Whether the rows of a contact are those of a PairGeometry, and what it is.
+bool has_pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                       const Trees& trees);
+PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                           const Trees& trees);
+// Appends the sparse rows of a scalar constraint, or of a contact without a pair geometry, for the
+// group that was appended last.
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                      const Trees& trees, Rows& rows);
 void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,

@@ -21,21 +21,17 @@ namespace dashpot::host {
 
 struct ReachBuffers;
 
-struct NarrowedPair {
-  std::array<int, 2> geom;
-  double margin = 0.0;
-  double reach = 0.0;  // beyond the margin, m
-};
-
 // Keeps its array from step to step.
 class Narrowing {
  public:
   // `reach` is to outlive its use.
   void start(const ReachBuffers& reach);
-  // The distance (m) within which contacts of a pair are looked for, pair.within or less.
-  double within(const mjModel_* m, const mjData_* d, const CandidatePair& pair);
-  // Those of which it was less.
-  const std::vector<NarrowedPair>& pairs() const { return pairs_; }
+  // The distance (m) within which contacts of a pair are looked for, pair.within or less; where it
+  // is less, the pair is appended to `narrowed`.
+  double within(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
+                std::vector<NarrowedPair>& narrowed) const;
+  // Those of the present detection.
+  std::vector<NarrowedPair>& pairs() { return pairs_; }
 
  private:
   const ReachBuffers* reach_ = nullptr;

@@ -7,6 +7,8 @@
 
 #include "dashpot/mujoco_apart.hpp"
 #include "dashpot/mujoco_candidates.hpp"
+#include "dashpot/mujoco_workplaces.hpp"
+#include "dashpot/team.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -19,11 +21,13 @@ class Narrowphase {
  public:
   // To be called where positions, velocities or the time step have changed.
   void forget() { now_.pairs.clear(); }
-  // Pairs that were asked already, within the same distance, are not collided again.
-  void find(const mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs);
+  // Pairs that were asked already, within the same distance, are not collided again. While
+  // collisions are replaced in this thread; in others by `faces`, as in ReplacedCollisions.
+  void find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>& pairs, FaceBuffers* faces,
+            Workplaces& workplaces, Team& team);
 
   // Stops with MuJoCo's warning where they do not fit into the memory of the model.
-  void write(mjModel_* m, mjData_* d) const;
+  void write(mjModel_* m, mjData_* d, Team& team) const;
 
  private:
   // What a collision says of one contact, in the world.
@@ -40,7 +44,11 @@ class Narrowphase {
     std::vector<FoundPair> pairs;
     std::vector<FoundContact> contacts;
   };
+  void find_in(const mjModel_* m, mjData_* d, const CandidatePair* first, const CandidatePair* last,
+               Found& found);
+
   Found before_, now_;
+  std::vector<Found> found_;  // what threads find, by range of pairs, until it is put together
   PairsApart apart_;
 };
 

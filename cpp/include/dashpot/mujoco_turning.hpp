@@ -28,6 +28,7 @@
 #include <vector>
 
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 #include "dashpot/trees.hpp"
 
 struct mjModel_;
@@ -36,6 +37,7 @@ struct mjData_;
 namespace dashpot::host {
 
 struct FaceBuffers;
+class Workplaces;
 
 // Takes contacts of bodies that touch and turn to the middle of a step of `length` (s): their
 // frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
@@ -43,7 +45,7 @@ struct FaceBuffers;
 // before: a contact of it was. `faces` are kept from step to step. Contacts without a counterpart
 // in the middle stay as they are.
 void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, FaceBuffers& faces, std::vector<ContactInput>& contacts,
-                    std::vector<char>& taken);
+                    const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                    std::vector<ContactInput>& contacts, std::vector<char>& taken, Team& team);
 
 }  // namespace dashpot::host

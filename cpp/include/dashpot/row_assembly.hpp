@@ -8,6 +8,7 @@
 #include "dashpot/memory.hpp"
 #include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 #include "dashpot/tree_motion.hpp"
 
 namespace dashpot {
@@ -17,13 +18,14 @@ namespace dashpot {
 void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
                    const std::vector<ConstraintInput>& constraints,
                    const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
-                   std::vector<GroupMaterial>& materials);
+                   std::vector<GroupMaterial>& materials, Team& team);
 
 // For Islands::plan, by group; the sag is a part of the smaller body's radius. Without gravity
 // there is no weight. `velocity`: at the start of a step of `step` (s), in motion coordinates;
 // loads of contacts that close or open in it are not known.
 void find_sag_times(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    const double* velocity, double step, std::vector<SagTime>& sag_time);
+                    const double* velocity, double step, std::vector<SagTime>& sag_time,
+                    Team& team);
 
 }  // namespace dashpot

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "dashpot/rows.hpp"
+#include "dashpot/team.hpp"
 
 namespace dashpot {
 
@@ -14,6 +15,12 @@ struct Island;
 struct EnergyShares {
   double normal = 0.0, friction = 0.0, constraint = 0.0;
   double sum() const { return normal + friction + constraint; }
+  EnergyShares& operator+=(const EnergyShares& other) {
+    normal += other.normal;
+    friction += other.friction;
+    constraint += other.constraint;
+    return *this;
+  }
 };
 // The share that the energy of row i of a group belongs to.
 double& share(EnergyShares& shares, const RowGroup& group, int i);
@@ -68,6 +75,6 @@ bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double ga
 bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data);
 
 // Elastic energy stored in the springs, J.
-EnergyShares elastic_energy(const Rows& rows, const RowData& data);
+EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team);
 
 }  // namespace dashpot

@@ -41,6 +41,7 @@ struct ContactInput {
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
   bool is_at_impact = false;  // frozen where bodies that fly meet, see flight_contacts.hpp
+  bool is_in_middle = false;  // frozen where bodies that touch are in the middle of the step
   // Of contacts frozen in the middle of the step: the time (s) that leads there, and the
   // acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
@@ -55,6 +56,9 @@ struct ContactInput {
   std::array<double, 9> rotation{};
 
   bool is_at_seam() const { return takes_over[0] >= 0; }
+  bool is_of_pair(const std::array<int, 2>& of) const {
+    return geom[0] == of[0] && geom[1] == of[1];
+  }
   bool is_of_flex() const { return geom[0] < 0 || geom[1] < 0; }
 };
 

@@ -25,17 +25,19 @@ struct Block {
 };
 struct BlockGroups {
   std::array<int, kLanes> group{};
+  std::array<int, kLanes> values{};  // of sparse rows: where those of the lane begin
   int count = 0;
 };
 template <typename Jacobian, typename Law>
 struct Blocks {
-  std::vector<Block<Jacobian, Law>> block;
-  std::vector<BlockGroups> groups;  // of each block
+  std::vector<BlockGroups> groups;
+  std::vector<Block<Jacobian, Law>> block;  // of these groups, at least
+};
 
-  void clear() {
-    block.clear();
-    groups.clear();
-  }
+// A tree of an island, and which other parts of its rows act on it, by bit.
+struct IslandTree {
+  Tree tree;
+  unsigned parts = 0;
 };
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
@@ -50,6 +52,11 @@ struct IslandMotion {
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
+  // What the rows of other parts than the first apply (island_blocks.hpp): forces, then impulses,
+  // then what goes to coordinate_impulse and moment, those of a part `part_size` after those of the
+  // one before.
+  double *force_of_parts, *impulse_of_parts;
+  int part_size;
   const double *smooth_acceleration, *inverse;
   // For the drag of damped trees.
   const double *start_motion, *added, *damping, *cross_damping;
@@ -172,10 +179,22 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
 }
 
+// Adds what other parts have applied, in their order, and leaves zeros.
+[[gnu::always_inline]] inline void take_parts(const IslandTree& of, int part_size, double* of_parts,
+                                              double* sum) {
+  const Tree& t = of.tree;
+  for (unsigned left = of.parts; left != 0; left &= left - 1) {
+    double* const applied = of_parts + __builtin_ctz(left) * part_size;
+    for (int i = t.begin; i < t.begin + t.count; i += kLanes) add_lanes(applied + i, sum + i);
+    set_to_zero(t, applied);
+  }
+}
+
 template <Sweep kSweep>
-[[gnu::always_inline]] inline void sweep_one(const Tree& tree, const IslandMotion& m) {
-  const Tree t = tree;
+[[gnu::always_inline]] inline void sweep_one(const IslandTree& of, const IslandMotion& m) {
+  const Tree t = of.tree;
   if constexpr (kSweep == Sweep::kSmoothMotion) {
+    if (of.parts) take_parts(of, m.part_size, m.force_of_parts, m.force);
     if (t.damped) add_drag(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
@@ -186,11 +205,16 @@ template <Sweep kSweep>
     }
     respond(t, m.inverse, m.force, m.acceleration);
   } else if constexpr (kSweep == Sweep::kDisplacement) {
+    if (of.parts) {
+      take_parts(of, m.part_size, m.force_of_parts, m.coordinate_impulse);
+      take_parts(of, m.part_size, m.impulse_of_parts, m.moment);
+    }
     respond(t, m.inverse, m.moment, m.displacement);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes)
       add_lanes(m.displacement + i, m.total_displacement + i);
   } else {
     static_assert(kSweep == Sweep::kContactMotion);
+    if (of.parts) take_parts(of, m.part_size, m.impulse_of_parts, m.impulse);
     if (t.damped) add_impulse_of_drag(t, m);
     respond(t, m.inverse, m.impulse, m.velocity);
     if (t.damped) account_drag(t, m);
@@ -252,10 +276,8 @@ inline InstructionSet find_instruction_set() {
 #endif
 
 template <Sweep kSweep, typename Item>
-void sweep_fastest(std::vector<Item>& items, const IslandMotion& m) {
-  if (items.empty()) return;
-  Item* const first = items.data();
-  Item* const last = first + items.size();
+void sweep_fastest(Item* first, Item* last, const IslandMotion& m) {
+  if (first == last) return;
 #if defined(__x86_64__)
   static const InstructionSet instructions = find_instruction_set();
   if (instructions == InstructionSet::kAvx512) return sweep_avx512<kSweep>(first, last, m);

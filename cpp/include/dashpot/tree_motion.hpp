@@ -19,6 +19,7 @@
 
 #include "dashpot/free_body.hpp"
 #include "dashpot/row_data.hpp"
+#include "dashpot/team.hpp"
 #include "dashpot/trees.hpp"
 
 struct mjModel_;
@@ -55,7 +56,7 @@ class TreeMotion {
   // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
   // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
   // std::runtime_error where it has diverged.
-  void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data);
+  void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data, Team& team);
   // The same as the geometry of the middle sees it, which `d` holds.
   void freeze_at_middle(mjData_* d, double length, RowData& data);
   // The same of one free body, where its velocity takes it in `time` (s).
@@ -72,7 +73,8 @@ class TreeMotion {
   void to_generalized_force(int tree, const double* coordinates, double* force) const;
 
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
-  // Returns the energy (J) that rows gave the tree and that it does not have then.
+  // Returns the energy (J) that rows gave the tree and that it does not have then. Threads may
+  // advance accurate trees at once.
   double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
   // By tree, of the last step: it has its velocity from MuJoCo's integrator.
   const std::vector<char>& integrated() const { return integrated_; }

@@ -5,7 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import add_material, add_scene, folder, load_engine, positive, progress_bar
+from dashpot.cli.options import (
+    add_material,
+    add_scene,
+    add_threads,
+    folder,
+    load_engine,
+    positive,
+    progress_bar,
+)
 
 
 def add_to(commands: Any) -> None:
@@ -26,6 +34,7 @@ def add_to(commands: Any) -> None:
         "noslip, solref-direct, discrete; default: all but noslip",
     )
     add_material(parser)
+    add_threads(parser)
     parser.add_argument(
         "--out", type=folder, metavar="DIR", help="write comparison.json and comparison.png there"
     )
@@ -44,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings: tuple[str, ...] = compare.DEFAULT_SETTINGS
     if arguments.settings is not None:
         settings = tuple(name.strip() for name in arguments.settings.split(","))
-    engine = load_engine(arguments.scene, arguments.material)
+    engine = load_engine(arguments.scene, arguments.material, arguments.threads)
     duration = arguments.duration
     if duration is None and arguments.scene in compare.SCENES:
         duration = compare.scene(arguments.scene).duration

@@ -115,6 +115,17 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """Add ``--threads``."""
+    parser.add_argument(
+        "--threads",
+        type=count,
+        default=1,
+        metavar="N",
+        help="threads that share a step of dashpot's (%(default)s); results are the same",
+    )
+
+
 def add_material(parser: argparse.ArgumentParser) -> None:
     """Add ``--material``."""
     parser.add_argument(
@@ -139,7 +150,7 @@ def geom_names(engine: Engine) -> set[str]:
     return {engine.model.geom(index).name for index in range(engine.model.ngeom)} - {""}
 
 
-def load_engine(scene: str, given: list[tuple[str, Material]]) -> Engine:
+def load_engine(scene: str, given: list[tuple[str, Material]], nthread: int) -> Engine:
     """Return an engine of a scene file or shipped scene, with the materials of ``--material``."""
     import mujoco
 
@@ -149,11 +160,11 @@ def load_engine(scene: str, given: list[tuple[str, Material]]) -> Engine:
 
     if scene in SCENES:
         shipped = SCENES[scene]()
-        engine = Engine(mujoco.MjModel.from_xml_string(shipped.xml))
+        engine = Engine(mujoco.MjModel.from_xml_string(shipped.xml), nthread=nthread)
         for geom, value in shipped.materials.items():
             engine.set_material(geom, value)
     else:
-        engine = Engine(load_model(scene))
+        engine = Engine(load_model(scene), nthread=nthread)
     apply_materials(engine, given)
     return engine
 

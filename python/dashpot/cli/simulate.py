@@ -8,6 +8,7 @@ from typing import Any
 from dashpot.cli.options import (
     add_material,
     add_scene,
+    add_threads,
     load_engine,
     new_file,
     positive,
@@ -29,6 +30,7 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("--timestep", type=positive, metavar="S", help="default: the scene's")
     add_material(parser)
+    add_threads(parser)
     parser.add_argument(
         "--out",
         type=new_file,
@@ -46,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from dashpot.compare.runner import start
     from dashpot.features import Report
 
-    engine = load_engine(arguments.scene, arguments.material)
+    engine = load_engine(arguments.scene, arguments.material, arguments.threads)
     if arguments.timestep is not None:
         engine.model.opt.timestep = arguments.timestep
     step = float(engine.model.opt.timestep)

@@ -7,7 +7,7 @@ import os
 import sys
 from typing import Any
 
-from dashpot.cli.options import add_material, add_scene, load_engine, positive
+from dashpot.cli.options import add_material, add_scene, add_threads, load_engine, positive
 
 
 def add_to(commands: Any) -> None:
@@ -24,12 +24,13 @@ def add_to(commands: Any) -> None:
         "--duration", type=positive, metavar="S", help="close the window after these seconds"
     )
     add_material(parser)
+    add_threads(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    engine = load_engine(arguments.scene, arguments.material)
+    engine = load_engine(arguments.scene, arguments.material, arguments.threads)
     if arguments.timestep is not None:
         engine.model.opt.timestep = arguments.timestep
     require_display()

@@ -1,0 +1,68 @@
+// The rows of an island as blocks of four groups (lane_flow.hpp), in parts that threads share.
+//
+// Groups with the same kind of Jacobian and law follow one another in the order of the island. A
+// part is an equal share of the blocks of every kind. What its rows apply to trees goes to arrays
+// of its own, which are summed tree by tree in the order of parts; how many there are goes by the
+// number of groups alone, so sums do not depend on who computes them.
+
+#pragma once
+
+#include <tuple>
+#include <vector>
+
+#include "dashpot/islands.hpp"
+#include "dashpot/row_data.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/sweeps.hpp"
+#include "dashpot/team.hpp"
+
+namespace dashpot {
+
+// Keeps its arrays from one island and step to the next.
+class IslandBlocks {
+ public:
+  // Fills the blocks from `rows` and `data`, for micro-steps of `h` (s).
+  void pack(const Rows& rows, const Trees& trees, const Island& island, double h,
+            double recovery_speed, const RowData& data, Team& team);
+  // Writes what has become of the rows to `data`.
+  void unpack(const Rows& rows, RowData& data, Team& team) const;
+
+  int parts() const { return parts_; }
+  // The parts but the first that act on a tree, by bit.
+  unsigned other_parts(int tree) const { return parts_ > 1 ? of_tree_[tree] >> 1 : 0; }
+
+  template <Sweep kSweep>
+  void sweep(int part, const IslandMotion& motion) {
+    const auto sweep_list = [&](auto& list) {
+      if (list.groups.empty()) return;
+      auto* const block = list.block.data();
+      sweep_fastest<kSweep>(block + begin(list, part), block + begin(list, part + 1), motion);
+    };
+    std::apply([&](auto&... list) { (sweep_list(list), ...); }, blocks_);
+  }
+
+ private:
+  using AllBlocks =
+      std::tuple<Blocks<PairLanes, ContactLanes<1>>, Blocks<PairLanes, ContactLanes<3>>,
+                 Blocks<PairLanes, ContactLanes<4>>, Blocks<PairLanes, ContactLanes<6>>,
+                 Blocks<SparseLanes, ContactLanes<1>>, Blocks<SparseLanes, ContactLanes<3>>,
+                 Blocks<SparseLanes, ContactLanes<4>>, Blocks<SparseLanes, ContactLanes<6>>,
+                 Blocks<SparseLanes, SpringLanes>, Blocks<JointLanes, ContactLanes<1>>,
+                 Blocks<JointLanes, SpringLanes>>;
+
+  // The first block of a part.
+  template <typename List>
+  int begin(const List& list, int part) const {
+    const int blocks = static_cast<int>(list.groups.size());
+    return part == parts_ ? blocks : part == 0 ? 0 : blocks * part / parts_;
+  }
+  void sort(const Rows& rows, const Island& island);
+  void find_parts_of_trees(const Rows& rows, int tree_count);
+
+  AllBlocks blocks_;
+  int parts_ = 1;
+  std::vector<unsigned> of_tree_;  // parts that act on it, by bit; of islands of several parts
+  AlignedDoubles sparse_values_;   // what SparseLanes point to: zeros, for lanes to spare, first
+};
+
+}  // namespace dashpot

@@ -1,0 +1,233 @@
+#include "dashpot/island_blocks.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <new>
+#include <type_traits>
+
+namespace dashpot {
+
+namespace {
+
+// Groups of a part at least: its share of a sweep then takes ten times as long as to hand it to a
+// thread. And as many parts as there may be, each of which costs every tree some additions.
+constexpr int kGroupsOfPart = 64;
+constexpr int kMostParts = 4;
+
+// Fills one lane of a block from a group of rows.
+struct LanePacker {
+  const Rows& rows;
+  const RowData& data;
+  double h = 0.0;
+  double recovery_speed = 0.0;
+  double* sparse_values = nullptr;
+
+  void pack_jacobian(const RowGroup& c, int lane, int /*values*/, PairLanes& j) const {
+    const PairGeometry& pair = rows.pair[c.pair];
+    for (int i = 0; i < 9; ++i) j.frame[i][lane] = pair.frame[i];
+    for (int side = 0; side < 2; ++side) {
+      for (int i = 0; i < 3; ++i) j.arm[side][i][lane] = pair.arm[side][i];
+      j.body[side][lane] = pair.begin[side] > 0 ? pair.begin[side] : kBodyCoordinates * lane;
+    }
+  }
+
+  void pack_jacobian(const RowGroup& c, int lane, int /*values*/, JointLanes& j) const {
+    j.value[lane] = rows.value[c.value];
+    j.column[lane] = rows.column[c.column];
+  }
+
+  void pack_jacobian(const RowGroup& c, int lane, int values, SparseLanes& j) const {
+    pack_sparse(rows.value.data() + c.value, rows.column.data() + c.column, c.dim, c.width(),
+                sparse_values + values, lane, j);
+    spare_sparse(sparse_values, lane, j);
+  }
+
+  template <int Dim>
+  void pack_rows(const RowGroup& c, int index, int lane, RowLanes<Dim>& law) const {
+    for (int i = 0; i < Dim; ++i) {
+      law.stiffness[i][lane] = rows.stiffness[c.row + i];
+      law.damping[i][lane] = rows.damping[c.row + i];
+      law.inverse_mass[i][lane] = rows.inverse_mass[c.row + i];
+      law.deformation[i][lane] = data.deformation[c.row + i];
+    }
+    law.bearable[lane] = bearable_compression(rows, c, recovery_speed);
+    law.recovery_speed[lane] = recovery_speed_along(rows, c, recovery_speed);
+    law.offset[lane] = data.offset[index];
+    law.sticking[lane] = -1;
+  }
+
+  double relaxation(int row) const {
+    const double k = rows.stiffness[row], d = rows.damping[row];
+    return d > 0.0 ? std::exp(-k * h / d) : 0.0;
+  }
+
+  template <int Dim>
+  void pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const {
+    law.loaded_friction[lane] = c.loaded_friction;
+    law.inverse_friction_load[lane] = 1.0 / c.friction_load;
+    law.load_dependent = law.load_dependent || c.loaded_friction < 1.0;
+    for (int i = 0; i < std::min(Dim, 3); ++i) {
+      law.turning[i][lane] = c.turning[i];
+      law.turns = law.turns || c.turning[i] != 0.0;
+    }
+    for (int i = 1; i < Dim; ++i) {
+      const double mu = rows.friction[c.row + i];
+      if (mu > 0.0) {
+        law.inverse_friction[i - 1][lane] = 1.0 / mu;
+        law.relaxation[i - 1].relaxation[lane] = relaxation(c.row + i);
+      } else {
+        law.stiffness[i][lane] = law.damping[i][lane] = 0.0;
+      }
+    }
+  }
+
+  void pack_law(const RowGroup& c, int lane, SpringLanes& law) const {
+    law.relaxation.relaxation[lane] = relaxation(c.row);
+    law.limit[lane] =
+        c.kind == RowKind::kSlider ? rows.friction[c.row] : std::numeric_limits<double>::infinity();
+  }
+
+  template <typename Jacobian, typename Law>
+  void pack(const BlockGroups& groups, Block<Jacobian, Law>& block) const {
+    new (&block) Block<Jacobian, Law>{};
+    // Lanes to spare are open contacts far away.
+    block.law.deformation[0] = all_lanes(1.0);
+    for (int lane = 0; lane < groups.count; ++lane) {
+      const int index = groups.group[lane];
+      const RowGroup& c = rows.group[index];
+      pack_jacobian(c, lane, groups.values[lane], block.jacobian);
+      pack_rows(c, index, lane, block.law);
+      pack_law(c, lane, block.law);
+    }
+  }
+};
+
+// What rows of one part did, J.
+struct PartWork {
+  EnergyShares work, recovery_input;
+};
+
+template <typename Law>
+void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData& data,
+                 PartWork& part) {
+  const RowGroup& c = rows.group[index];
+  for (int i = 0; i < c.dim; ++i) {
+    const int row = c.row + i;
+    const bool frictionless = c.kind == RowKind::kContact && i > 0 && rows.friction[row] == 0.0;
+    data.deformation[row] = frictionless ? 0.0 : law.deformation[i][lane];
+    data.rate[row] = law.rate[i][lane];
+    data.total_impulse[row] = law.total_impulse[i][lane];
+  }
+  if constexpr (std::is_same_v<Law, SpringLanes>) {
+    data.force_moment[index] = law.force_moment[lane];
+    data.touched[index] = law.touched[lane] != 0;
+  } else {
+    data.touched[index] = law.total_impulse[0][lane] > 0.0;
+    data.turning_work[index] = law.turning_work[lane];
+  }
+  data.offset[index] = law.offset[lane];
+  data.sticking[index] = law.sticking[lane] != 0;
+  share(part.work, c, 0) += law.work[0][lane];
+  if (c.dim > 1) share(part.work, c, 1) += law.work[1][lane];
+  share(part.recovery_input, c, 0) += law.recovery_input[lane];
+}
+
+}  // namespace
+
+// Groups into the lists of their kinds, and sparse rows to their values.
+void IslandBlocks::sort(const Rows& rows, const Island& island) {
+  std::apply([](auto&... list) { (list.groups.clear(), ...); }, blocks_);
+  int largest = 0;
+  for (int index : island.group)
+    if (const RowGroup& c = rows.group[index]; c.pair < 0)
+      largest = std::max(largest, sparse_size(c.dim, c.width()));
+  int values = largest;
+  const auto append = [&](auto& list, int index) {
+    if (list.groups.empty() || list.groups.back().count == kLanes) list.groups.emplace_back();
+    BlockGroups& groups = list.groups.back();
+    groups.values[groups.count] = values;
+    groups.group[groups.count++] = index;
+  };
+  const auto append_contact = [&](auto jacobian, int index, int dim) {
+    using Jacobian = decltype(jacobian);
+    switch (dim) {
+      case 1:
+        return append(std::get<Blocks<Jacobian, ContactLanes<1>>>(blocks_), index);
+      case 3:
+        return append(std::get<Blocks<Jacobian, ContactLanes<3>>>(blocks_), index);
+      case 4:
+        return append(std::get<Blocks<Jacobian, ContactLanes<4>>>(blocks_), index);
+      default:
+        return append(std::get<Blocks<Jacobian, ContactLanes<6>>>(blocks_), index);
+    }
+  };
+  for (int index : island.group) {
+    const RowGroup& c = rows.group[index];
+    const bool of_joint = c.pair < 0 && c.dim == 1 && c.width() == 1;
+    if (!c.is_unilateral() && of_joint)
+      append(std::get<Blocks<JointLanes, SpringLanes>>(blocks_), index);
+    else if (!c.is_unilateral())
+      append(std::get<Blocks<SparseLanes, SpringLanes>>(blocks_), index);
+    else if (of_joint)
+      append(std::get<Blocks<JointLanes, ContactLanes<1>>>(blocks_), index);
+    else if (c.pair >= 0)
+      append_contact(PairLanes{}, index, c.dim);
+    else
+      append_contact(SparseLanes{}, index, c.dim);
+    if (c.pair < 0 && !of_joint) values += sparse_size(c.dim, c.width());
+  }
+  sparse_values_.assign(values, 0.0);
+  // Blocks of islands before that were larger stay: to make them again would take time.
+  const auto make_room = [](auto& list) {
+    if (list.block.size() < list.groups.size()) list.block.resize(list.groups.size());
+  };
+  std::apply([&](auto&... list) { (make_room(list), ...); }, blocks_);
+}
+
+void IslandBlocks::find_parts_of_trees(const Rows& rows, int tree_count) {
+  of_tree_.assign(tree_count, 0);
+  const auto visit = [&](const auto& list) {
+    for (int part = 0; part < parts_; ++part)
+      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+        for (int lane = 0; lane < list.groups[i].count; ++lane)
+          for (int tree : rows.group[list.groups[i].group[lane]].tree)
+            if (tree >= 0) of_tree_[tree] |= 1u << part;
+  };
+  std::apply([&](const auto&... list) { (visit(list), ...); }, blocks_);
+}
+
+void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& island, double h,
+                        double recovery_speed, const RowData& data, Team& team) {
+  sort(rows, island);
+  const int groups = static_cast<int>(island.group.last - island.group.first);
+  parts_ = std::clamp(groups / kGroupsOfPart, 1, kMostParts);
+  if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
+  const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
+  team.for_each(parts_, 1, [&](int part) {
+    const auto pack_list = [&](auto& list) {
+      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+        packer.pack(list.groups[i], list.block[i]);
+    };
+    std::apply([&](auto&... list) { (pack_list(list), ...); }, blocks_);
+  });
+}
+
+void IslandBlocks::unpack(const Rows& rows, RowData& data, Team& team) const {
+  std::array<PartWork, kMostParts> work;
+  team.for_each(parts_, 1, [&](int part) {
+    const auto unpack_list = [&](const auto& list) {
+      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+        for (int lane = 0; lane < list.groups[i].count; ++lane)
+          unpack_lane(rows, list.groups[i].group[lane], lane, list.block[i].law, data, work[part]);
+    };
+    std::apply([&](const auto&... list) { (unpack_list(list), ...); }, blocks_);
+  });
+  for (int part = 0; part < parts_; ++part) {
+    data.work += work[part].work;
+    data.recovery_input += work[part].recovery_input;
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,85 @@
+// Passes shared by threads: every item is visited once, by whatever thread; what passes throw
+// arrives; threads that sleep wake up. Run under a thread sanitizer it finds races of the team.
+
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "dashpot/team.hpp"
+
+namespace {
+
+using namespace dashpot;
+
+int failures = 0;
+
+void check(bool passed, const char* claim) {
+  if (passed) return;
+  if (++failures <= 20) std::printf("failed: %s\n", claim);
+}
+
+// A pass writes without any lock: one that is not over when share() returns shows in the next.
+void check_every_item_once(Team& team, int count, int grain) {
+  std::vector<int> visits(count, 0);
+  bool workers_exist = true;
+  std::atomic<bool> fits{true};
+  team.share(count, grain, [&](int worker, int first, int last) {
+    if (worker < 0 || worker >= team.size() || first < 0 || last > count) fits = false;
+    for (int item = first; item < last; ++item) ++visits[item];
+  });
+  for (int of_item : visits) workers_exist = workers_exist && of_item == 1;
+  check(workers_exist, "every item is visited once");
+  check(fits, "workers and ranges are those of the team and the pass");
+}
+
+void check_exception(Team& team) {
+  std::string what;
+  try {
+    team.for_each(1000, 10, [](int item) {
+      if (item % 100 == 57) throw std::runtime_error(std::to_string(item));
+    });
+  } catch (const std::runtime_error& error) {
+    what = error.what();
+  }
+  check(what == "57", "the exception of the lowest range arrives");
+  check_every_item_once(team, 1000, 10);
+}
+
+// The passes of a step depend on each other: each sees what the one before wrote.
+void check_passes_in_turn(Team& team) {
+  std::vector<int> values(300, 0), sums(300, 0);
+  for (int pass = 1; pass <= 20000; ++pass) {
+    team.for_each(300, 20, [&](int i) { values[i] = pass + sums[299 - i]; });
+    team.for_each(300, 20, [&](int i) { sums[i] = values[299 - i] % 1000; });
+  }
+  std::vector<int> expected_values(300, 0), expected(300, 0);
+  for (int pass = 1; pass <= 20000; ++pass) {
+    for (int i = 0; i < 300; ++i) expected_values[i] = pass + expected[299 - i];
+    for (int i = 0; i < 300; ++i) expected[i] = expected_values[299 - i] % 1000;
+  }
+  check(sums == expected, "a pass sees what the one before wrote");
+}
+
+}  // namespace
+
+int main() {
+  for (int threads : {1, 2, 3, 8}) {
+    Team team(threads);
+    check(team.size() >= 1 && team.size() <= threads, "a team has no more threads than asked for");
+    for (int count : {0, 1, 7, 64, 1000})
+      for (int grain : {1, 10, 64}) check_every_item_once(team, count, grain);
+    check_exception(team);
+    check_passes_in_turn(team);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // they sleep by now
+    check_every_item_once(team, 1000, 10);
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    team.wake();
+    check_every_item_once(team, 1000, 10);
+  }
+  if (failures == 0) std::printf("passes of teams of 1 to 8 threads: as they should be\n");
+  return failures > 0;
+}
