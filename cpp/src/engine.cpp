@@ -1,6 +1,7 @@
 #include "dashpot/engine.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -55,8 +56,18 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
   data_size = host::data_size(m);
 }
 
+// On several threads, unless they are slower.
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
-  team.wake();
+  if (team.size() == 1) return step_as_shared(d, leave_rows);
+  const auto start = std::chrono::steady_clock::now();
+  team.set_shares(pace.shares());
+  if (pace.shares()) team.wake();
+  const StepStats stats = step_as_shared(d, leave_rows);
+  pace.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+  return stats;
+}
+
+StepStats Stepper::Impl::step_as_shared(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::follow_edited_masses(model);
   host::check_data(model, d, data_size);

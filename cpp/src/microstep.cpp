@@ -42,7 +42,7 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
          (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
 }
 
-constexpr int kTreesAtOnce = 96;  // by a thread
+constexpr int kTreesAtOnce = 32;  // by a thread
 
 }  // namespace
 

@@ -136,13 +136,14 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
   find_boxes(m, d, team);
   if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
   const int count = static_cast<int>(all_.size());
-  near_of_range_.resize(count / kPairsAtOnce + 1);
+  const int size = team.range_size(count, kPairsAtOnce);
+  near_of_range_.resize(count / size + 1);
   for (NearOfRange& range : near_of_range_) {
     range.pairs.clear();
     range.narrowed.clear();
   }
   team.share(count, kPairsAtOnce, [&](int, int first, int last) {
-    NearOfRange& found = near_of_range_[first / kPairsAtOnce];
+    NearOfRange& found = near_of_range_[first / size];
     for (int i = first; i < last; ++i) {
       if (i + static_cast<int>(kPrefetched) < last)
         for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));

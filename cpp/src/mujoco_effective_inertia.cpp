@@ -26,6 +26,7 @@ constexpr double kImplicitPart = 0.25;
 // Part of a velocity that explicit damping takes in a step. Followed to second order, as Adams and
 // Bashforth do, it is stable up to 1, held over the step up to 2.
 constexpr double kStrongDamping = 0.5;
+constexpr int kTreesAtOnce = 32;  // by a thread
 
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
 // armature, and without forces that the integrator treats implicitly.
@@ -200,11 +201,11 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
   mjd_actuator_vel(m, d);
 }
 
-void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
+void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees, Team& team) {
   const double weight = joint_damping_weight(m);
   for (int i = 0; i < m->nv; ++i)
     trees.joint_damping[i] = weight > 0.0 ? weight * joint_damping(m, i, d->qvel[i]) : 0.0;
-  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+  team.for_each(static_cast<int>(trees.tree.size()), kTreesAtOnce, [&](int index) {
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
     t.damped = false;
@@ -212,7 +213,7 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees) {
       invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
     else
       factor_tree(m, d, trees, index, m->opt.timestep, trees.factor.data() + t.inverse);
-  }
+  });
 }
 
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {

@@ -52,19 +52,22 @@ void Narrowphase::find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>
   now_.pairs.clear();
   now_.contacts.clear();
   const int count = static_cast<int>(pairs.size());
-  found_.resize(count / kPairsAtOnce + 1);
+  const int range = team.range_size(count, kPairsAtOnce);
+  found_.resize(count / range + 1);
   for (Found& found : found_) {
     found.pairs.clear();
     found.contacts.clear();
   }
-  workplaces.open(m, d, faces, team.size());
+  workplaces.open(m, d, faces, team.active());
   team.share(count, kPairsAtOnce, [&](int worker, int first, int last) {
     const Workplace at(workplaces, worker);
     find_in(at.model(), at.data(), pairs.data() + first, pairs.data() + last,
-            found_[first / kPairsAtOnce]);
+            found_[first / range]);
   });
   workplaces.close();
-  if (team.size() == 1) return std::swap(now_, found_.front());
+  const auto is_empty = [](const Found& found) { return found.pairs.empty(); };
+  if (std::all_of(found_.begin() + 1, found_.end(), is_empty))
+    return std::swap(now_, found_.front());
   for (const Found& found : found_) {
     const int before = static_cast<int>(now_.contacts.size());
     for (const FoundPair& of : found.pairs)

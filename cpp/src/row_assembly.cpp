@@ -53,11 +53,19 @@ void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& 
 
 // Groups of all contacts, with the rows of those that have no pair geometry.
 void append_contacts(const mjModel_* model, const mjData_* data,
-                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows) {
-  for (size_t i = 0; i < contacts.size(); ++i) {
+                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
+                     Team& team) {
+  thread_local std::vector<char> kept;  // by the thread: no allocation in a step
+  std::vector<char>& has_pair = kept;
+  const int count = static_cast<int>(contacts.size());
+  has_pair.resize(count);
+  team.for_each(count, kLooksAtOnce, [&](int i) {
+    has_pair[i] = host::has_pair_geometry(model, data, contacts[i], motion.trees());
+  });
+  for (int i = 0; i < count; ++i) {
     const ContactInput& input = contacts[i];
-    RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
-    if (host::has_pair_geometry(model, data, input, motion.trees())) {
+    RowGroup& c = rows.append(RowKind::kContact, i, input.dim, input.tree);
+    if (has_pair[i]) {
       c.pair = static_cast<int>(rows.pair.size());
       rows.pair.emplace_back();
       continue;
@@ -113,7 +121,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     find_inverse_mass(rows, c, motion.trees());
   }
   mark_ends_of_ranges(constraints, rows);
-  append_contacts(model, data, contacts, motion, rows);
+  append_contacts(model, data, contacts, motion, rows, team);
   team.share(static_cast<int>(contacts.size()), kContactsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {
       if (i + static_cast<int>(kPrefetched) < last)

@@ -22,6 +22,7 @@
 #include "dashpot/mujoco_detection.hpp"
 #include "dashpot/mujoco_step_parts.hpp"
 #include "dashpot/mujoco_work.hpp"
+#include "dashpot/pace.hpp"
 #include "dashpot/pressed_between.hpp"
 #include "dashpot/pressed_together.hpp"
 #include "dashpot/row_data.hpp"
@@ -35,6 +36,7 @@ namespace dashpot {
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
   StepStats step(mjData_* d, bool leave_rows);
+  StepStats step_as_shared(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
 
@@ -77,6 +79,7 @@ struct Stepper::Impl {
   StepStats statistics() const;
 
   Team team;
+  Pace pace;
   mjModel_* model;
   Parameters parameters;
   MemoryLayout memory_layout;

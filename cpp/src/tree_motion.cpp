@@ -50,7 +50,7 @@ bool TreeMotion::is_accurate(int tree) const {
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {
   host::prepare_effective_inertia(model_, d);
-  host::find_effective_inertia(model_, d, trees_);
+  host::find_effective_inertia(model_, d, trees_, team);
   data.reset_motion(trees_.coordinates);
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
@@ -79,8 +79,8 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
                                " diverged; data are as they were before the step");
 }
 
-void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data) {
-  host::find_effective_inertia(model_, d, trees_);
+void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team& team) {
+  host::find_effective_inertia(model_, d, trees_, team);
   data.velocity[kTurningCoordinate] = -0.5 * length;
   for (int index = 0; index < tree_count(); ++index) {
     const Tree& tree = trees_.tree[index];

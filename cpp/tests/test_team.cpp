@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "dashpot/pace.hpp"
 #include "dashpot/team.hpp"
 
 namespace {
@@ -64,9 +65,30 @@ void check_passes_in_turn(Team& team) {
   check(sums == expected, "a pass sees what the one before wrote");
 }
 
+// Of the last 1000 of some thousand steps that take these times, how many are shared.
+int shared_steps(Pace& pace, double shared, double alone) {
+  int count = 0;
+  for (int step = 0; step < 5000; ++step) {
+    count += step >= 4000 && pace.shares();
+    pace.note(pace.shares() ? shared : alone);
+  }
+  return count;
+}
+
+// Trials take five steps, seldom where they change nothing; ways that differ by rounding stay.
+void check_pace() {
+  Pace pace;
+  check(pace.shares(), "the first step is shared");
+  check(shared_steps(pace, 1.0, 1.5) >= 995, "steps that threads make faster are shared");
+  check(shared_steps(pace, 1.5, 1.0) <= 5, "steps that threads make slower are not");
+  check(shared_steps(pace, 1.0, 1.5) >= 995, "what has changed is found out");
+  check(shared_steps(pace, 1.0, 0.99) >= 995, "what is as fast stays");
+}
+
 }  // namespace
 
 int main() {
+  check_pace();
   for (int threads : {1, 2, 3, 8}) {
     Team team(threads);
     check(team.size() >= 1 && team.size() <= threads, "a team has no more threads than asked for");
@@ -79,6 +101,12 @@ int main() {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
     team.wake();
     check_every_item_once(team, 1000, 10);
+    team.set_shares(false);
+    const std::thread::id own = std::this_thread::get_id();
+    team.for_each(1000, 10, [&](int) {
+      check(std::this_thread::get_id() == own, "a pass that is not shared stays with its thread");
+    });
+    team.set_shares(true);
   }
   if (failures == 0) std::printf("passes of teams of 1 to 8 threads: as they should be\n");
   return failures > 0;

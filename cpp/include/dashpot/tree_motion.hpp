@@ -58,7 +58,7 @@ class TreeMotion {
   // std::runtime_error where it has diverged.
   void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data, Team& team);
   // The same as the geometry of the middle sees it, which `d` holds.
-  void freeze_at_middle(mjData_* d, double length, RowData& data);
+  void freeze_at_middle(mjData_* d, double length, RowData& data, Team& team);
   // The same of one free body, where its velocity takes it in `time` (s).
   void freeze_ahead(int tree, double time);
   // Whether it is a free body in the coordinates of one, and moves accurately.
