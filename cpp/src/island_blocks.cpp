@@ -181,6 +181,7 @@ void IslandBlocks::sort(const Rows& rows, const Island& island) {
   sparse_values_.assign(values, 0.0);
   // Blocks of islands before that were larger stay: to make them again would take time.
   const auto make_room = [](auto& list) {
+    list.count = static_cast<int>(list.groups.size());
     if (list.block.size() < list.groups.size()) list.block.resize(list.groups.size());
   };
   std::apply([&](auto&... list) { (make_room(list), ...); }, blocks_);

@@ -59,6 +59,7 @@ struct MicrostepLoop::Impl {
 
   template <Sweep kSweep>
   void sweep_rows(const IslandMotion& motion, Team& team) {
+    if (blocks.parts() == 1) return blocks.sweep<kSweep>(0, motion);
     team.for_each(blocks.parts(), 1, [&](int part) {
       IslandMotion own = motion;
       if (part > 0) {

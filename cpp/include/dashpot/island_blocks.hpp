@@ -34,7 +34,7 @@ class IslandBlocks {
   template <Sweep kSweep>
   void sweep(int part, const IslandMotion& motion) {
     const auto sweep_list = [&](auto& list) {
-      if (list.groups.empty()) return;
+      if (list.count == 0) return;
       auto* const block = list.block.data();
       sweep_fastest<kSweep>(block + begin(list, part), block + begin(list, part + 1), motion);
     };
@@ -53,8 +53,7 @@ class IslandBlocks {
   // The first block of a part.
   template <typename List>
   int begin(const List& list, int part) const {
-    const int blocks = static_cast<int>(list.groups.size());
-    return part == parts_ ? blocks : part == 0 ? 0 : blocks * part / parts_;
+    return part == 0 ? 0 : part == parts_ ? list.count : list.count * part / parts_;
   }
   void sort(const Rows& rows, const Island& island);
   void find_parts_of_trees(const Rows& rows, int tree_count);

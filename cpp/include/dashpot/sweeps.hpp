@@ -32,6 +32,7 @@ template <typename Jacobian, typename Law>
 struct Blocks {
   std::vector<BlockGroups> groups;
   std::vector<Block<Jacobian, Law>> block;  // of these groups, at least
+  int count = 0;                            // of groups, and blocks in use
 };
 
 // A tree of an island, and which other parts of its rows act on it, by bit.
