@@ -60,8 +60,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   if (team.size() == 1) return step_as_shared(d, leave_rows);
   const auto start = std::chrono::steady_clock::now();
-  team.set_shares(pace.shares());
-  if (pace.shares()) team.wake();
+  team.begin(pace.shares());
   const StepStats stats = step_as_shared(d, leave_rows);
   pace.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   return stats;

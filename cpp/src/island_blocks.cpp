@@ -11,8 +11,9 @@ namespace dashpot {
 
 namespace {
 
-// Groups of a part at least: its share of a sweep then takes ten times as long as to hand it to a
-// thread. And as many parts as there may be, each of which costs every tree some additions.
+// Groups of a part at least: its share of a sweep then takes several times as long as to hand it to
+// a thread. And parts that there may be, a power of two, each of which costs every tree some
+// additions.
 constexpr int kGroupsOfPart = 64;
 constexpr int kMostParts = 4;
 
@@ -203,7 +204,8 @@ void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& isla
                         double recovery_speed, const RowData& data, Team& team) {
   sort(rows, island);
   const int groups = static_cast<int>(island.group.last - island.group.first);
-  parts_ = std::clamp(groups / kGroupsOfPart, 1, kMostParts);
+  parts_ = 1;
+  while (parts_ < kMostParts && groups >= 2 * parts_ * kGroupsOfPart) parts_ *= 2;
   if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
   const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
   team.for_each(parts_, 1, [&](int part) {

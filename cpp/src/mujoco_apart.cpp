@@ -97,6 +97,10 @@ void PairsApart::find_distance(const mjModel_* m, mjData_* d, const CandidatePai
   keep(pair, {place(m, d, pair), distance, distance > worth ? 0 : kWaits});
 }
 
+void PairsApart::make_room() {
+  if (known_.size() >= kMostKept) known_.clear();
+}
+
 std::optional<PairsApart::Known> PairsApart::known(const CandidatePair& pair) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto found = known_.find(key_of(pair));
@@ -105,7 +109,6 @@ std::optional<PairsApart::Known> PairsApart::known(const CandidatePair& pair) {
 
 void PairsApart::keep(const CandidatePair& pair, const Known& known) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  if (known_.size() >= kMostKept && known_.find(key_of(pair)) == known_.end()) known_.clear();
   known_[key_of(pair)] = known;
 }
 

@@ -88,15 +88,15 @@ void collide_candidates(mjModel* m, mjData* d, FaceBuffers* faces, Detection& de
 void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
                    std::vector<ContactInput>& contacts, Team& team) {
   contacts.resize(d->ncon);
-  detection.counts.resize(d->ncon);
+  detection.may_be_loaded.resize(d->ncon);
   team.for_each(d->ncon, kContactsAtOnce, [&](int i) {
-    detection.counts[i] =
+    detection.may_be_loaded[i] =
         read_contact(m, d, i, contacts[i]) && !keeps_its_gap(m, d, contacts[i]) &&
         !only_spin_brings_near(m, d, detection.buffers, detection.faces.body_velocity, contacts[i]);
   });
   int kept = 0;
   for (int i = 0; i < d->ncon; ++i) {
-    if (!detection.counts[i]) continue;
+    if (!detection.may_be_loaded[i]) continue;
     if (kept != i) contacts[kept] = contacts[i];
     ++kept;
   }

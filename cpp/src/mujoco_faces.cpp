@@ -50,15 +50,17 @@ auto of_hull(const mjModel* m, int mesh, const Make& make) {
 }
 
 const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
-  buffers.of_mesh.resize(m->nmesh);
-  std::optional<std::vector<FlatFace>>& faces = buffers.of_mesh[mesh];
+  const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
+  buffers.hulls->of_mesh.resize(m->nmesh);
+  std::optional<std::vector<FlatFace>>& faces = buffers.hulls->of_mesh[mesh];
   if (!faces) faces = of_hull(m, mesh, flat_faces);
   return *faces;
 }
 
 const std::vector<HullFacet>& facets_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
-  buffers.facets_of_mesh.resize(m->nmesh);
-  std::optional<std::vector<HullFacet>>& facets = buffers.facets_of_mesh[mesh];
+  const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
+  buffers.hulls->facets_of_mesh.resize(m->nmesh);
+  std::optional<std::vector<HullFacet>>& facets = buffers.hulls->facets_of_mesh[mesh];
   if (!facets) facets = of_hull(m, mesh, hull_facets);
   return *facets;
 }

@@ -58,7 +58,8 @@ void Narrowphase::find(mjModel_* m, mjData_* d, const std::vector<CandidatePair>
     found.pairs.clear();
     found.contacts.clear();
   }
-  workplaces.open(m, d, faces, team.active());
+  apart_.make_room();
+  workplaces.open(m, d, faces, range < count ? team.active() : 1);
   team.share(count, kPairsAtOnce, [&](int worker, int first, int last) {
     const Workplace at(workplaces, worker);
     find_in(at.model(), at.data(), pairs.data() + first, pairs.data() + last,

@@ -401,7 +401,7 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
-  workplaces.open(m, d, &faces, team.active());
+  workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const Workplace at(workplaces, worker);
     // Pairs that begin in the range.

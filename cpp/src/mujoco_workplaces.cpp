@@ -51,14 +51,12 @@ struct Workplaces::Place {
     rotation = originals.rotation;
     data.geom_xpos = position.data();
     data.geom_xmat = rotation.data();
-    if (stack_size != data.narena) {  // as much as the caller has at most
+    if (stack_size != data.narena) {
       stack.reset(new std::byte[data.narena]);
       stack_size = data.narena;
     }
     data.arena = stack.get();
-    data.pstack = data.pbase = data.parena = 0;
-    data.maxuse_stack = 0;
-    for (mjWarningStat& warning : data.warning) warning.number = 0;
+    data.pbase = 0;
     is_open = true;
   }
 };
@@ -81,7 +79,10 @@ void Workplaces::open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers) 
 Workplaces::Place& Workplaces::place(int worker) {
   Place& place = *places_[worker - 1];
   if (!place.is_open) place.open(*originals_);
-  if (faces_) place.faces.body_velocity = faces_->body_velocity;
+  if (faces_) {
+    place.faces.hulls = faces_->hulls;
+    place.faces.body_velocity = faces_->body_velocity;
+  }
   return place;
 }
 
@@ -90,12 +91,7 @@ void Workplaces::close() {
     if (!place->is_open) continue;
     place->is_open = false;
     data_->maxuse_stack = std::max(data_->maxuse_stack, place->data.maxuse_stack);
-    for (int i = 0; i < mjNWARNING; ++i) {
-      const mjWarningStat& warning = place->data.warning[i];
-      if (warning.number == 0) continue;
-      data_->warning[i].number += warning.number;
-      data_->warning[i].lastinfo = warning.lastinfo;
-    }
+    data_->maxuse_arena = std::max(data_->maxuse_arena, place->data.maxuse_arena);
   }
 }
 

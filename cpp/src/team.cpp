@@ -1,6 +1,9 @@
 #include "dashpot/team.hpp"
 
 #include <unistd.h>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
 #include <atomic>
 #include <chrono>
@@ -10,7 +13,6 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -31,15 +33,19 @@ constexpr int kLooksBeforeTaking = 150;
 // And for what they have begun, before others may have its processor: a thread that the system has
 // stopped may wait for it.
 constexpr int kLooksBeforeYielding = 5000;
-
 // In place of the number of a pass that a thread has seen.
 constexpr std::uint32_t kAsleep = 0xffffffffu;
 
-void pause() {
+// How the processor rounds, and what it does with subnormal numbers: a thread's own.
 #if defined(__x86_64__)
-  __builtin_ia32_pause();
+void relax() { __builtin_ia32_pause(); }
+unsigned rounding() { return _mm_getcsr(); }
+void set_rounding(unsigned mode) { _mm_setcsr(mode); }
+#else
+void relax() {}
+unsigned rounding() { return 0; }
+void set_rounding(unsigned) {}
 #endif
-}
 
 }  // namespace
 
@@ -47,24 +53,18 @@ void pause() {
 // done, which the calling thread writes, and how much is done, which the other writes. Which chunks
 // are taken is in a third one, which the calling thread touches only where it takes some itself.
 struct Team::Impl {
-  // A thread that comes late may read it while the next one is written: what it has read counts
-  // where `pass` is the same before and after.
+  // What a thread is to do. Written when it has read the one before, as `seen` says.
   struct Order {
-    std::atomic<std::uint32_t> pass{0};  // 0: being written
-    std::atomic<Range> range{nullptr};
-    std::atomic<const void*> of{nullptr};
-    std::atomic<int> items{0}, grain{1};
-    std::atomic<int> first{0}, chunks{0};
-  };
-  struct Share {
     Job job;
     int first = 0, chunks = 0;
+    unsigned rounding = 0;
+    std::atomic<std::uint32_t> pass{0};
   };
   struct Worker {
     alignas(kCacheLine) Order order;
     // The pass, in the upper half, and how many chunks of it somebody has taken.
     alignas(kCacheLine) std::atomic<std::uint64_t> taken{0};
-    // By its thread: chunks of all passes, and the last pass that it has looked at.
+    // By its thread: chunks of all passes, and the last pass whose order it has read.
     alignas(kCacheLine) std::atomic<std::uint64_t> run{0};
     std::atomic<std::uint32_t> seen{0};
     // What `run` comes to, and the last pass that it was sent.
@@ -81,7 +81,7 @@ struct Team::Impl {
         worker.thread = std::thread([this, number, &worker] { work(number, worker); });
         ++size;
       }
-    } catch (const std::system_error&) {
+    } catch (const std::exception&) {
       // The system gives no more threads: those that there are do the work.
     }
   }
@@ -95,6 +95,8 @@ struct Team::Impl {
     for (int i = 0; i < size; ++i) workers[i].thread.join();
   }
 
+  bool is_forked_off() const { return process != getpid(); }
+
   // Once for each time that they went to sleep: it takes them a while.
   void wake() {
     if (asleep.load() == 0) return;
@@ -106,7 +108,7 @@ struct Team::Impl {
     wakes.notify_all();
   }
 
-  // A thread that has not come to look at its last order gets none: the system runs something else.
+  // A thread that has not come to read its last order gets none: the system runs something else.
   void share(const Job& job) {
     if (++pass == kAsleep) pass = 1;
     present.clear();
@@ -114,69 +116,51 @@ struct Team::Impl {
       if (workers[i].is_present()) present.push_back(i);
     if (static_cast<int>(present.size()) < size) wake();
     const std::int64_t chunks = job.chunks(), shares = 1 + present.size();
+    // Where there are fewer chunks than threads, the first ones have them.
     const auto first_chunk = [&](std::int64_t share) {
-      return static_cast<int>(chunks * share / shares);
+      return static_cast<int>((chunks * share + shares - 1) / shares);
     };
     for (size_t i = 0; i < present.size(); ++i)
-      send({job, first_chunk(i + 1), first_chunk(i + 2) - first_chunk(i + 1)}, workers[present[i]]);
+      if (const int first = first_chunk(i + 1), end = first_chunk(i + 2); first < end)
+        send(job, first, end - first, workers[present[i]]);
     for (int chunk = 0; chunk < first_chunk(1); ++chunk) run_chunk(job, 0, chunk);
     for (int i : present) wait_for(workers[i]);
     if (failure) std::rethrow_exception(std::exchange(failure, nullptr));
   }
 
-  void send(const Share& share, Worker& worker) {
-    constexpr auto relaxed = std::memory_order_relaxed;
+  void send(const Job& job, int first, int chunks, Worker& worker) {
     Order& order = worker.order;
-    order.pass.store(0, relaxed);
-    std::atomic_thread_fence(std::memory_order_release);
-    order.range.store(share.job.range, relaxed);
-    order.of.store(share.job.pass, relaxed);
-    order.items.store(share.job.count, relaxed);
-    order.grain.store(share.job.grain, relaxed);
-    order.first.store(share.first, relaxed);
-    order.chunks.store(share.chunks, relaxed);
-    worker.expected += share.chunks;
+    order.job = job;
+    order.first = first;
+    order.chunks = chunks;
+    order.rounding = rounding();
+    worker.expected += chunks;
     worker.sent = pass;
     order.pass.store(pass, std::memory_order_release);
   }
 
-  // Whether the order was that of a pass all the while.
-  bool read(const Order& order, std::uint32_t of_pass, Share& share) {
-    constexpr auto relaxed = std::memory_order_relaxed;
-    share.job = {order.range.load(relaxed), order.of.load(relaxed), order.items.load(relaxed),
-                 order.grain.load(relaxed)};
-    share.first = order.first.load(relaxed);
-    share.chunks = order.chunks.load(relaxed);
-    std::atomic_thread_fence(std::memory_order_acquire);
-    return order.pass.load(relaxed) == of_pass;
-  }
-
   void wait_for(Worker& worker) {
     for (int look = 1; worker.run.load(std::memory_order_acquire) != worker.expected; ++look) {
-      look > kLooksBeforeYielding ? std::this_thread::yield() : pause();
-      if (look == kLooksBeforeTaking) take_chunks(0, worker, pass, [&] { --worker.expected; });
+      look > kLooksBeforeYielding ? std::this_thread::yield() : relax();
+      if (look == kLooksBeforeTaking)
+        take_chunks(0, worker, pass, worker.order.job, worker.order.first, worker.order.chunks,
+                    [&] { --worker.expected; });
     }
   }
 
   // Runs the chunks of a worker's share of a pass that nobody has taken, calling done() after each.
-  // A pass does not end before all are taken: its share stays as it is until then.
   template <typename Done>
-  void take_chunks(int by, Worker& worker, std::uint32_t of_pass, const Done& done) {
-    std::uint64_t before = worker.taken.load();
-    Share share;
-    if (!read(worker.order, of_pass, share)) return;
+  void take_chunks(int by, Worker& worker, std::uint32_t of_pass, const Job& job, int first,
+                   int chunks, const Done& done) {
     const std::uint64_t none = static_cast<std::uint64_t>(of_pass) << 32;
-    const auto is_of_pass = [&] { return before >> 32 == of_pass; };
-    int chunk = is_of_pass() ? static_cast<int>(before - none) : 0;
-    while (chunk < share.chunks) {
-      if (worker.taken.compare_exchange_strong(before, none + chunk + 1)) {
-        run_chunk(share.job, by, share.first + chunk);
-        done();
-        before = none + ++chunk;
-        continue;
-      }
-      if (!is_of_pass()) return;  // it has ended
-      chunk = static_cast<int>(before - none);
+    std::uint64_t before = worker.taken.load();
+    while (true) {
+      const int chunk = before >> 32 == of_pass ? static_cast<int>(before - none) : 0;
+      if (chunk >= chunks) return;
+      if (!worker.taken.compare_exchange_strong(before, none + chunk + 1)) continue;
+      before = none + chunk + 1;
+      run_chunk(job, by, first + chunk);
+      done();
     }
   }
 
@@ -195,19 +179,19 @@ struct Team::Impl {
 
   void work(int number, Worker& own) {
     std::uint32_t last = 0;
-    own.seen.store(last, std::memory_order_release);
     auto since = std::chrono::steady_clock::now();
-    const auto next = [&] {
-      const std::uint32_t now = own.order.pass.load(std::memory_order_acquire);
-      return now == last ? 0 : now;
-    };
+    const auto is_sent = [&] { return own.order.pass.load(std::memory_order_acquire) != last; };
     while (true) {
-      for (int look = 0; look < kLooks && next() == 0; ++look) pause();
-      if (next() == 0) std::this_thread::yield();
-      if (const std::uint32_t now = next()) {
-        take_chunks(number, own, now, [&] { own.run.fetch_add(1, std::memory_order_release); });
-        last = now;
-        own.seen.store(now, std::memory_order_release);
+      for (int look = 0; look < kLooks && !is_sent(); ++look) relax();
+      if (!is_sent()) std::this_thread::yield();
+      if (is_sent()) {
+        last = own.order.pass.load(std::memory_order_acquire);
+        const Job job = own.order.job;
+        const int first = own.order.first, chunks = own.order.chunks;
+        if (rounding() != own.order.rounding) set_rounding(own.order.rounding);
+        own.seen.store(last, std::memory_order_release);
+        take_chunks(number, own, last, job, first, chunks,
+                    [&] { own.run.fetch_add(1, std::memory_order_release); });
         since = std::chrono::steady_clock::now();
         continue;
       }
@@ -216,10 +200,10 @@ struct Team::Impl {
       const int calls_before = calls;
       own.seen.store(kAsleep, std::memory_order_release);
       ++asleep;
-      wakes.wait(lock, [&] { return stops || calls != calls_before || next() != 0; });
+      wakes.wait(lock, [&] { return stops || calls != calls_before || is_sent(); });
       if (calls == calls_before) --asleep;
       if (stops) return;
-      if (next() == 0) own.seen.store(last, std::memory_order_release);
+      if (!is_sent()) own.seen.store(last, std::memory_order_release);
       since = std::chrono::steady_clock::now();
     }
   }
@@ -249,11 +233,12 @@ Team::Team(int threads) {
 
 // A process forked off has but the thread that forked it: what the others wait for stays.
 Team::~Team() {
-  if (impl_ && impl_->process != getpid()) static_cast<void>(impl_.release());
+  if (impl_ && impl_->is_forked_off()) static_cast<void>(impl_.release());
 }
 
-void Team::wake() {
-  if (impl_) impl_->wake();
+void Team::begin(bool shares) {
+  shares_ = shares && impl_ && !impl_->is_forked_off();
+  if (shares_) impl_->wake();
 }
 
 void Team::share_ranges(const Job& job) { impl_->share(job); }

@@ -26,14 +26,14 @@ void check(bool passed, const char* claim) {
 // A pass writes without any lock: one that is not over when share() returns shows in the next.
 void check_every_item_once(Team& team, int count, int grain) {
   std::vector<int> visits(count, 0);
-  bool workers_exist = true;
+  bool once = true;
   std::atomic<bool> fits{true};
   team.share(count, grain, [&](int worker, int first, int last) {
     if (worker < 0 || worker >= team.size() || first < 0 || last > count) fits = false;
     for (int item = first; item < last; ++item) ++visits[item];
   });
-  for (int of_item : visits) workers_exist = workers_exist && of_item == 1;
-  check(workers_exist, "every item is visited once");
+  for (int of_item : visits) once = once && of_item == 1;
+  check(once, "every item is visited once");
   check(fits, "workers and ranges are those of the team and the pass");
 }
 
@@ -65,7 +65,7 @@ void check_passes_in_turn(Team& team) {
   check(sums == expected, "a pass sees what the one before wrote");
 }
 
-// Of the last 1000 of some thousand steps that take these times, how many are shared.
+// Of 1000 steps that take these times, after 4000 others, how many are shared.
 int shared_steps(Pace& pace, double shared, double alone) {
   int count = 0;
   for (int step = 0; step < 5000; ++step) {
@@ -83,6 +83,24 @@ void check_pace() {
   check(shared_steps(pace, 1.5, 1.0) <= 5, "steps that threads make slower are not");
   check(shared_steps(pace, 1.0, 1.5) >= 995, "what has changed is found out");
   check(shared_steps(pace, 1.0, 0.99) >= 995, "what is as fast stays");
+  // Steps that take less and less time, as those of a heap that settles.
+  double seconds = 1.0;
+  int changes = 0;
+  for (int step = 0; step < 400; ++step, seconds *= 0.99) {
+    pace.note(seconds);
+    changes += !pace.shares();
+  }
+  check(changes <= 15, "what falls whichever way does not change it");
+  // A small scene that grows.
+  Pace grown;
+  shared_steps(grown, 0.011, 0.010);
+  check(!grown.shares(), "a small scene is not shared");
+  int alone = 0;
+  for (int step = 0; step < 500; ++step) {
+    alone += !grown.shares();
+    grown.note(grown.shares() ? 0.6 : 1.0);
+  }
+  check(alone < 100, "soon after it has grown it is");
 }
 
 }  // namespace
@@ -91,6 +109,7 @@ int main() {
   check_pace();
   for (int threads : {1, 2, 3, 8}) {
     Team team(threads);
+    team.begin(true);
     check(team.size() >= 1 && team.size() <= threads, "a team has no more threads than asked for");
     for (int count : {0, 1, 7, 64, 1000})
       for (int grain : {1, 10, 64}) check_every_item_once(team, count, grain);
@@ -99,14 +118,13 @@ int main() {
     std::this_thread::sleep_for(std::chrono::milliseconds(20));  // they sleep by now
     check_every_item_once(team, 1000, 10);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
-    team.wake();
+    team.begin(true);
     check_every_item_once(team, 1000, 10);
-    team.set_shares(false);
+    team.begin(false);
     const std::thread::id own = std::this_thread::get_id();
     team.for_each(1000, 10, [&](int) {
       check(std::this_thread::get_id() == own, "a pass that is not shared stays with its thread");
     });
-    team.set_shares(true);
   }
   if (failures == 0) std::printf("passes of teams of 1 to 8 threads: as they should be\n");
   return failures > 0;

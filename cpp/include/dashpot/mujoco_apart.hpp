@@ -9,7 +9,7 @@
 //
 // Which contacts there are does not depend on what was kept: what is left out has none. Geoms whose
 // kind, size, mesh or bounds were edited are asked anew; a mesh whose vertices alone are is not.
-// Threads may ask at the same time, for different pairs.
+// Threads may ask at the same time.
 
 #pragma once
 
@@ -28,6 +28,8 @@ namespace dashpot::host {
 
 class PairsApart {
  public:
+  // Before pairs are asked about: makes room where too many are kept.
+  void make_room();
   // Whether a pair is known to be more than `within` (m) apart.
   bool are_apart(const mjModel_* m, const mjData_* d, const CandidatePair& pair, double within);
   // To be called where no contact of a pair was found within that distance: finds how far apart the

@@ -34,7 +34,7 @@ struct Detection {
   Narrowphase narrowphase;
   SeamBuffers seams;
   Workplaces workplaces;
-  std::vector<char> counts;  // by contact found: may be loaded
+  std::vector<char> may_be_loaded;  // by contact found
 };
 
 // Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the

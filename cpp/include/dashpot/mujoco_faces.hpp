@@ -8,6 +8,8 @@
 #pragma once
 
 #include <array>
+#include <memory>
+#include <mutex>
 #include <optional>
 #include <vector>
 
@@ -28,10 +30,16 @@ struct SurplusContact {
   std::array<double, 3> position, normal;
 };
 
-// Kept from step to step: a step allocates nothing.
-struct FaceBuffers {
-  std::vector<std::optional<std::vector<FlatFace>>> of_mesh;  // each made when first asked for
+// Faces of the hulls of meshes, each made when first asked for, by whatever thread.
+struct HullFaces {
+  std::mutex mutex;
+  std::vector<std::optional<std::vector<FlatFace>>> of_mesh;
   std::vector<std::optional<std::vector<HullFacet>>> facets_of_mesh;
+};
+
+// Kept from step to step: a step allocates nothing. Of one thread, but for the hulls.
+struct FaceBuffers {
+  std::shared_ptr<HullFaces> hulls = std::make_shared<HullFaces>();
   ShallowCap cap;
   std::vector<SurplusContact> surplus;
   const double* body_velocity = nullptr;  // see detect_again(); null: the present one

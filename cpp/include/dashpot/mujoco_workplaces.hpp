@@ -29,7 +29,7 @@ class Workplaces {
   // Before a pass of `workers` threads over pairs of geoms, during which nothing else changes `m`
   // and `d`. `faces` as in ReplacedCollisions.
   void open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers);
-  // After the pass: warnings of MuJoCo and what its stacks took go to the data.
+  // After the pass: what the stacks took goes to the data.
   void close();
 
  private:
@@ -46,8 +46,8 @@ class Workplaces {
   std::vector<std::unique_ptr<Place>> places_;  // of the workers from 1 on
 };
 
-// That of one worker, while it lives in the worker's thread: collisions are replaced, but for the
-// calling thread, which has replaced them itself, and errors of MuJoCo are thrown.
+// That of one worker, while it lives in the worker's thread. In all threads but the calling one,
+// whose own they are, collisions are replaced and errors of MuJoCo thrown.
 class Workplace {
  public:
   Workplace(Workplaces& all, int worker);

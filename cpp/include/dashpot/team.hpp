@@ -30,25 +30,22 @@ class Team {
   Team& operator=(const Team&) = delete;
 
   int size() const { return size_; }
-  // Whether passes are shared, as they are unless told not to; else the calling thread does all.
-  void set_shares(bool shares) { shares_ = shares; }
+  // Before passes that come soon: whether they are shared, or the calling thread does all, as it
+  // does in a process that was forked off. Threads that sleep wake up.
+  void begin(bool shares);
   // Threads that passes are shared by.
   int active() const { return shares_ ? size_ : 1; }
 
-  // Has those that sleep wait for passes that come soon.
-  void wake();
-
-  // The size of the ranges that `count` items go into: of at most `grain`, all of a size but for the
-  // last, and as many for each thread.
+  // The size of the ranges that `count` items go into: of at most `grain`, all of a size but for
+  // the last, and as many for each thread.
   int range_size(int count, int grain) const {
     const int ranges = std::max(1, (count + grain - 1) / grain);
     const int of_thread = (ranges + size_ - 1) / size_;
-    return ranges == 1 ? std::max(1, count)
-                       : (count + of_thread * size_ - 1) / (of_thread * size_);
+    return ranges == 1 ? std::max(1, count) : (count + of_thread * size_ - 1) / (of_thread * size_);
   }
 
   // Calls pass(worker, first, last) for ranges of range_size() items that cover [0, count), or
-  // once for all of them where they are no more than one range or one thread does all. `worker`:
+  // once for all of them where they are one range or one thread does all. `worker`:
   // who does it, 0 for the calling thread, less than size(). Of what passes throw, that of the
   // lowest range is thrown when all have ended. Passes are shared by one thread at a time, and not
   // from within a pass.
@@ -82,7 +79,7 @@ class Team {
 
   struct Impl;
   int size_ = 1;
-  bool shares_ = true;
+  bool shares_ = false;
   std::unique_ptr<Impl> impl_;  // null where there is one thread
 };
 
