@@ -53,7 +53,8 @@ void set_rounding(unsigned) {}
 // done, which the calling thread writes, and how much is done, which the other writes. Which chunks
 // are taken is in a third one, which the calling thread touches only where it takes some itself.
 struct Team::Impl {
-  // What a thread is to do. Written when it has read the one before, as `seen` says.
+  // What a thread is to do. Written when it has read the one before, as `seen` says or what it has
+  // run.
   struct Order {
     Job job;
     int first = 0, chunks = 0;
@@ -64,14 +65,17 @@ struct Team::Impl {
     alignas(kCacheLine) Order order;
     // The pass, in the upper half, and how many chunks of it somebody has taken.
     alignas(kCacheLine) std::atomic<std::uint64_t> taken{0};
-    // By its thread: chunks of all passes, and the last pass whose order it has read.
+    // By its thread: chunks of all passes, and the last pass that it is done with.
     alignas(kCacheLine) std::atomic<std::uint64_t> run{0};
     std::atomic<std::uint32_t> seen{0};
-    // What `run` comes to, and the last pass that it was sent.
+    // What `run` comes to; the last passes that it was sent, and has run chunks of.
     alignas(kCacheLine) std::uint64_t expected = 0;
-    std::uint32_t sent = 0;
+    std::uint32_t sent = 0, took_part = 0;
     std::thread thread;
-    bool is_present() const { return seen.load(std::memory_order_acquire) == sent; }
+    bool is_present() const {
+      const std::uint32_t last = seen.load(std::memory_order_acquire);
+      return last != kAsleep && (last == sent || took_part == sent);
+    }
   };
 
   explicit Impl(int threads) : workers(threads - 1) {
@@ -108,7 +112,7 @@ struct Team::Impl {
     wakes.notify_all();
   }
 
-  // A thread that has not come to read its last order gets none: the system runs something else.
+  // A thread that has not come to its last order gets none: the system runs something else.
   void share(const Job& job) {
     if (++pass == kAsleep) pass = 1;
     present.clear();
@@ -140,27 +144,39 @@ struct Team::Impl {
   }
 
   void wait_for(Worker& worker) {
+    int left = worker.order.chunks;  // by the calling thread
     for (int look = 1; worker.run.load(std::memory_order_acquire) != worker.expected; ++look) {
       look > kLooksBeforeYielding ? std::this_thread::yield() : relax();
       if (look == kLooksBeforeTaking)
         take_chunks(0, worker, pass, worker.order.job, worker.order.first, worker.order.chunks,
-                    [&] { --worker.expected; });
+                    [&] {
+                      --worker.expected;
+                      --left;
+                    });
     }
+    if (left > 0) worker.took_part = worker.sent;
   }
 
   // Runs the chunks of a worker's share of a pass that nobody has taken, calling done() after each.
+  // The next order comes when the worker has run one of them, or is done with the pass: up to then
+  // `taken` is of this pass or of one before.
   template <typename Done>
   void take_chunks(int by, Worker& worker, std::uint32_t of_pass, const Job& job, int first,
                    int chunks, const Done& done) {
     const std::uint64_t none = static_cast<std::uint64_t>(of_pass) << 32;
     std::uint64_t before = worker.taken.load();
-    while (true) {
-      const int chunk = before >> 32 == of_pass ? static_cast<int>(before - none) : 0;
-      if (chunk >= chunks) return;
-      if (!worker.taken.compare_exchange_strong(before, none + chunk + 1)) continue;
-      before = none + chunk + 1;
-      run_chunk(job, by, first + chunk);
-      done();
+    const auto is_of_pass = [&] { return before >> 32 == of_pass; };
+    int chunk = is_of_pass() ? static_cast<int>(before - none) : 0;
+    while (chunk < chunks) {
+      if (worker.taken.compare_exchange_strong(before, none + chunk + 1)) {
+        run_chunk(job, by, first + chunk);
+        done();
+        before = none + ++chunk;
+      } else if (is_of_pass()) {
+        chunk = static_cast<int>(before - none);
+      } else {
+        return;  // it has ended, and others since
+      }
     }
   }
 
@@ -189,9 +205,9 @@ struct Team::Impl {
         const Job job = own.order.job;
         const int first = own.order.first, chunks = own.order.chunks;
         if (rounding() != own.order.rounding) set_rounding(own.order.rounding);
-        own.seen.store(last, std::memory_order_release);
         take_chunks(number, own, last, job, first, chunks,
                     [&] { own.run.fetch_add(1, std::memory_order_release); });
+        own.seen.store(last, std::memory_order_release);
         since = std::chrono::steady_clock::now();
         continue;
       }

@@ -65,6 +65,25 @@ void check_passes_in_turn(Team& team) {
   check(sums == expected, "a pass sees what the one before wrote");
 }
 
+// More threads than cores: the system stops them anywhere, for as long as it likes.
+void check_crowd() {
+  std::vector<std::thread> callers;
+  std::atomic<int> wrong{0};
+  for (int caller = 0; caller < 3; ++caller)
+    callers.emplace_back([&] {
+      Team team(4);
+      team.begin(true);
+      std::vector<int> values(64, 0);
+      for (int pass = 1; pass <= 4000; ++pass) {
+        team.for_each(64, 4, [&](int i) { values[i] += i % 5 == pass % 5 ? 2 : 1; });
+        if (pass % 1000 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+      }
+      for (int value : values) wrong += value != 4000 + 800;
+    });
+  for (std::thread& caller : callers) caller.join();
+  check(wrong == 0, "threads that the system stops miss nothing and do nothing twice");
+}
+
 // Of 1000 steps that take these times, after 4000 others, how many are shared.
 int shared_steps(Pace& pace, double shared, double alone) {
   int count = 0;
@@ -107,6 +126,7 @@ void check_pace() {
 
 int main() {
   check_pace();
+  check_crowd();
   for (int threads : {1, 2, 3, 8}) {
     Team team(threads);
     team.begin(true);
