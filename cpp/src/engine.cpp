@@ -58,15 +58,15 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
 
 // On several threads, unless they are slower.
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
-  if (team.size() == 1) return step_as_shared(d, leave_rows);
+  if (team.size() == 1) return take_step(d, leave_rows);
   const auto start = std::chrono::steady_clock::now();
   team.begin(pace.shares());
-  const StepStats stats = step_as_shared(d, leave_rows);
+  const StepStats stats = take_step(d, leave_rows);
   pace.note(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   return stats;
 }
 
-StepStats Stepper::Impl::step_as_shared(mjData_* d, bool leave_rows) {
+StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::check_options(model, parameters.options.law);
   host::follow_edited_masses(model);
   host::check_data(model, d, data_size);

@@ -36,7 +36,7 @@ namespace dashpot {
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
   StepStats step(mjData_* d, bool leave_rows);
-  StepStats step_as_shared(mjData_* d, bool leave_rows);
+  StepStats take_step(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
 

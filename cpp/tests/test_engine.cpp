@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "compiled_scene.hpp"
 #include "dashpot/closest.hpp"
 #include "dashpot/contacts.hpp"
 #include "dashpot/engine.hpp"
@@ -91,19 +92,6 @@ std::string scene() {
          "<geom type='box' pos='.1 0 0' size='.1 .02 .02'/></body></worldbody>"
          "<equality><joint joint1='follower' joint2='shoulder'/></equality>"
          "<actuator><motor joint='shoulder' gear='2'/></actuator></mujoco>";
-}
-
-mjModel* compile(const std::string& xml) {
-  char error[500] = "";
-  mjSpec* spec = mj_parseXMLString(xml.c_str(), nullptr, error, sizeof error);
-  mjModel* m = spec ? mj_compile(spec, nullptr) : nullptr;
-  if (!m) {
-    std::printf("scene: %s\n", spec ? mjs_getError(spec) : error);
-    std::exit(EXIT_FAILURE);
-  }
-  mj_deleteSpec(spec);
-  dashpot::host::reserve_memory(m, dashpot::memory_layout(m, kContactCapacity).size());
-  return m;
 }
 
 dashpot::Parameters parameters(const mjModel* m) {
@@ -272,7 +260,8 @@ void check_restored_middle() {
   mjModel* m = compile(
       "<mujoco><size memory='110000'/><option timestep='.004' cone='elliptic'/><worldbody>"
       "<geom type='plane' size='9 9 .1'/>" +
-      boxes + "</worldbody></mujoco>");
+          boxes + "</worldbody></mujoco>",
+      kContactCapacity);
   mjData* d = mj_makeData(m);
   mj_fwdKinematics(m, d);
   const std::vector<double> qpos(d->qpos, d->qpos + m->nq), xpos(d->xpos, d->xpos + 3 * m->nbody);
@@ -303,7 +292,8 @@ void check_return_from_the_middle_without_room() {
   mjModel* m = compile(
       "<mujoco><worldbody><site name='anchor'/><body pos='0 0 1'><freejoint/>"
       "<geom size='.1'/><site name='end'/></body></worldbody>"
-      "<tendon><spatial><site site='anchor'/><site site='end'/></spatial></tendon></mujoco>");
+      "<tendon><spatial><site site='anchor'/><site site='end'/></spatial></tendon></mujoco>",
+      kContactCapacity);
   mjData* d = mj_makeData(m);
   mj_forward(m, d);
   const std::vector<double> qpos(d->qpos, d->qpos + m->nq), still(m->nv, 0.0);
@@ -359,7 +349,7 @@ std::string stack_of_prisms(int sides, const std::string& memory) {
 
 void check_prisms() {
   for (const int sides : {3, 8, 100}) {
-    mjModel* m = compile(stack_of_prisms(sides, ""));
+    mjModel* m = compile(stack_of_prisms(sides, ""), kContactCapacity);
     dashpot::Parameters p;
     p.contact_capacity = kContactCapacity;
     p.geom_material.resize(m->ngeom);
@@ -383,7 +373,7 @@ void check_prisms() {
     mj_deleteData(d);
     mj_deleteModel(m);
   }
-  mjModel* m = compile(stack_of_prisms(8, "<size memory='40000'/>"));
+  mjModel* m = compile(stack_of_prisms(8, "<size memory='40000'/>"), kContactCapacity);
   mjData* d = mj_makeData(m);
   dashpot::Parameters p;
   p.contact_capacity = kContactCapacity;
@@ -440,7 +430,7 @@ void check_forces_that_are_no_numbers() {
 }  // namespace
 
 int main() {
-  mjModel* m = compile(scene());
+  mjModel* m = compile(scene(), kContactCapacity);
   const dashpot::Parameters p = parameters(m);
   for (const int integrator : {mjINT_EULER, mjINT_RK4, mjINT_IMPLICIT, mjINT_IMPLICITFAST}) {
     m->opt.integrator = integrator;

@@ -4,13 +4,11 @@
 #include <mujoco/mujoco.h>
 
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <string>
 
-#include "dashpot/contacts.hpp"
+#include "compiled_scene.hpp"
 #include "dashpot/engine.hpp"
-#include "dashpot/mujoco_state.hpp"
 
 namespace {
 
@@ -47,19 +45,6 @@ std::string heap() {
          bodies + "</worldbody></mujoco>";
 }
 
-mjModel* compile(const std::string& xml) {
-  char error[500] = "";
-  mjSpec* spec = mj_parseXMLString(xml.c_str(), nullptr, error, sizeof error);
-  mjModel* m = spec ? mj_compile(spec, nullptr) : nullptr;
-  if (!m) {
-    std::printf("scene: %s\n", spec ? mjs_getError(spec) : error);
-    std::exit(EXIT_FAILURE);
-  }
-  mj_deleteSpec(spec);
-  dashpot::host::reserve_memory(m, dashpot::memory_layout(m, kContactCapacity).size());
-  return m;
-}
-
 bool have_same_state(const mjModel* m, const mjData* a, const mjData* b) {
   const auto same = [](const mjtNum* x, const mjtNum* y, mjtSize count) {
     return std::memcmp(x, y, count * sizeof(mjtNum)) == 0;
@@ -72,7 +57,7 @@ bool have_same_state(const mjModel* m, const mjData* a, const mjData* b) {
 }  // namespace
 
 int main() {
-  mjModel* m = compile(heap());
+  mjModel* m = compile(heap(), kContactCapacity);
   dashpot::Parameters p;
   p.contact_capacity = kContactCapacity;
   p.geom_material.resize(m->ngeom);

@@ -44,11 +44,10 @@ class Team {
     return ranges == 1 ? std::max(1, count) : (count + of_thread * size_ - 1) / (of_thread * size_);
   }
 
-  // Calls pass(worker, first, last) for ranges of range_size() items that cover [0, count), or
-  // once for all of them where they are one range or one thread does all. `worker`:
-  // who does it, 0 for the calling thread, less than size(). Of what passes throw, that of the
-  // lowest range is thrown when all have ended. Passes are shared by one thread at a time, and not
-  // from within a pass.
+  // Calls pass(worker, first, last) for ranges of range_size() items that cover [0, count), or once
+  // for all of them where they are one range or one thread does all. `worker`: who does it, 0 for
+  // the calling thread, less than size(). Of what passes throw, that of the lowest range is thrown
+  // when all have ended. Passes are shared by one thread at a time, and not from within a pass.
   template <typename Pass>
   void share(int count, int grain, const Pass& pass) {
     if (count <= 0) return;
