@@ -84,6 +84,18 @@ def bin_on_hills(nthread: int) -> Start:
     return at_rest(Engine(scene(pile(180, height=0.15), ground=HILLS), nthread=nthread))
 
 
+def brick_wall(nthread: int) -> Start:
+    """Stack so many bricks that their one island goes into four parts."""
+    bricks = ""
+    for i in range(240):
+        row, place = divmod(i, 40)
+        position = (0.1 * place + 0.05 * (row % 2), 0.0, 0.03 + 0.06 * row)
+        bricks += free_body(
+            f"body{i}", f'type="box" size=".05 .04 .03"/><site name="skin{i}" size=".1"', position
+        )
+    return at_rest(Engine(scene(bricks), nthread=nthread))
+
+
 def loop_on_a_bin(nthread: int) -> Start:
     """Drop a ring of capsules on the pile, held end to end by connects and a weld."""
     count, links, joined = 30, "", '<weld body1="link0" body2="link1"/>'

@@ -27,6 +27,7 @@ RUNS: dict[Callable[[int], Start], tuple[int, int]] = {
     scenes.bin_with_rolling_friction: (8, 8),
     scenes.bin_of_materials: (8, 8),
     scenes.bin_on_hills: (8, 8),
+    scenes.brick_wall: (2, 3),
     scenes.loop_on_a_bin: (8, 8),
     scenes.arms_in_a_bin: (8, 8),
     scenes.bin_that_is_shot_at: (1, 1),
@@ -47,7 +48,7 @@ def test_a_step_has_the_same_bits_for_any_number_of_threads(make: Callable[[int]
         starts.append(stored(engine, data))
         stats = engine.step(data, nstep=steps)
         expected.append(state(engine, data, stats))
-    assert stats.contacts > 300  # enough to share
+    assert stats.contacts > 256  # enough to share every pass
     # More threads than cores take long: they go on from where one thread is.
     for nthread, first in ((2, 0), (3, 0), (5, calls - 1)):
         engine, data = make(nthread)

@@ -153,7 +153,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
-    memory(d).match(contacts, rows, matches, team);
+    matching.find(memory(d), contacts, rows, matches, team);
     finish_last_step(d);
     plan_and_recall(d);
     run_islands();

@@ -11,11 +11,11 @@ namespace dashpot {
 
 namespace {
 
-// Groups of a part at least: its share of a sweep then takes several times as long as to hand it to
-// a thread. And parts that there may be, a power of two, each of which costs every tree some
-// additions.
-constexpr int kGroupsOfPart = 64;
+// Parts that there may be, each of which costs every tree some additions, and groups from which on
+// there are as many: the share of a part in a sweep takes several times as long as to hand it to a
+// thread.
 constexpr int kMostParts = 4;
+constexpr int kGroupsOfTwoParts = 128, kGroupsOfFourParts = 2048;
 
 // Fills one lane of a block from a group of rows.
 struct LanePacker {
@@ -204,8 +204,7 @@ void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& isla
                         double recovery_speed, const RowData& data, Team& team) {
   sort(rows, island);
   const int groups = static_cast<int>(island.group.last - island.group.first);
-  parts_ = 1;
-  while (parts_ < kMostParts && groups >= 2 * parts_ * kGroupsOfPart) parts_ *= 2;
+  parts_ = groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
   if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
   const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
   team.for_each(parts_, 1, [&](int part) {

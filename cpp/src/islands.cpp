@@ -26,19 +26,12 @@ RigidCoupling split_coupling(double all, double normal) {
   return {all, (1.0 + share) * normal, (1.0 + 1.0 / share) * all};
 }
 
-// The weight of each row in the tree on one side, k (1 + sqrt(w_other / w)), without k; 0 where
-// that tree does not move it.
-std::array<double, kMaxRows> split_to_tree(const Rows& rows, const RowGroup& c, int side) {
-  std::array<double, kMaxRows> split;
-  for (int i = 0; i < c.dim; ++i) {
-    const auto [w0, w1] = rows.tree_inverse_mass[c.row + i];
-    const double ratio = w0 > 0.0 && w1 > 0.0 ? std::sqrt(w1 / w0) : 0.0;
-    if (side == 0)
-      split[i] = w0 > 0.0 ? 1.0 + ratio : 0.0;
-    else
-      split[i] = w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0;
-  }
-  return split;
+// The weight of a row in the trees on its two sides, k (1 + sqrt(w_other / w)), without k; 0 where
+// a tree does not move it.
+std::array<double, 2> split_between_trees(const std::array<double, 2>& inverse_mass) {
+  const auto [w0, w1] = inverse_mass;
+  const double ratio = w0 > 0.0 && w1 > 0.0 ? std::sqrt(w1 / w0) : 0.0;
+  return {w0 > 0.0 ? 1.0 + ratio : 0.0, w1 > 0.0 ? 1.0 + (ratio > 0.0 ? 1.0 / ratio : 0.0) : 0.0};
 }
 
 // Whether a rigid contact or limit is hit. A model's own solref is resolved unless it is stiffer
@@ -92,9 +85,14 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   room_.resize(team.size());
   for (CoupledSum::Room& room : room_) room.fit(trees);
   const int count = static_cast<int>(group_order_.size());
-  for (int index : group_order_)
-    if (!materials[index].rigid())
-      fill_given_rows(rows, rows.group[index], materials[index].material);
+  split_.resize(rows.inverse_mass.size());
+  team.for_each(count, kGroupsAtOnce, [&](int at) {
+    const int index = group_order_[at];
+    const RowGroup& c = rows.group[index];
+    if (!materials[index].rigid()) fill_given_rows(rows, c, materials[index].material);
+    for (int row = c.row; row < c.row + c.dim; ++row)
+      split_[row] = split_between_trees(rows.tree_inverse_mass[row]);
+  });
   const int* const all_trees = tree_order_.data();
   measure(all_trees, all_trees + tree_order_.size(), rows, trees, materials, false, team);
   if (options.microsteps == 0) {
@@ -170,10 +168,9 @@ void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
   for (int at = first_side_[tree]; at < first_side_[tree + 1]; ++at) {
     const int index = side_order_[at] / 2, side = side_order_[at] % 2;
     const RowGroup& c = rows.group[index];
-    const auto split = split_to_tree(rows, c, side);
     double weight[kMaxRows];
     const auto weigh = [&](const double* of_row) {
-      for (int i = 0; i < c.dim; ++i) weight[i] = split[i] * of_row[i];
+      for (int i = 0; i < c.dim; ++i) weight[i] = split_[c.row + i][side] * of_row[i];
     };
     if (all_rigid || materials[index].rigid()) {
       double unit[kMaxRows];

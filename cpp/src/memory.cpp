@@ -17,7 +17,6 @@ constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
-constexpr int kSlot = sizeof(RememberedContact) / sizeof(double);
 constexpr int kContactsAtOnce = 64;  // by a thread
 
 // a t1 + b t2 in the frame of geom 1, t1 and t2 the tangents of the contact.
@@ -57,18 +56,19 @@ int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
 
 int MemoryLayout::size() const {
   return kHeader + held_size() + leading_size() + mocap_size() + kConstraint * constraints +
-         kSlot * contacts;
+         static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
 }
+
+Memory::Memory(double* storage, const MemoryLayout& layout)
+    : storage_(storage),
+      layout_(layout),
+      contacts_(constraint_storage() + kConstraint * layout.constraints) {}
 
 double* Memory::mocap_storage() const {
   return storage_ + kHeader + layout_.held_size() + layout_.leading_size();
 }
 
 double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
-
-double* Memory::contact_storage(int index) const {
-  return constraint_storage() + kConstraint * layout_.constraints + kSlot * index;
-}
 
 HeldMotion Memory::held_motion() const {
   if (layout_.held_trees == 0) return {};
@@ -130,8 +130,23 @@ int Memory::contact_count() const { return static_cast<int>(storage_[0]); }
 
 RememberedContact Memory::contact(int index) const {
   RememberedContact slot;
-  std::memcpy(&slot, contact_storage(index), sizeof(slot));
+  std::memcpy(static_cast<void*>(&slot), contact_storage(index), sizeof(slot));
   return slot;
+}
+
+std::array<int, 2> Memory::geoms(int index) const {
+  const double* geom = contact_storage(index) + offsetof(RememberedContact, geom) / sizeof(double);
+  return {static_cast<int>(geom[0]), static_cast<int>(geom[1])};
+}
+
+const double* Memory::position(int index, int side) const {
+  return contact_storage(index) + offsetof(RememberedContact, position) / sizeof(double) + 3 * side;
+}
+
+double Memory::force(int index) const {
+  const double* slot = contact_storage(index);
+  return slot[offsetof(RememberedContact, compression) / sizeof(double)] *
+         slot[offsetof(RememberedContact, stiffness) / sizeof(double)];
 }
 
 EnergyLedger Memory::ledger() const {
@@ -154,17 +169,17 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
                       const RowData& data, Team& team) {
   std::fill(constraint_storage(), contact_storage(0), 0.0);
   thread_local std::vector<int> kept;  // by the thread: no allocation in a step
-  std::vector<int>& compressed = kept;
-  compressed.clear();
+  kept.resize(rows.group.size());
+  int* const compressed = kept.data();
+  int count = 0;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact)
       remember(constraints[c.input], rows, static_cast<int>(index), data);
     else if (data.deformation[c.row] < 0.0)
-      compressed.push_back(static_cast<int>(index));
+      compressed[count++] = static_cast<int>(index);
   }
-  const int count = static_cast<int>(compressed.size());
-  team.for_each(count, kContactsAtOnce, [&](int slot) {
+  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data](int slot) {
     remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data, slot);
   });
   if (count < contact_count())

@@ -2,30 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
-#include <limits>
 #include <map>
 
+#include "dashpot/contact_matching.hpp"
 #include "dashpot/memory.hpp"
-#include "dashpot/slots_by_pair.hpp"
 
 namespace dashpot {
 
 namespace {
 
-constexpr int kSlotPosition = offsetof(RememberedContact, position) / sizeof(double);
-constexpr int kSlotCompression = offsetof(RememberedContact, compression) / sizeof(double);
-constexpr int kSlotStiffness = offsetof(RememberedContact, stiffness) / sizeof(double);
-
 // That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
 constexpr int kContactsAtOnce = 64;  // by a thread
-
-double squared_distance(const double* a, const double* b) {
-  double sum = 0.0;
-  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-  return sum;
-}
 
 // Component of `local` (frame of geom 1) along a world direction.
 double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
@@ -149,115 +137,12 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
   }
 }
 
-// The nearest remembered point of the pair, -1 if there is none; a point fixed to either geom is
-// recognised by that geom.
-std::pair<int, double> Memory::nearest_contact(const ContactInput& input,
-                                               const SlotsByPair& slots) const {
-  int nearest = -1;
-  double least = std::numeric_limits<double>::infinity();
-  slots.for_each(pair_key(input.geom[0], input.geom[1]), [&](int index) {
-    const double* position = contact_storage(index) + kSlotPosition;
-    const double distance =
-        std::min(squared_distance(position, input.local_position[0].data()),
-                 squared_distance(position + 3, input.local_position[1].data()));
-    if (distance >= least) return;
-    least = distance;
-    nearest = index;
-  });
-  return {nearest, least};
-}
-
 // Of a contact that nothing is remembered of: in the first step of all one of SI stiffness or of a
 // model's own solref takes what its spring bears.
 double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
                                  double recovery_speed) const {
   if (!starts() || c.soft_load == 0.0) return 0.0;
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
-}
-
-namespace {
-
-using NearestSlot = std::pair<int, double>;
-
-struct MatchBuffers {
-  SlotsByPair slots;
-  std::vector<NearestSlot> found;  // by group
-  std::vector<int> heir;           // by slot
-  std::vector<double> distance;    // by slot
-};
-
-}  // namespace
-
-void Memory::match(const std::vector<ContactInput>& contacts, const Rows& rows,
-                   std::vector<Match>& matches, Team& team) const {
-  matches.assign(rows.group.size(), Match());
-  thread_local MatchBuffers kept;  // by the thread: no allocation in a step
-  auto& [slots, found, heir, distance] = kept;
-  slots.reset(contact_count());
-  for (int i = contact_count() - 1; i >= 0; --i) {
-    const double* slot = contact_storage(i);
-    slots.add(pair_key(static_cast<int>(slot[0]), static_cast<int>(slot[1])), i);
-  }
-  const auto force = [&](int slot) {
-    const double* values = contact_storage(slot);
-    return values[kSlotCompression] * values[kSlotStiffness];
-  };
-  // By remembered point: the group that is nearest to it. Another one near it is a new point: a
-  // compression that two inherit would be two springs as deep.
-  heir.assign(contact_count(), -1);
-  distance.assign(contact_count(), std::numeric_limits<double>::infinity());
-  found.resize(rows.group.size());
-  // Threads are to see what this one keeps, not what they keep themselves.
-  const SlotsByPair& all_slots = slots;
-  std::vector<NearestSlot>& nearest_slot = found;
-  team.for_each(static_cast<int>(rows.group.size()), kContactsAtOnce, [&](int index) {
-    const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact) return;
-    const ContactInput& input = contacts[c.input];
-    all_slots.for_each(pair_key(input.geom[0], input.geom[1]),
-                       [&](int slot) { matches[index].load += force(slot); });
-    if (input.gap < 0.0) nearest_slot[index] = nearest_contact(input, all_slots);
-  });
-  bool any_at_seam = false;
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact) continue;
-    const ContactInput& input = contacts[c.input];
-    any_at_seam = any_at_seam || input.is_at_seam();
-    if (input.gap >= 0.0) continue;
-    const auto [nearest, away] = found[index];
-    if (nearest < 0 || !(away < distance[nearest])) continue;
-    if (heir[nearest] >= 0) matches[heir[nearest]].nearest = -1;
-    heir[nearest] = static_cast<int>(index);
-    distance[nearest] = away;
-    matches[index].nearest = nearest;
-  }
-  if (any_at_seam) match_at_seams(contacts, rows, slots, heir, matches);
-}
-
-// What a geom rolls on to remembers what it left, by the place on that geom, geom 1 of both.
-void Memory::match_at_seams(const std::vector<ContactInput>& contacts, const Rows& rows,
-                            const SlotsByPair& slots, std::vector<int>& heir,
-                            std::vector<Match>& matches) const {
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact || matches[index].nearest >= 0) continue;
-    const ContactInput& input = contacts[c.input];
-    if (!input.is_at_seam() || input.gap >= 0.0) continue;
-    int& nearest = matches[index].nearest;
-    double least = std::numeric_limits<double>::infinity();
-    const auto visit = [&](int slot) {
-      const double* values = contact_storage(slot);
-      matches[index].load += values[kSlotCompression] * values[kSlotStiffness];
-      const double away = squared_distance(values + kSlotPosition, input.local_position[0].data());
-      if (heir[slot] >= 0 || away >= least) return;
-      least = away;
-      nearest = slot;
-    };
-    for (int other : input.takes_over)
-      if (other >= 0) slots.for_each(pair_key(input.geom[0], other), visit);
-    if (nearest >= 0) heir[nearest] = static_cast<int>(index);
-  }
 }
 
 void Memory::recall_contacts(const std::vector<ContactInput>& contacts,

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/contact_matching.hpp"
 #include "dashpot/lanes.hpp"
 #include "dashpot/mujoco_jacobians.hpp"
 #include "dashpot/mujoco_properties.hpp"
@@ -53,27 +54,20 @@ void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& 
 
 // Groups of all contacts, with the rows of those that have no pair geometry.
 void append_contacts(const mjModel_* model, const mjData_* data,
-                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
-                     Team& team) {
-  thread_local std::vector<char> kept;  // by the thread: no allocation in a step
-  std::vector<char>& has_pair = kept;
-  const int count = static_cast<int>(contacts.size());
-  has_pair.resize(count);
-  team.for_each(count, kLooksAtOnce, [&](int i) {
-    has_pair[i] = host::has_pair_geometry(model, data, contacts[i], motion.trees());
-  });
-  for (int i = 0; i < count; ++i) {
+                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows) {
+  int pairs = 0;
+  for (size_t i = 0; i < contacts.size(); ++i) {
     const ContactInput& input = contacts[i];
-    RowGroup& c = rows.append(RowKind::kContact, i, input.dim, input.tree);
-    if (has_pair[i]) {
-      c.pair = static_cast<int>(rows.pair.size());
-      rows.pair.emplace_back();
+    RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
+    if (host::has_pair_geometry(model, data, input, motion.trees())) {
+      c.pair = pairs++;
       continue;
     }
     host::append_jacobian(model, data, input, motion.trees(), rows);
     motion.invert_inertia(c.tree);
     find_inverse_mass(rows, c, motion.trees());
   }
+  rows.pair.resize(pairs);  // filled by fill_contact()
 }
 
 // All else of a contact's group, which depends on no other.
@@ -121,7 +115,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     find_inverse_mass(rows, c, motion.trees());
   }
   mark_ends_of_ranges(constraints, rows);
-  append_contacts(model, data, contacts, motion, rows, team);
+  append_contacts(model, data, contacts, motion, rows);
   team.share(static_cast<int>(contacts.size()), kContactsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {
       if (i + static_cast<int>(kPrefetched) < last)

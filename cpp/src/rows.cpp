@@ -85,7 +85,6 @@ double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, const 
 
 void Rows::reset(int count) {
   group.clear();
-  pair.clear();
   column.clear();
   value.clear();
   weighted_column.clear();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/contact_matching.hpp"
 #include "dashpot/solref.hpp"
 
 namespace dashpot {

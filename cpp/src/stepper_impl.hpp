@@ -6,6 +6,7 @@
 
 #include <vector>
 
+#include "dashpot/contact_matching.hpp"
 #include "dashpot/contacts.hpp"
 #include "dashpot/energy_ledger.hpp"
 #include "dashpot/engine.hpp"
@@ -105,6 +106,7 @@ struct Stepper::Impl {
   std::vector<Match> matches;            // per group
   std::vector<SagTime> sag_time;         // per group
   std::vector<char> hits;                // per group
+  ContactMatching matching;
   Rows rows;
   RowData data;
   PressedTogether pressed_together;

@@ -108,6 +108,7 @@ class Islands {
   // Twice a group and its side, 0 or 1, by tree that this side is of: from first_side_[tree] on.
   std::vector<int> side_order_, first_side_;
   std::vector<std::array<int, 2>> trees_of_order_;  // by place in group_order_
+  std::vector<std::array<double, 2>> split_;        // by row: its weight on both sides
   std::vector<TreeBounds> bounds_;                  // by tree
   std::vector<double> rigid_longest_;               // by group: microstep that resolves it, s
   std::vector<char> resolves_;                      // by island: its SI values

@@ -19,7 +19,6 @@
 #pragma once
 
 #include <array>
-#include <utility>
 #include <vector>
 
 #include "dashpot/energy_ledger.hpp"
@@ -29,7 +28,7 @@
 
 namespace dashpot {
 
-class SlotsByPair;
+struct Match;  // contact_matching.hpp
 
 // What one compressed contact remembers. Vectors are in the frame of geom 1.
 struct RememberedContact {
@@ -52,14 +51,6 @@ struct RememberedConstraint {
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
   double mean_force, turning_work;  // of an equality, see Memory::equality()
-};
-
-// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
-// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
-// the end of the last step.
-struct Match {
-  int nearest = -1;
-  double load = 0.0;
 };
 
 // What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
@@ -98,7 +89,7 @@ struct MemoryLayout {
 class Memory {
  public:
   // A view of `storage`, layout.size() doubles; zeroed storage is an empty memory.
-  Memory(double* storage, const MemoryLayout& layout) : storage_(storage), layout_(layout) {}
+  Memory(double* storage, const MemoryLayout& layout);
 
   // Throws std::invalid_argument where the storage, which users may write to, holds no count of
   // contacts that it has room for, or contacts of geoms that are none of the model's.
@@ -107,6 +98,11 @@ class Memory {
   bool starts() const;  // no step was taken yet
   int contact_count() const;
   RememberedContact contact(int index) const;
+  // Of that contact alone: its geoms, where it is in the frame of one of them (m), and the force
+  // (N) that it bore.
+  std::array<int, 2> geoms(int index) const;
+  const double* position(int index, int side) const;
+  double force(int index) const;
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
@@ -122,9 +118,6 @@ class Memory {
   double* equality(int constraint) const;
   RememberedConstraint constraint(int index) const;  // by ConstraintInput::memory
 
-  // What is remembered of the contacts of every group.
-  void match(const std::vector<ContactInput>& contacts, const Rows& rows,
-             std::vector<Match>& matches, Team& team) const;
   // Fills the deformation and offset of every row at the start of a step of `length` (s). With
   // infinite `recovery_speed` the spring takes the whole overlap.
   void recall(const std::vector<ContactInput>& contacts,
@@ -149,12 +142,7 @@ class Memory {
                 int place);
   double* mocap_storage() const;
   double* constraint_storage() const;
-  double* contact_storage(int index) const;
-  // The nearest remembered point, and the square of its distance (m^2).
-  std::pair<int, double> nearest_contact(const ContactInput& input, const SlotsByPair& slots) const;
-  void match_at_seams(const std::vector<ContactInput>& contacts, const Rows& rows,
-                      const SlotsByPair& slots, std::vector<int>& heir,
-                      std::vector<Match>& matches) const;
+  double* contact_storage(int index) const { return contacts_ + kContactSize * index; }
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
   double first_deformation(const ConstraintInput& input, const Rows& rows,
@@ -165,8 +153,11 @@ class Memory {
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
                           double recovery_speed, RowData& data) const;
 
+  static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
+
   double* storage_;
   MemoryLayout layout_;
+  double* contacts_;  // where contacts are stored
 };
 
 }  // namespace dashpot

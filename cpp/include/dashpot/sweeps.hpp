@@ -183,11 +183,13 @@ template <Sweep kSweep, typename Jacobian, typename Law>
 // Adds what other parts have applied, in their order, and leaves zeros.
 [[gnu::always_inline]] inline void take_parts(const IslandTree& of, int part_size, double* of_parts,
                                               double* sum) {
-  const Tree& t = of.tree;
+  const int begin = of.tree.begin, end = begin + of.tree.count;
   for (unsigned left = of.parts; left != 0; left &= left - 1) {
     double* const applied = of_parts + __builtin_ctz(left) * part_size;
-    for (int i = t.begin; i < t.begin + t.count; i += kLanes) add_lanes(applied + i, sum + i);
-    set_to_zero(t, applied);
+    for (int i = begin; i < end; i += kLanes) {
+      add_lanes(applied + i, sum + i);
+      store_lanes(Lanes{}, applied + i);
+    }
   }
 }
 

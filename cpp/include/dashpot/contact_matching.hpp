@@ -1,0 +1,45 @@
+// Which remembered contact each contact of a step goes on from.
+
+#pragma once
+
+#include <utility>
+#include <vector>
+
+#include "dashpot/memory.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/slots_by_pair.hpp"
+#include "dashpot/team.hpp"
+
+namespace dashpot {
+
+// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
+// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
+// the end of the last step.
+struct Match {
+  int nearest = -1;
+  double load = 0.0;
+};
+
+// Keeps its arrays from step to step.
+class ContactMatching {
+ public:
+  // Of every group of `rows`; those of constraints have none.
+  void find(const Memory& memory, const std::vector<ContactInput>& contacts, const Rows& rows,
+            std::vector<Match>& matches, Team& team);
+
+ private:
+  struct Nearest {
+    int slot = -1;
+    double squared_distance = 0.0;  // m^2
+  };
+  Nearest nearest_contact(const Memory& memory, const ContactInput& input) const;
+  void match_at_seams(const Memory& memory, const std::vector<ContactInput>& contacts,
+                      const Rows& rows, std::vector<Match>& matches);
+
+  SlotsByPair slots_;
+  std::vector<Nearest> nearest_;  // by group
+  std::vector<int> heir_;         // by slot: the group that goes on from it, -1: none
+  std::vector<double> away_;      // by slot: its squared distance
+};
+
+}  // namespace dashpot
