@@ -200,12 +200,26 @@ void IslandBlocks::find_parts_of_trees(const Rows& rows, int tree_count) {
   std::apply([&](const auto&... list) { (visit(list), ...); }, blocks_);
 }
 
+void IslandBlocks::find_ranges() {
+  ranges_.resize(parts_);
+  const auto find = [&](auto& list, auto& range, int part) {
+    range = {list.block.data() + begin(list, part), list.block.data() + begin(list, part + 1)};
+  };
+  for (int part = 0; part < parts_; ++part)
+    std::apply(
+        [&](auto&... list) {
+          std::apply([&](auto&... range) { (find(list, range, part), ...); }, ranges_[part]);
+        },
+        blocks_);
+}
+
 void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& island, double h,
                         double recovery_speed, const RowData& data, Team& team) {
   sort(rows, island);
   const int groups = static_cast<int>(island.group.last - island.group.first);
   parts_ = groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
   if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
+  find_ranges();
   const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
   team.for_each(parts_, 1, [&](int part) {
     const auto pack_list = [&](auto& list) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dashpot/island_blocks.hpp"
+#include "dashpot/lane_flow.hpp"
 
 namespace dashpot {
 
@@ -47,6 +48,7 @@ constexpr int kTreesAtOnce = 32;  // by a thread
 }  // namespace
 
 struct MicrostepLoop::Impl {
+  const SweepFunctions& sweeps = fastest_sweeps();
   IslandBlocks blocks;
   std::vector<IslandTree> island_trees;
   AlignedDoubles displacement, force, impulse, moment, acceleration;
@@ -57,9 +59,8 @@ struct MicrostepLoop::Impl {
   IslandMotion motion(const Trees& trees, RowData& data);
   void run_microsteps(IslandMotion& motion, int count, Team& team);
 
-  template <Sweep kSweep>
-  void sweep_rows(const IslandMotion& motion, Team& team) {
-    if (blocks.parts() == 1) return blocks.sweep<kSweep>(0, motion);
+  void sweep_rows(Sweep sweep, const IslandMotion& motion, Team& team) {
+    if (blocks.parts() == 1) return blocks.sweep(sweep, 0, motion);
     team.for_each(blocks.parts(), 1, [&](int part) {
       IslandMotion own = motion;
       if (part > 0) {
@@ -67,13 +68,12 @@ struct MicrostepLoop::Impl {
         own.force = own.coordinate_impulse = motion.force_of_parts + offset;
         own.impulse = own.moment = motion.impulse_of_parts + offset;
       }
-      blocks.sweep<kSweep>(part, own);
+      blocks.sweep(sweep, part, own);
     });
   }
-  template <Sweep kSweep>
-  void sweep_trees(const IslandMotion& motion, Team& team) {
+  void sweep_trees(Sweep sweep, const IslandMotion& motion, Team& team) {
     team.share(static_cast<int>(island_trees.size()), kTreesAtOnce, [&](int, int first, int last) {
-      sweep_fastest<kSweep>(island_trees.data() + first, island_trees.data() + last, motion);
+      sweeps.trees(sweep, island_trees.data() + first, island_trees.data() + last, motion);
     });
   }
 };
@@ -128,25 +128,25 @@ void MicrostepLoop::Impl::run_microsteps(IslandMotion& m, int count, Team& team)
   acceleration[kTurningCoordinate] = 1.0;
   double& turning = m.velocity[kTurningCoordinate];
   const double turning_at_start = turning;
-  sweep_rows<Sweep::kPrepare>(m, team);
+  sweep_rows(Sweep::kPrepare, m, team);
   const double middle = 0.5 * h * count;
   m.rate_time = -middle;
   for (int i = 0; i < count; ++i) {
-    sweep_rows<Sweep::kPresentForces>(m, team);
+    sweep_rows(Sweep::kPresentForces, m, team);
     m.coupled_time = kCoupledShare * h;
     m.work_time = i * h + 0.5 * h - middle;
     m.rate_time = (i + 1) * h - middle;
     turning += h;
-    sweep_trees<Sweep::kSmoothMotion>(m, team);
-    sweep_rows<Sweep::kFlow>(m, team);
-    sweep_trees<Sweep::kContactMotion>(m, team);
+    sweep_trees(Sweep::kSmoothMotion, m, team);
+    sweep_rows(Sweep::kFlow, m, team);
+    sweep_trees(Sweep::kContactMotion, m, team);
   }
-  sweep_rows<Sweep::kRead>(m, team);
-  sweep_trees<Sweep::kDisplacement>(m, team);
+  sweep_rows(Sweep::kRead, m, team);
+  sweep_trees(Sweep::kDisplacement, m, team);
   const double time = h * count;
   displacement[kSurfaceCoordinate] = time;
   displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
-  sweep_rows<Sweep::kFollow>(m, team);
+  sweep_rows(Sweep::kFollow, m, team);
   turning = turning_at_start;
   // A force that is no number shows here alone: rows whose load it is apply none.
   for (const IslandTree& of : island_trees)

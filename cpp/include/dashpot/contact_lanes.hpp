@@ -69,8 +69,8 @@ struct SpringLanes : RowLanes<1> {
 
 // propagate() of row i over h, four at a time where all have a series.
 template <int Dim>
-[[gnu::always_inline]] inline void propagate(const RowLanes<Dim>& c, int i, double h,
-                                             Lanes (&e)[5]) {
+[[gnu::always_inline]] static inline void propagate(const RowLanes<Dim>& c, int i, double h,
+                                                    Lanes (&e)[5]) {
   const Lanes damping_rate = c.inverse_mass[i] * c.damping[i];
   const Lanes square_frequency = c.inverse_mass[i] * c.stiffness[i];
   const Lanes a = -damping_rate * h, b = -square_frequency * (h * h);
@@ -108,9 +108,9 @@ template <int Dim>
 
 // The coefficients of row i; exp(-k h / d) is given.
 template <int Dim>
-[[gnu::always_inline]] inline void prepare_spring(const RowLanes<Dim>& c, int i, double h,
-                                                  SpringCoefficients& spring,
-                                                  RelaxationCoefficients& relaxation) {
+[[gnu::always_inline]] static inline void prepare_spring(const RowLanes<Dim>& c, int i, double h,
+                                                         SpringCoefficients& spring,
+                                                         RelaxationCoefficients& relaxation) {
   Lanes e[5];
   propagate(c, i, h, e);
   const Lanes k = c.stiffness[i], d = c.damping[i];
@@ -125,7 +125,7 @@ template <int Dim>
 
 // What depends on parameters and h alone.
 template <int Dim>
-[[gnu::always_inline]] inline void prepare(ContactLanes<Dim>& c, double h) {
+[[gnu::always_inline]] static inline void prepare(ContactLanes<Dim>& c, double h) {
   propagate(c, 0, h, c.e);
   Lanes largest{};
   for (int i = 1; i < Dim; ++i) {
@@ -140,7 +140,7 @@ template <int Dim>
                         : Lanes{};
 }
 
-[[gnu::always_inline]] inline void prepare(SpringLanes& c, double h) {
+[[gnu::always_inline]] static inline void prepare(SpringLanes& c, double h) {
   prepare_spring(c, 0, h, c.spring, c.relaxation);
 }
 

@@ -7,7 +7,7 @@
 
 #pragma once
 
-#include <tuple>
+#include <array>
 #include <vector>
 
 #include "dashpot/islands.hpp"
@@ -17,6 +17,18 @@
 #include "dashpot/team.hpp"
 
 namespace dashpot {
+
+struct BlockGroups {
+  std::array<int, kLanes> group{};
+  std::array<int, kLanes> values{};  // of sparse rows: where those of the lane begin
+  int count = 0;
+};
+template <typename Jacobian, typename Law>
+struct Blocks {
+  std::vector<BlockGroups> groups;
+  std::vector<Block<Jacobian, Law>> block;  // of these groups, at least
+  int count = 0;                            // of groups, and blocks in use
+};
 
 // Keeps its arrays from one island and step to the next.
 class IslandBlocks {
@@ -31,25 +43,11 @@ class IslandBlocks {
   // The parts but the first that act on a tree, by bit.
   unsigned other_parts(int tree) const { return parts_ > 1 ? of_tree_[tree] >> 1 : 0; }
 
-  template <Sweep kSweep>
-  void sweep(int part, const IslandMotion& motion) {
-    const auto sweep_list = [&](auto& list) {
-      if (list.count == 0) return;
-      auto* const block = list.block.data();
-      sweep_fastest<kSweep>(block + begin(list, part), block + begin(list, part + 1), motion);
-    };
-    std::apply([&](auto&... list) { (sweep_list(list), ...); }, blocks_);
+  void sweep(Sweep rows, int part, const IslandMotion& motion) const {
+    sweeps_.rows(rows, ranges_[part], motion);
   }
 
  private:
-  using AllBlocks =
-      std::tuple<Blocks<PairLanes, ContactLanes<1>>, Blocks<PairLanes, ContactLanes<3>>,
-                 Blocks<PairLanes, ContactLanes<4>>, Blocks<PairLanes, ContactLanes<6>>,
-                 Blocks<SparseLanes, ContactLanes<1>>, Blocks<SparseLanes, ContactLanes<3>>,
-                 Blocks<SparseLanes, ContactLanes<4>>, Blocks<SparseLanes, ContactLanes<6>>,
-                 Blocks<SparseLanes, SpringLanes>, Blocks<JointLanes, ContactLanes<1>>,
-                 Blocks<JointLanes, SpringLanes>>;
-
   // The first block of a part.
   template <typename List>
   int begin(const List& list, int part) const {
@@ -57,11 +55,14 @@ class IslandBlocks {
   }
   void sort(const Rows& rows, const Island& island);
   void find_parts_of_trees(const Rows& rows, int tree_count);
+  void find_ranges();
 
-  AllBlocks blocks_;
+  const SweepFunctions& sweeps_ = fastest_sweeps();
+  OfEveryKind<Blocks> blocks_;
   int parts_ = 1;
-  std::vector<unsigned> of_tree_;  // parts that act on it, by bit; of islands of several parts
-  AlignedDoubles sparse_values_;   // what SparseLanes point to: zeros, for lanes to spare, first
+  std::vector<BlockRanges> ranges_;  // by part
+  std::vector<unsigned> of_tree_;    // parts that act on it, by bit; of islands of several parts
+  AlignedDoubles sparse_values_;     // what SparseLanes point to: zeros, for lanes to spare, first
 };
 
 }  // namespace dashpot

@@ -63,19 +63,20 @@ inline void spare_sparse(const double* zeros, int last, SparseLanes& j) {
   }
 }
 
-[[gnu::always_inline]] inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
+[[gnu::always_inline]] static inline void cross(const Lanes* a, const Lanes* b, Lanes* out) {
   out[0] = a[1] * b[2] - a[2] * b[1];
   out[1] = a[2] * b[0] - a[0] * b[2];
   out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-[[gnu::always_inline]] inline Lanes dot(const Lanes* a, const Lanes* b) {
+[[gnu::always_inline]] static inline Lanes dot(const Lanes* a, const Lanes* b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
 // Linear and angular coordinates of four bodies.
-[[gnu::always_inline]] inline void load_bodies(const double* motion, const int* body,
-                                               Lanes (&linear)[kLanes], Lanes (&angular)[kLanes]) {
+[[gnu::always_inline]] static inline void load_bodies(const double* motion, const int* body,
+                                                      Lanes (&linear)[kLanes],
+                                                      Lanes (&angular)[kLanes]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     linear[lane] = load_lanes(motion + body[lane]);
     angular[lane] = load_lanes(motion + body[lane] + 4);
@@ -86,9 +87,9 @@ inline void spare_sparse(const double* zeros, int last, SparseLanes& j) {
 
 // Adds to the second bodies of four pairs, takes from the first.
 template <int Side>
-[[gnu::always_inline]] inline void apply_to_bodies(Lanes (&linear)[kLanes],
-                                                   Lanes (&angular)[kLanes], const int* body,
-                                                   double* force) {
+[[gnu::always_inline]] static inline void apply_to_bodies(Lanes (&linear)[kLanes],
+                                                          Lanes (&angular)[kLanes], const int* body,
+                                                          double* force) {
   const auto apply = [](const Lanes& term, double* at) __attribute__((always_inline)) {
     const Lanes before = load_lanes(at);
     store_lanes(Side == 0 ? before - term : before + term, at);
@@ -103,7 +104,8 @@ template <int Side>
 
 // out = J motion.
 template <int Dim>
-[[gnu::always_inline]] inline void gather(const PairLanes& j, const double* motion, Lanes* out) {
+[[gnu::always_inline]] static inline void gather(const PairLanes& j, const double* motion,
+                                                 Lanes* out) {
   Lanes v1[kLanes], w1[kLanes], v2[kLanes], w2[kLanes], at1[3], at2[3], relative[3];
   load_bodies(motion, j.body[0], v1, w1);
   load_bodies(motion, j.body[1], v2, w2);
@@ -117,8 +119,8 @@ template <int Dim>
 }
 
 // The sum of `count` impulses along the directions of a frame.
-[[gnu::always_inline]] inline void sum_along(const Lanes* frame, const Lanes* impulse, int count,
-                                             Lanes* sum) {
+[[gnu::always_inline]] static inline void sum_along(const Lanes* frame, const Lanes* impulse,
+                                                    int count, Lanes* sum) {
   for (int k = 0; k < 3; ++k) {
     sum[k] = frame[k] * impulse[0];
     for (int i = 1; i < count; ++i) sum[k] += frame[3 * i + k] * impulse[i];
@@ -127,8 +129,8 @@ template <int Dim>
 
 // force += J' impulse.
 template <int Dim>
-[[gnu::always_inline]] inline void scatter(const PairLanes& j, const Lanes* impulse,
-                                           double* force) {
+[[gnu::always_inline]] static inline void scatter(const PairLanes& j, const Lanes* impulse,
+                                                  double* force) {
   Lanes linear[2][kLanes] = {}, angular[2][kLanes] = {};
   sum_along(j.frame, impulse, std::min(Dim, 3), linear[0]);
   for (int side = 0; side < 2; ++side) cross(j.arm[side], linear[0], angular[side]);
@@ -144,7 +146,8 @@ template <int Dim>
 }
 
 template <int Dim>
-[[gnu::always_inline]] inline void gather(const JointLanes& j, const double* motion, Lanes* out) {
+[[gnu::always_inline]] static inline void gather(const JointLanes& j, const double* motion,
+                                                 Lanes* out) {
   static_assert(Dim == 1);
   const Lanes at{motion[j.column[0]], motion[j.column[1]], motion[j.column[2]],
                  motion[j.column[3]]};
@@ -152,8 +155,8 @@ template <int Dim>
 }
 
 template <int Dim>
-[[gnu::always_inline]] inline void scatter(const JointLanes& j, const Lanes* impulse,
-                                           double* force) {
+[[gnu::always_inline]] static inline void scatter(const JointLanes& j, const Lanes* impulse,
+                                                  double* force) {
   static_assert(Dim == 1);
   const Lanes generalized = j.value * impulse[0];
   for (int lane = 0; lane < kLanes; ++lane) force[j.column[lane]] += generalized[lane];
@@ -161,7 +164,8 @@ template <int Dim>
 
 // The sums of the lanes do not wait for each other.
 template <int Dim>
-[[gnu::always_inline]] inline void gather(const SparseLanes& j, const double* motion, Lanes* out) {
+[[gnu::always_inline]] static inline void gather(const SparseLanes& j, const double* motion,
+                                                 Lanes* out) {
   constexpr int kParts = padded(Dim) / kLanes;
   Lanes sum[kParts][kLanes] = {};
   const auto add_column = [&](int lane, int k) __attribute__((always_inline)) {
@@ -183,9 +187,9 @@ template <int Dim>
 
 // Of several impulses.
 template <int Dim, int Count>
-[[gnu::always_inline]] inline void scatter_all(const SparseLanes& j,
-                                               const Lanes* const (&impulse)[Count],
-                                               double* const (&force)[Count]) {
+[[gnu::always_inline]] static inline void scatter_all(const SparseLanes& j,
+                                                      const Lanes* const (&impulse)[Count],
+                                                      double* const (&force)[Count]) {
   for (int lane = 0; lane < kLanes; ++lane) {
     const int width = j.width[lane], stride = padded(width);
     const int* column = j.column[lane];
@@ -203,23 +207,23 @@ template <int Dim, int Count>
 }
 
 template <int Dim>
-[[gnu::always_inline]] inline void scatter(const SparseLanes& j, const Lanes* impulse,
-                                           double* force) {
+[[gnu::always_inline]] static inline void scatter(const SparseLanes& j, const Lanes* impulse,
+                                                  double* force) {
   scatter_all<Dim, 1>(j, {impulse}, {force});
 }
 
 template <int Dim, typename Jacobian>
-[[gnu::always_inline]] inline void scatter_two(const Jacobian& j, const Lanes* first,
-                                               const Lanes* second, double* to_first,
-                                               double* to_second) {
+[[gnu::always_inline]] static inline void scatter_two(const Jacobian& j, const Lanes* first,
+                                                      const Lanes* second, double* to_first,
+                                                      double* to_second) {
   scatter<Dim>(j, first, to_first);
   scatter<Dim>(j, second, to_second);
 }
 
 template <int Dim>
-[[gnu::always_inline]] inline void scatter_two(const SparseLanes& j, const Lanes* first,
-                                               const Lanes* second, double* to_first,
-                                               double* to_second) {
+[[gnu::always_inline]] static inline void scatter_two(const SparseLanes& j, const Lanes* first,
+                                                      const Lanes* second, double* to_first,
+                                                      double* to_second) {
   scatter_all<Dim, 2>(j, {first, second}, {to_first, to_second});
 }
 

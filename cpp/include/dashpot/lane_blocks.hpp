@@ -16,7 +16,7 @@ inline constexpr int kMostLanesOfBlock = 6;
 // Calls visit(first, width) for blocks of width() lanes that cover `count` numbers, a multiple of
 // kLanes, each block from the number `first` on.
 template <typename Visit>
-[[gnu::always_inline]] inline void for_each_block(int count, const Visit& visit) {
+[[gnu::always_inline]] static inline void for_each_block(int count, const Visit& visit) {
   for (int first = 0; first < count;) {
     const int lanes = (count - first) / kLanes;
     const int blocks = (lanes + kMostLanesOfBlock - 1) / kMostLanesOfBlock;
@@ -47,18 +47,18 @@ template <typename Visit>
 
 // sum += scale * the block of `column`.
 template <int Width>
-[[gnu::always_inline]] inline void add_scaled(const double* column, double scale,
-                                              Lanes (&sum)[Width]) {
+[[gnu::always_inline]] static inline void add_scaled(const double* column, double scale,
+                                                     Lanes (&sum)[Width]) {
   for (int i = 0; i < Width; ++i) sum[i] += load_lanes(column + i * kLanes) * scale;
 }
 
 template <int Width>
-[[gnu::always_inline]] inline void load_block(const double* values, Lanes (&block)[Width]) {
+[[gnu::always_inline]] static inline void load_block(const double* values, Lanes (&block)[Width]) {
   for (int i = 0; i < Width; ++i) block[i] = load_lanes(values + i * kLanes);
 }
 
 template <int Width>
-[[gnu::always_inline]] inline void store_block(const Lanes (&block)[Width], double* values) {
+[[gnu::always_inline]] static inline void store_block(const Lanes (&block)[Width], double* values) {
   for (int i = 0; i < Width; ++i) store_lanes(block[i], values + i * kLanes);
 }
 

@@ -18,8 +18,8 @@ inline constexpr double kCoupledShare = 1.0 / 3.0;
 // What the limit surface of friction goes by: the impulse or force of the normal, less than it
 // where friction falls with load. `duration` is that of an impulse, 1 for a force.
 template <int Dim>
-[[gnu::always_inline]] inline Lanes find_pressure(const ContactLanes<Dim>& c, const Lanes& normal,
-                                                  double duration) {
+[[gnu::always_inline]] static inline Lanes find_pressure(const ContactLanes<Dim>& c,
+                                                         const Lanes& normal, double duration) {
   const Lanes zero{}, one = all_lanes(1.0);
   if (!c.load_dependent) return normal;
   const Lanes load = max_lanes(normal, zero) * c.inverse_friction_load / duration;
@@ -29,8 +29,8 @@ template <int Dim>
 // The lanes in which nothing slips: friction, behind the normal one, is inside the limit surface.
 // Sets friction to zero in lanes without pressure.
 template <int Dim>
-[[gnu::always_inline]] inline LaneMask find_sticking(const ContactLanes<Dim>& c, Lanes* impulse,
-                                                     const Lanes& pressure) {
+[[gnu::always_inline]] static inline LaneMask find_sticking(const ContactLanes<Dim>& c,
+                                                            Lanes* impulse, const Lanes& pressure) {
   const Lanes zero{};
   Lanes square{};
   for (int i = 1; i < Dim; ++i) {
@@ -44,9 +44,9 @@ template <int Dim>
 // Returns friction impulses or forces to the limit surface in the lanes that are not `sticking`:
 // return_to_limit of friction.hpp.
 template <int Dim>
-[[gnu::always_inline]] inline void return_friction(const ContactLanes<Dim>& c, Lanes* impulse,
-                                                   const Lanes& pressure,
-                                                   const LaneMask& sticking) {
+[[gnu::always_inline]] static inline void return_friction(const ContactLanes<Dim>& c,
+                                                          Lanes* impulse, const Lanes& pressure,
+                                                          const LaneMask& sticking) {
   const Lanes zero{}, one = all_lanes(1.0);
   const Lanes inverse_normal = one / (impulse[0] > zero ? pressure : one);
   Lanes z[Dim], gamma{}, shrink[Dim];
@@ -79,8 +79,9 @@ template <int Dim>
 // impulse of the micro-step to come, under the load that it bears now: the forces of a slip that
 // goes on do not change, and other rows must not take them for changing ones.
 template <int Dim>
-[[gnu::always_inline]] inline void turn_slipping_force(ContactLanes<Dim>& c, const Lanes& pressure,
-                                                       const LaneMask& sticking) {
+[[gnu::always_inline]] static inline void turn_slipping_force(ContactLanes<Dim>& c,
+                                                              const Lanes& pressure,
+                                                              const LaneMask& sticking) {
   const Lanes zero{}, one = all_lanes(1.0);
   Lanes square{}, square_to_come{}, to_come[Dim];
   for (int i = 1; i < Dim; ++i) {
@@ -103,7 +104,7 @@ template <int Dim>
 
 // The force every contact has now; no number where anything it depends on is none.
 template <int Dim>
-[[gnu::always_inline]] inline void find_present_force(ContactLanes<Dim>& c) {
+[[gnu::always_inline]] static inline void find_present_force(ContactLanes<Dim>& c) {
   const Lanes zero{};
   for (int i = 0; i < Dim; ++i)
     c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
@@ -118,14 +119,15 @@ template <int Dim>
 }
 
 // The same for a spring behind a slider.
-[[gnu::always_inline]] inline void find_present_force(SpringLanes& c) {
+[[gnu::always_inline]] static inline void find_present_force(SpringLanes& c) {
   const Lanes force = -c.stiffness[0] * c.deformation[0] - c.damping[0] * c.rate[0];
   c.force[0] = min_lanes(c.limit, max_lanes(-c.limit, force));
 }
 
 // One lane through all its events.
 template <int Dim>
-void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h, Lanes& moment) {
+static void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double h,
+                      Lanes& moment) {
   const KelvinVoigt law{c.stiffness[0][lane], c.damping[0][lane], c.inverse_mass[0][lane]};
   const Propagator e{c.e[0][lane], c.e[1][lane], c.e[2][lane], c.e[3][lane], c.e[4][lane]};
   const Flow flow = flow_contact(law, c.deformation[0][lane], rate, load, h, &e);
@@ -136,8 +138,8 @@ void flow_lane(ContactLanes<Dim>& c, int lane, double rate, double load, double 
 // Impulse and moment of the normals: closed form where contact lasts throughout, nothing where it
 // stays open, event by event elsewhere.
 template <int Dim>
-[[gnu::always_inline]] inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load, double h,
-                                               Lanes& moment) {
+[[gnu::always_inline]] static inline void flow_normal(ContactLanes<Dim>& c, const Lanes& load,
+                                                      double h, Lanes& moment) {
   constexpr double kSquaredPi = 9.869604401089358;
   const Lanes zero{};
   const Lanes k = c.stiffness[0], d = c.damping[0], w = c.inverse_mass[0];
@@ -171,9 +173,9 @@ template <int Dim>
 
 // Impulse and moment of a spring-damper row.
 template <int Dim>
-[[gnu::always_inline]] inline void flow_spring(RowLanes<Dim>& c, int i,
-                                               const SpringCoefficients& spring, const Lanes& load,
-                                               Lanes& moment) {
+[[gnu::always_inline]] static inline void flow_spring(RowLanes<Dim>& c, int i,
+                                                      const SpringCoefficients& spring,
+                                                      const Lanes& load, Lanes& moment) {
   const Lanes x = c.deformation[i], rate = c.rate[i];
   c.impulse[i] =
       spring.impulse_displacement * x + spring.impulse_rate * rate + spring.impulse_load * load;
@@ -183,8 +185,8 @@ template <int Dim>
 // The sums of impulses and of their moments, and of the displacement of every row all but the part
 // that goes by the rate it will have then: h u + h^2/2 b + w r - s h (u + h b + w p).
 template <int Dim>
-[[gnu::always_inline]] inline void end_flow(RowLanes<Dim>& c, const Lanes* load,
-                                            const Lanes* moment, double h) {
+[[gnu::always_inline]] static inline void end_flow(RowLanes<Dim>& c, const Lanes* load,
+                                                   const Lanes* moment, double h) {
   for (int i = 0; i < Dim; ++i) {
     c.total_impulse[i] += c.impulse[i];
     c.total_moment[i] += moment[i];
@@ -197,8 +199,8 @@ template <int Dim>
 // Flow over h under `motion`, the acceleration of every row with all present forces; a row's own
 // force is left out of its load. `moment`: of every row's impulse.
 template <int Dim>
-[[gnu::always_inline]] inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h,
-                                        Lanes* moment) {
+[[gnu::always_inline]] static inline void flow(ContactLanes<Dim>& c, const Lanes* motion, double h,
+                                               Lanes* moment) {
   const Lanes zero{};
   Lanes load[Dim];
   for (int i = 0; i < Dim; ++i) load[i] = motion[i] - c.inverse_mass[i] * c.force[i];
@@ -224,8 +226,8 @@ template <int Dim>
   end_flow(c, load, moment, h);
 }
 
-[[gnu::always_inline]] inline void flow(SpringLanes& c, const Lanes* motion, double h,
-                                        Lanes* moment) {
+[[gnu::always_inline]] static inline void flow(SpringLanes& c, const Lanes* motion, double h,
+                                               Lanes* moment) {
   const Lanes zero{}, load = motion[0] - c.inverse_mass[0] * c.force[0];
   flow_spring(c, 0, c.spring, load, moment[0]);
   const Lanes limit = c.limit * h;

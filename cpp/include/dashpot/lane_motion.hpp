@@ -28,7 +28,8 @@ inline Recovery recovery_over(double step) {
 // bearable, nor where the bodies have left it as far behind: a surface that comes after them would
 // keep them in motion.
 template <int Dim>
-[[gnu::always_inline]] inline Lanes offset_rate(const RowLanes<Dim>& c, const Recovery& recovery) {
+[[gnu::always_inline]] static inline Lanes offset_rate(const RowLanes<Dim>& c,
+                                                       const Recovery& recovery) {
   const Lanes zero{};
   const Lanes rate = min_lanes(c.offset / recovery.time, c.recovery_speed);
   const Lanes x = c.deformation[0];
@@ -39,7 +40,8 @@ template <int Dim>
 // everything but the rows, which is the same in all micro-steps: here the first term of the last
 // impulses, which changed the rates to `rate`.
 template <int Dim>
-[[gnu::always_inline]] inline void account_motion(RowLanes<Dim>& c, int i, const Lanes& rate) {
+[[gnu::always_inline]] static inline void account_motion(RowLanes<Dim>& c, int i,
+                                                         const Lanes& rate) {
   c.work[i > 0] += 0.5 * c.impulse[i] * (c.rate[i] + rate);
   c.rate[i] = rate;
 }
@@ -48,8 +50,8 @@ template <int Dim>
 // The first half of a step takes from the rates, and the second adds: no motion of bodies, so no
 // work is booked of it. `work_time` (s): its mean time during the last impulses.
 template <int Dim>
-[[gnu::always_inline]] inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
-                                             double work_time, Lanes* rate) {
+[[gnu::always_inline]] static inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
+                                                    double work_time, Lanes* rate) {
   for (int i = 0; i < std::min(Dim, 3); ++i) {
     rate[i] += c.turning[i] * rate_time;
     const Lanes work = c.impulse[i] * c.turning[i] * work_time;
@@ -60,13 +62,14 @@ template <int Dim>
 
 // The second term, of all micro-steps. `load`: of every row.
 template <int Dim>
-[[gnu::always_inline]] inline void account_load(RowLanes<Dim>& c, const Lanes* load, double h) {
+[[gnu::always_inline]] static inline void account_load(RowLanes<Dim>& c, const Lanes* load,
+                                                       double h) {
   for (int i = 0; i < Dim; ++i)
     c.work[i > 0] += load[i] * (0.5 * h * c.total_impulse[i] - c.total_moment[i]);
 }
 
-[[gnu::always_inline]] inline Lanes relax(const RelaxationCoefficients& spring,
-                                          const Lanes& impulse, const Lanes& deformation) {
+[[gnu::always_inline]] static inline Lanes relax(const RelaxationCoefficients& spring,
+                                                 const Lanes& impulse, const Lanes& deformation) {
   const Lanes limit = -impulse * spring.compliance_h;
   return limit + spring.relaxation * (deformation - limit);
 }
@@ -74,8 +77,9 @@ template <int Dim>
 // The displacement of every row in the last micro-step, `coupled_time` (s) times the rate that it
 // ended with being the last part of it.
 template <int Dim>
-[[gnu::always_inline]] inline void end_displacement(RowLanes<Dim>& c, const Lanes* rate,
-                                                    double coupled_time, Lanes* displacement) {
+[[gnu::always_inline]] static inline void end_displacement(RowLanes<Dim>& c, const Lanes* rate,
+                                                           double coupled_time,
+                                                           Lanes* displacement) {
   for (int i = 0; i < Dim; ++i) {
     displacement[i] = c.displacement[i] + coupled_time * rate[i];
     c.total_displacement[i] += displacement[i];
@@ -85,8 +89,9 @@ template <int Dim>
 // Rates, work and deformations after the motion of a micro-step: springs follow the relative
 // motion, unstressed offsets recover, springs behind slipping sliders relax.
 template <int Dim>
-[[gnu::always_inline]] inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate, double h,
-                                               double coupled_time, const Recovery& recovery) {
+[[gnu::always_inline]] static inline void read_motion(ContactLanes<Dim>& c, const Lanes* rate,
+                                                      double h, double coupled_time,
+                                                      const Recovery& recovery) {
   Lanes displacement[Dim];
   end_displacement(c, rate, coupled_time, displacement);
   const Lanes recovered = h * c.surface;
@@ -105,8 +110,9 @@ template <int Dim>
 }
 
 // The offsets of equalities are recovered by displacement (position_recovery.hpp).
-[[gnu::always_inline]] inline void read_motion(SpringLanes& c, const Lanes* rate, double /*h*/,
-                                               double coupled_time, const Recovery& /*recovery*/) {
+[[gnu::always_inline]] static inline void read_motion(SpringLanes& c, const Lanes* rate,
+                                                      double /*h*/, double coupled_time,
+                                                      const Recovery& /*recovery*/) {
   Lanes displacement[1];
   end_displacement(c, rate, coupled_time, displacement);
   const Lanes relaxed = relax(c.relaxation, c.impulse[0], c.deformation[0]);
@@ -117,13 +123,14 @@ template <int Dim>
 // Springs that follow the motion get what the displacements of all micro-steps lack of that of the
 // bodies.
 template <int Dim>
-[[gnu::always_inline]] inline void follow_bodies(ContactLanes<Dim>& c, const Lanes* displacement) {
+[[gnu::always_inline]] static inline void follow_bodies(ContactLanes<Dim>& c,
+                                                        const Lanes* displacement) {
   c.deformation[0] += displacement[0] - c.total_displacement[0];
   for (int i = 1; i < Dim; ++i)
     c.deformation[i] += c.sticking ? displacement[i] - c.total_displacement[i] : Lanes{};
 }
 
-[[gnu::always_inline]] inline void follow_bodies(SpringLanes& c, const Lanes* displacement) {
+[[gnu::always_inline]] static inline void follow_bodies(SpringLanes& c, const Lanes* displacement) {
   c.deformation[0] += c.sticking ? displacement[0] - c.total_displacement[0] : Lanes{};
 }
 

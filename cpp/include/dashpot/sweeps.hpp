@@ -1,17 +1,18 @@
 // The sweeps of a micro-step over rows and trees, four groups of rows or four coordinates at a
 // time.
+//
+// They are compiled for several instruction sets (sweep_kernels.hpp), each in a file of its own:
+// vectors that an instruction set does not have are taken apart before functions are inlined into
+// others, so a function compiled for a wider one, made of parts that are not, took twice the time.
+// Lanes do not mix and nothing is fused, so all give the same bits.
 
 #pragma once
 
-#include <array>
-#include <type_traits>
-#include <vector>
+#include <tuple>
 
+#include "dashpot/contact_lanes.hpp"
 #include "dashpot/jacobian_lanes.hpp"
-#include "dashpot/lane_blocks.hpp"
-#include "dashpot/lane_flow.hpp"
 #include "dashpot/lane_motion.hpp"
-#include "dashpot/prefetch.hpp"
 #include "dashpot/trees.hpp"
 
 namespace dashpot {
@@ -23,17 +24,22 @@ struct Block {
   Jacobian jacobian{};
   Law law{};
 };
-struct BlockGroups {
-  std::array<int, kLanes> group{};
-  std::array<int, kLanes> values{};  // of sparse rows: where those of the lane begin
-  int count = 0;
-};
+// One of every kind of block that there is.
+template <template <typename Jacobian, typename Law> class Of>
+using OfEveryKind = std::tuple<Of<PairLanes, ContactLanes<1>>, Of<PairLanes, ContactLanes<3>>,
+                               Of<PairLanes, ContactLanes<4>>, Of<PairLanes, ContactLanes<6>>,
+                               Of<SparseLanes, ContactLanes<1>>, Of<SparseLanes, ContactLanes<3>>,
+                               Of<SparseLanes, ContactLanes<4>>, Of<SparseLanes, ContactLanes<6>>,
+                               Of<SparseLanes, SpringLanes>, Of<JointLanes, ContactLanes<1>>,
+                               Of<JointLanes, SpringLanes>>;
+
+// Blocks of one kind that follow one another.
 template <typename Jacobian, typename Law>
-struct Blocks {
-  std::vector<BlockGroups> groups;
-  std::vector<Block<Jacobian, Law>> block;  // of these groups, at least
-  int count = 0;                            // of groups, and blocks in use
+struct BlockRange {
+  Block<Jacobian, Law>* first = nullptr;
+  Block<Jacobian, Law>* last = nullptr;
 };
+using BlockRanges = OfEveryKind<BlockRange>;
 
 // A tree of an island, and which other parts of its rows act on it, by bit.
 struct IslandTree {
@@ -78,215 +84,20 @@ enum class Sweep {
   kFollow          // rows: springs follow the displacement of the bodies
 };
 
-template <Sweep kSweep, typename Jacobian, typename Law>
-[[gnu::always_inline]] inline void sweep_one(Block<Jacobian, Law>& block, const IslandMotion& m) {
-  constexpr int kDim = Block<Jacobian, Law>::kDim;
-  Law& law = block.law;
-  if constexpr (kSweep == Sweep::kPrepare) {
-    prepare(law, m.h);
-  } else if constexpr (kSweep == Sweep::kFlow) {
-    Lanes acceleration[kDim], moment[kDim];
-    gather<kDim>(block.jacobian, m.acceleration, acceleration);
-    flow(law, acceleration, m.h, moment);
-    if constexpr (std::is_same_v<Law, SpringLanes>)
-      law.force_moment += law.impulse[0] * m.velocity[kTurningCoordinate] - moment[0];
-    scatter<kDim>(block.jacobian, law.impulse, m.impulse);
-  } else if constexpr (kSweep == Sweep::kFollow) {
-    Lanes displacement[kDim];
-    gather<kDim>(block.jacobian, m.displacement, displacement);
-    follow_bodies(law, displacement);
-  } else {
-    Lanes rate[kDim];
-    gather<kDim>(block.jacobian, m.velocity, rate);
-    if constexpr (!std::is_same_v<Law, SpringLanes>)
-      if (law.turns) turn_rows(law, m.rate_time, m.work_time, rate);
-    read_motion(law, rate, m.h, m.coupled_time, m.recovery);
-    if constexpr (kSweep == Sweep::kRead) {
-      Lanes load[kDim];
-      gather<kDim>(block.jacobian, m.smooth_acceleration, load);
-      account_load(law, load, m.h);
-      scatter_two<kDim>(block.jacobian, law.total_impulse, law.total_moment, m.coordinate_impulse,
-                        m.moment);
-    } else {
-      static_assert(kSweep == Sweep::kPresentForces);
-      find_present_force(law);
-      scatter<kDim>(block.jacobian, law.force, m.force);
-    }
-  }
-}
-
-// out += inv(H) applied.
-[[gnu::always_inline]] inline void respond(const Tree& t, const double* inverse,
-                                           const double* applied, double* out) {
-  const double* column = inverse + t.inverse;
-  applied += t.begin;
-  out += t.begin;
-  if (t.free_body) {
-    store_lanes(load_lanes(out) + load_lanes(column) * load_lanes(applied), out);
-    Lanes sum = load_lanes(out + 4);
-    for (int j = 0; j < 3; ++j) sum += load_lanes(column + 4 * (j + 1)) * applied[4 + j];
-    store_lanes(sum, out + 4);
-    return;
-  }
-  for_each_block(
-      t.count, [&](int first, auto width) __attribute__((always_inline)) {
-        Lanes sum[width()];
-        load_block(out + first, sum);
-        for (int j = 0; j < t.dof_count; ++j)
-          if (applied[j] != 0.0) add_scaled(column + j * t.count + first, applied[j], sum);
-        store_block(sum, out + first);
-      });
-}
-
-[[gnu::always_inline]] inline void add_lanes(const double* term, double* sum) {
-  store_lanes(load_lanes(sum) + load_lanes(term), sum);
-}
-
-// The drag of a tree, beside the forces of rows: what it takes by the velocity at the start of the
-// micro-step, and its moment.
-[[gnu::always_inline]] inline void add_drag(const Tree& t, const IslandMotion& m) {
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes slowing =
-        m.lag * (load_lanes(m.smooth_acceleration + i) - load_lanes(m.added + i)) -
-        load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
-    store_lanes(slowing, m.slowing + i);
-    store_lanes(load_lanes(m.damping + i) * slowing, m.drag + i);
-  }
-  if (t.cross_damped) respond(t, m.cross_damping, m.slowing, m.drag);
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes drag = load_lanes(m.drag + i);
-    store_lanes(load_lanes(m.braked + i) - 0.5 * m.h * drag * load_lanes(m.velocity + i),
-                m.braked + i);
-    store_lanes(load_lanes(m.force + i) + drag, m.force + i);
-    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * drag, m.moment + i);
-  }
-}
-
-// Its impulse.
-[[gnu::always_inline]] inline void add_impulse_of_drag(const Tree& t, const IslandMotion& m) {
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes)
-    store_lanes(load_lanes(m.impulse + i) + m.h * load_lanes(m.drag + i), m.impulse + i);
-}
-
-// What it takes by the velocity at the end.
-[[gnu::always_inline]] inline void account_drag(const Tree& t, const IslandMotion& m) {
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes)
-    store_lanes(
-        load_lanes(m.braked + i) - 0.5 * m.h * load_lanes(m.drag + i) * load_lanes(m.velocity + i),
-        m.braked + i);
-}
-
-[[gnu::always_inline]] inline void set_to_zero(const Tree& t, double* applied) {
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
-}
-
-// Adds what other parts have applied, in their order, and leaves zeros.
-[[gnu::always_inline]] inline void take_parts(const IslandTree& of, int part_size, double* of_parts,
-                                              double* sum) {
-  const int begin = of.tree.begin, end = begin + of.tree.count;
-  for (unsigned left = of.parts; left != 0; left &= left - 1) {
-    double* const applied = of_parts + __builtin_ctz(left) * part_size;
-    for (int i = begin; i < end; i += kLanes) {
-      add_lanes(applied + i, sum + i);
-      store_lanes(Lanes{}, applied + i);
-    }
-  }
-}
-
-template <Sweep kSweep>
-[[gnu::always_inline]] inline void sweep_one(const IslandTree& of, const IslandMotion& m) {
-  const Tree t = of.tree;
-  if constexpr (kSweep == Sweep::kSmoothMotion) {
-    if (of.parts) take_parts(of, m.part_size, m.force_of_parts, m.force);
-    if (t.damped) add_drag(t, m);
-    for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-      const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
-      store_lanes(a, m.acceleration + i);
-      const Lanes displacement = load_lanes(m.displacement + i);
-      store_lanes(displacement + m.h * (v + 0.5 * m.h * a), m.displacement + i);
-      store_lanes(v + m.h * a, m.velocity + i);
-    }
-    respond(t, m.inverse, m.force, m.acceleration);
-  } else if constexpr (kSweep == Sweep::kDisplacement) {
-    if (of.parts) {
-      take_parts(of, m.part_size, m.force_of_parts, m.coordinate_impulse);
-      take_parts(of, m.part_size, m.impulse_of_parts, m.moment);
-    }
-    respond(t, m.inverse, m.moment, m.displacement);
-    for (int i = t.begin; i < t.begin + t.count; i += kLanes)
-      add_lanes(m.displacement + i, m.total_displacement + i);
-  } else {
-    static_assert(kSweep == Sweep::kContactMotion);
-    if (of.parts) take_parts(of, m.part_size, m.impulse_of_parts, m.impulse);
-    if (t.damped) add_impulse_of_drag(t, m);
-    respond(t, m.inverse, m.impulse, m.velocity);
-    if (t.damped) account_drag(t, m);
-    set_to_zero(t, m.force);
-    set_to_zero(t, m.impulse);
-  }
-}
-
-inline constexpr int kBlocksAhead = 2;
-// The bodies of a block that comes soon.
-template <Sweep kSweep, typename Law>
-[[gnu::always_inline]] inline void prefetch_motion(const Block<PairLanes, Law>& block,
-                                                   const IslandMotion& m) {
-  if constexpr (kSweep == Sweep::kFlow || kSweep == Sweep::kPresentForces) {
-    constexpr bool kFlows = kSweep == Sweep::kFlow;
-    for (const auto& side : block.jacobian.body)
-      for (int body : side) {
-        prefetch((kFlows ? m.acceleration : m.velocity) + body, sizeof(double));
-        prefetch((kFlows ? m.impulse : m.force) + body, sizeof(double));
-      }
-  }
-}
-template <Sweep kSweep, typename Item>
-[[gnu::always_inline]] inline void prefetch_motion(const Item&, const IslandMotion&) {}
-
-template <Sweep kSweep, typename Item>
-[[gnu::always_inline]] inline void sweep_all(Item* first, Item* last, const IslandMotion& motion) {
-  const IslandMotion m = motion;  // a copy, which no store to an array may change
-  for (Item* item = first; item != last; ++item) {
-    if (item + kBlocksAhead < last) prefetch_motion<kSweep>(item[kBlocksAhead], m);
-    sweep_one<kSweep>(*item, m);
-  }
-}
-
-// The same for several instruction sets. Lanes do not mix and nothing is fused, so all give the
-// same bits.
-template <Sweep kSweep, typename Item>
-[[gnu::flatten]] void sweep_portable(Item* first, Item* last, const IslandMotion& m) {
-  sweep_all<kSweep>(first, last, m);
-}
+// All sweeps, compiled for one instruction set. Each takes the kinds of Sweep that are its own.
+struct SweepFunctions {
+  void (*rows)(Sweep sweep, const BlockRanges& blocks, const IslandMotion& motion);
+  void (*trees)(Sweep sweep, const IslandTree* first, const IslandTree* last,
+                const IslandMotion& motion);
+};
+extern const SweepFunctions kPortableSweeps;
 #if defined(__x86_64__)
-template <Sweep kSweep, typename Item>
-[[gnu::flatten, gnu::target("avx2")]] void sweep_avx2(Item* first, Item* last,
-                                                      const IslandMotion& m) {
-  sweep_all<kSweep>(first, last, m);
-}
-template <Sweep kSweep, typename Item>
-[[gnu::flatten, gnu::target("avx512f,avx512vl,avx512dq")]] void sweep_avx512(
-    Item* first, Item* last, const IslandMotion& m) {
-  sweep_all<kSweep>(first, last, m);
-}
-enum class InstructionSet { kPortable, kAvx2, kAvx512 };
-inline InstructionSet find_instruction_set() {
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-      __builtin_cpu_supports("avx512dq"))
-    return InstructionSet::kAvx512;
-  return __builtin_cpu_supports("avx2") ? InstructionSet::kAvx2 : InstructionSet::kPortable;
-}
+extern const SweepFunctions kAvx2Sweeps, kAvx512Sweeps;
+bool has_avx2();
+bool has_avx512();
 #endif
 
-template <Sweep kSweep, typename Item>
-void sweep_fastest(Item* first, Item* last, const IslandMotion& m) {
-  if (first == last) return;
-#if defined(__x86_64__)
-  static const InstructionSet instructions = find_instruction_set();
-  if (instructions == InstructionSet::kAvx512) return sweep_avx512<kSweep>(first, last, m);
-  if (instructions == InstructionSet::kAvx2) return sweep_avx2<kSweep>(first, last, m);
-#endif
-  sweep_portable<kSweep>(first, last, m);
-}
+// Those of the best instruction set that the processor has.
+const SweepFunctions& fastest_sweeps();
 
 }  // namespace dashpot
