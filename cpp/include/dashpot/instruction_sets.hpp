@@ -13,7 +13,8 @@
 #endif
 #endif
 
-#if defined(__x86_64__) && !defined(DASHPOT_SANITIZED)
+// Clang does not link functions of the same name in unnamed namespaces of several files.
+#if defined(__x86_64__) && !defined(DASHPOT_SANITIZED) && !defined(__clang__)
 #define DASHPOT_VECTOR_CLONES [[gnu::target_clones("default", "avx2")]]
 #else
 #define DASHPOT_VECTOR_CLONES

@@ -33,7 +33,8 @@ template <int Dim>
   const Lanes zero{};
   const Lanes rate = min_lanes(c.offset / recovery.time, c.recovery_speed);
   const Lanes x = c.deformation[0];
-  return (c.offset <= zero) | (x * x > c.bearable * c.bearable) ? zero : rate;
+  const LaneMask stays = (c.offset <= zero) | (x * x > c.bearable * c.bearable);
+  return stays ? zero : rate;
 }
 
 // An impulse p with moment r does the work p (u0 + u1) / 2 + b (h p / 2 - r) under the load b of
