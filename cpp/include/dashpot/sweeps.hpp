@@ -24,6 +24,7 @@ struct Block {
   Jacobian jacobian{};
   Law law{};
 };
+
 // One of every kind of block that there is.
 template <template <typename Jacobian, typename Law> class Of>
 using OfEveryKind = std::tuple<Of<PairLanes, ContactLanes<1>>, Of<PairLanes, ContactLanes<3>>,
@@ -97,7 +98,12 @@ bool has_avx2();
 bool has_avx512();
 #endif
 
-// Those of the best instruction set that the processor has.
+// Environment variable that asks for those of another instruction set than the best: "portable",
+// "avx2" or "avx512". For tests and measurements of what processors without the best have.
+inline constexpr const char* kInstructionSetVariable = "DASHPOT_INSTRUCTION_SET";
+
+// Those of the best instruction set that the processor has, or of the one that is asked for. Throws
+// std::invalid_argument where the processor does not have that.
 const SweepFunctions& fastest_sweeps();
 
 }  // namespace dashpot
