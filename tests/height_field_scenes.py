@@ -6,7 +6,7 @@ import itertools
 
 import mujoco
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -92,12 +92,13 @@ def core(model, data, kind):
 def convex_distance(points):
     """Signed distance of the origin from the convex hull of points (n, 3).
 
-    Outside: the least norm of convex combinations, by non-negative least squares with the sum of
-    the weights held at one by a heavy row. Inside: the nearest facet, by Qhull.
+    Outside: the least norm of convex combinations, by non-negative least squares (``nnls`` of SciPy
+    1.15 is wrong in one of ten) with a row that asks for weights of some sum. Whatever sum t they
+    have then, |P w|^2 / t^2 is least, since it does not depend on t. Inside: the nearest facet, by
+    Qhull.
     """
-    heavy = 1e3
-    system = np.vstack((points.T, np.full(len(points), heavy)))
-    weights, _ = nnls(system, np.array((0, 0, 0, heavy)))
+    size = np.abs(points).max()
+    system = np.vstack((points.T, np.full(len(points), size)))
+    weights = lsq_linear(system, (0, 0, 0, size), (0, np.inf), method="bvls", tol=1e-14).x
     outside = np.linalg.norm(weights @ points) / weights.sum()
-    # The heavy row leaves 1e-6 of the size where the origin is inside.
-    return outside if outside > 1e-5 else ConvexHull(points).equations[:, 3].max()
+    return outside if outside > 1e-7 * size else ConvexHull(points).equations[:, 3].max()

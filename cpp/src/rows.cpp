@@ -26,37 +26,25 @@ void add_cross(const double* a, const double* b, double sign, double* sum) {
 
 double side_sign(int side) { return side == 0 ? -1.0 : 1.0; }
 
-// J inv(H) J' of three rows of a pair over one of its free bodies, one in each lane, that have the
-// moment `moment` about its centre of mass; `linear`: the part of their linear entries.
-[[gnu::always_inline]] inline Lanes inverse_mass_of_three(const Lanes& linear,
-                                                          const Lanes (&moment)[3],
-                                                          const double* inverse) {
-  Lanes sum = linear;
-  for (int j = 0; j < 3; ++j) {
-    const double* column = inverse + 4 * (j + 1);
-    sum += moment[j] * (moment[0] * column[0] + moment[1] * column[1] + moment[2] * column[2]);
-  }
+// `sum` and moment' inv(I) moment, of a row's moment about the centre of mass of a free body.
+double inverse_mass_of_moment(const double* moment, const double* inverse, double sum) {
+  for (int j = 0; j < 3; ++j) sum += moment[j] * dot(moment, inverse + 4 * (j + 1));
   return sum;
 }
 
-// The same of all its rows.
-DASHPOT_VECTOR_CLONES
+// J inv(H) J' of all rows of a pair over one of its free bodies.
 void pair_inverse_mass(const PairGeometry& pair, int dim, int side, const double* inverse,
                        double* out) {
-  Lanes axis[3], moment[3];
-  for (int k = 0; k < 3; ++k)
-    axis[k] = Lanes{pair.frame[k], pair.frame[3 + k], pair.frame[6 + k], 0.0};
-  const std::array<double, 3>& arm = pair.arm[side];
-  for (int k = 0; k < 3; ++k) {
-    const int l = (k + 1) % 3, m = (k + 2) % 3;
-    moment[k] = arm[l] * axis[m] - arm[m] * axis[l];
+  for (int i = 0; i < dim; ++i) {
+    const double* axis = pair.frame.data() + 3 * (i % 3);
+    if (i < 3) {
+      double moment[3] = {};
+      add_cross(pair.arm[side].data(), axis, 1.0, moment);
+      out[i] = inverse_mass_of_moment(moment, inverse, inverse[0] * dot(axis, axis));
+    } else {
+      out[i] = inverse_mass_of_moment(axis, inverse, 0.0);
+    }
   }
-  const Lanes squared = axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2];
-  const Lanes along = inverse_mass_of_three(inverse[0] * squared, moment, inverse);
-  for (int i = 0; i < std::min(dim, 3); ++i) out[i] = along[i];
-  if (dim <= 3) return;
-  const Lanes about = inverse_mass_of_three(Lanes{}, axis, inverse);
-  for (int i = 3; i < dim; ++i) out[i] = about[i - 3];
 }
 
 // The same of all rows of a group over their sparse entries for a free body, whose columns are the
