@@ -131,6 +131,33 @@ def arms_in_a_bin(nthread: int) -> Start:
     )
 
 
+def robots_apart(nthread: int) -> Start:
+    """Drop things on arms that do not reach each other, some of them closed to loops."""
+    arms, servos, loops = "", "", ""
+    for i in range(48):
+        x, y = 0.6 * np.array(divmod(i, 8))
+        arms += f"""<body name="foot{i}" pos="{x} {y} .1"><joint name="a{i}" axis="0 1 0"
+          range="-30 30" damping=".02" frictionloss="{0.01 * (i % 2)}" armature=".001"/>
+          <geom type="capsule" fromto="-.1 0 0 .1 0 0" size=".03"/>
+          <body name="top{i}" pos=".1 0 .05"><joint name="b{i}" axis="0 1 0" damping=".01"/>
+          <geom type="box" size=".06 .06 .01"/></body></body>"""
+        arms += free_body(
+            f"body{2 * i}",
+            SHAPES[i % 7] + f'/><site name="skin{2 * i}" size=".1"',
+            (x + 0.08, y, 0.24),
+        )
+        arms += free_body(
+            f"body{2 * i + 1}",
+            SHAPES[(i + 3) % 7] + f'/><site name="skin{2 * i + 1}" size=".1"',
+            (x - 0.08, y, 0.24),
+        )
+        servos += f'<position joint="a{i}" kp="4" kv=".1"/>'
+        if i % 3 == 0:
+            loops += f'<connect body1="top{i}" body2="foot{i}" anchor=".05 0 0"/>'
+    rest = f"<actuator>{servos}</actuator><equality>{loops}</equality>"
+    return at_rest(Engine(scene(arms, rest=rest), nthread=nthread))
+
+
 def stored(engine: Engine, data: mujoco.MjData) -> np.ndarray:
     found = np.empty(mujoco.mj_stateSize(engine.model, STATE))
     mujoco.mj_getState(engine.model, data, found, STATE)

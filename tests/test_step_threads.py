@@ -30,6 +30,7 @@ RUNS: dict[Callable[[int], Start], tuple[int, int]] = {
     scenes.brick_wall: (2, 3),
     scenes.loop_on_a_bin: (8, 8),
     scenes.arms_in_a_bin: (8, 8),
+    scenes.robots_apart: (8, 8),
     scenes.bin_that_is_shot_at: (1, 1),
 }
 
@@ -48,7 +49,7 @@ def test_a_step_has_the_same_bits_for_any_number_of_threads(make: Callable[[int]
         starts.append(stored(engine, data))
         stats = engine.step(data, nstep=steps)
         expected.append(state(engine, data, stats))
-    assert stats.contacts > 256  # enough to share every pass
+    assert stats.contacts > 256 or stats.islands > 32  # enough to share every pass
     # More threads than cores take long: they go on from where one thread is.
     for nthread, first in ((2, 0), (3, 0), (5, calls - 1)):
         engine, data = make(nthread)

@@ -221,9 +221,8 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
 
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data, team);
-  for (const Island& island : islands.all())
-    if (!stays_apart(rows, island, length, data))
-      microsteps.run(rows, motion.trees(), island, parameters.options.recovery_speed, data, team);
+  microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed, length,
+                 data, team);
   check_velocities();
   check_memory();
   find_touched_trees();

@@ -17,6 +17,11 @@ namespace {
 constexpr int kMostParts = 4;
 constexpr int kGroupsOfTwoParts = 128, kGroupsOfFourParts = 2048;
 
+int parts_of(const Island& island) {
+  const auto groups = island.group.last - island.group.first;
+  return groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
+}
+
 // Fills one lane of a block from a group of rows.
 struct LanePacker {
   const Rows& rows;
@@ -105,14 +110,9 @@ struct LanePacker {
   }
 };
 
-// What rows of one part did, J.
-struct PartWork {
-  EnergyShares work, recovery_input;
-};
-
 template <typename Law>
 void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData& data,
-                 PartWork& part) {
+                 IslandWork& part) {
   const RowGroup& c = rows.group[index];
   for (int i = 0; i < c.dim; ++i) {
     const int row = c.row + i;
@@ -136,6 +136,8 @@ void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData&
 }
 
 }  // namespace
+
+bool IslandBlocks::has_parts(const Island& island) { return parts_of(island) > 1; }
 
 // Groups into the lists of their kinds, and sparse rows to their values.
 void IslandBlocks::sort(const Rows& rows, const Island& island) {
@@ -216,8 +218,7 @@ void IslandBlocks::find_ranges() {
 void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& island, double h,
                         double recovery_speed, const RowData& data, Team& team) {
   sort(rows, island);
-  const int groups = static_cast<int>(island.group.last - island.group.first);
-  parts_ = groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
+  parts_ = parts_of(island);
   if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
   find_ranges();
   const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
@@ -230,8 +231,8 @@ void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& isla
   });
 }
 
-void IslandBlocks::unpack(const Rows& rows, RowData& data, Team& team) const {
-  std::array<PartWork, kMostParts> work;
+IslandWork IslandBlocks::unpack(const Rows& rows, RowData& data, Team& team) const {
+  std::array<IslandWork, kMostParts> work;
   team.for_each(parts_, 1, [&](int part) {
     const auto unpack_list = [&](const auto& list) {
       for (int i = begin(list, part); i < begin(list, part + 1); ++i)
@@ -240,10 +241,11 @@ void IslandBlocks::unpack(const Rows& rows, RowData& data, Team& team) const {
     };
     std::apply([&](const auto&... list) { (unpack_list(list), ...); }, blocks_);
   });
-  for (int part = 0; part < parts_; ++part) {
-    data.work += work[part].work;
-    data.recovery_input += work[part].recovery_input;
+  for (int part = 1; part < parts_; ++part) {
+    work[0].work += work[part].work;
+    work[0].recovery_input += work[part].recovery_input;
   }
+  return work[0];
 }
 
 }  // namespace dashpot

@@ -43,21 +43,31 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
          (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
 }
 
-constexpr int kTreesAtOnce = 32;  // by a thread
+// What a thread takes at once: trees of a large island, or groups of small ones.
+constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 8;
 
-}  // namespace
+int group_count(const Island& island) {
+  return static_cast<int>(island.group.last - island.group.first);
+}
 
-struct MicrostepLoop::Impl {
-  const SweepFunctions& sweeps = fastest_sweeps();
+// The micro-steps of one island at a time. Has arrays of its own of all that rows apply, also to
+// the ground, and of what the ground does meanwhile.
+struct IslandLoop {
+  // Returns the energies that go to RowData::work and RowData::recovery_input.
+  IslandWork run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
+                 RowData& data, Team& team);
+
   IslandBlocks blocks;
+  const SweepFunctions& sweeps = fastest_sweeps();
   std::vector<IslandTree> island_trees;
-  AlignedDoubles displacement, force, impulse, moment, acceleration;
-  AlignedDoubles slowing, drag;
+  AlignedDoubles velocity, displacement, force, impulse, moment, acceleration;
+  AlignedDoubles coordinate_impulse, slowing, drag;
   AlignedDoubles force_of_parts, impulse_of_parts;
 
   void start(const Trees& trees, const Island& island, RowData& data);
   IslandMotion motion(const Trees& trees, RowData& data);
   void run_microsteps(IslandMotion& motion, int count, Team& team);
+  void finish(RowData& data) const;
 
   void sweep_rows(Sweep sweep, const IslandMotion& motion, Team& team) {
     if (blocks.parts() == 1) return blocks.sweep(sweep, 0, motion);
@@ -79,13 +89,16 @@ struct MicrostepLoop::Impl {
 };
 
 // After every micro-step forces and impulses are zero again, but for those on the ground.
-void MicrostepLoop::Impl::start(const Trees& trees, const Island& island, RowData& data) {
-  for (auto* array : {&displacement, &force, &impulse, &moment, &acceleration, &slowing, &drag}) {
+void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) {
+  for (auto* array : {&velocity, &displacement, &force, &impulse, &moment, &acceleration,
+                      &coordinate_impulse, &slowing, &drag}) {
     array->resize(trees.coordinates, 0.0);
     std::fill_n(array->begin(), kGroundCoordinates, 0.0);
   }
+  std::copy_n(data.velocity.begin(), kGroundCoordinates, velocity.begin());
+  const size_t of_parts = static_cast<size_t>(blocks.parts() - 1) * trees.coordinates;
   for (auto* array : {&force_of_parts, &impulse_of_parts})
-    array->resize((blocks.parts() - 1) * trees.coordinates, 0.0);
+    array->resize(std::max(array->size(), of_parts), 0.0);
   for (int part = 1; part < blocks.parts(); ++part)
     for (auto* array : {&force_of_parts, &impulse_of_parts})
       std::fill_n(array->begin() + (part - 1) * trees.coordinates, kGroundCoordinates, 0.0);
@@ -93,21 +106,31 @@ void MicrostepLoop::Impl::start(const Trees& trees, const Island& island, RowDat
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
     island_trees.push_back({t, blocks.other_parts(index)});
-    for (auto* array : {&displacement, &moment, &data.braked})
+    for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
+    std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
   }
 }
 
-IslandMotion MicrostepLoop::Impl::motion(const Trees& trees, RowData& data) {
+void IslandLoop::finish(RowData& data) const {
+  for (const IslandTree& of : island_trees) {
+    const Tree& t = of.tree;
+    std::copy_n(velocity.begin() + t.begin, t.count, data.velocity.begin() + t.begin);
+    std::copy_n(coordinate_impulse.begin() + t.begin, t.count,
+                data.coordinate_impulse.begin() + t.begin);
+  }
+}
+
+IslandMotion IslandLoop::motion(const Trees& trees, RowData& data) {
   IslandMotion m;
-  m.velocity = data.velocity.data();
+  m.velocity = velocity.data();
   m.displacement = displacement.data();
   m.acceleration = acceleration.data();
   m.force = force.data();
   m.impulse = impulse.data();
   m.moment = moment.data();
   m.total_displacement = data.total_displacement.data();
-  m.coordinate_impulse = data.coordinate_impulse.data();
+  m.coordinate_impulse = coordinate_impulse.data();
   m.force_of_parts = force_of_parts.data();
   m.impulse_of_parts = impulse_of_parts.data();
   m.part_size = trees.coordinates;
@@ -123,7 +146,7 @@ IslandMotion MicrostepLoop::Impl::motion(const Trees& trees, RowData& data) {
   return m;
 }
 
-void MicrostepLoop::Impl::run_microsteps(IslandMotion& m, int count, Team& team) {
+void IslandLoop::run_microsteps(IslandMotion& m, int count, Team& team) {
   const double h = m.h;
   acceleration[kTurningCoordinate] = 1.0;
   double& turning = m.velocity[kTurningCoordinate];
@@ -147,30 +170,72 @@ void MicrostepLoop::Impl::run_microsteps(IslandMotion& m, int count, Team& team)
   displacement[kSurfaceCoordinate] = time;
   displacement[kTurningCoordinate] = time * (turning_at_start + 0.5 * time);
   sweep_rows(Sweep::kFollow, m, team);
-  turning = turning_at_start;
   // A force that is no number shows here alone: rows whose load it is apply none.
   for (const IslandTree& of : island_trees)
     check_bounded(of.tree, acceleration.data(), std::numeric_limits<double>::max());
 }
 
-MicrostepLoop::MicrostepLoop() : impl_(std::make_unique<Impl>()) {}
-MicrostepLoop::~MicrostepLoop() = default;
-MicrostepLoop::MicrostepLoop(MicrostepLoop&&) noexcept = default;
-
-void MicrostepLoop::run(const Rows& rows, const Trees& trees, const Island& island,
-                        double recovery_speed, RowData& data, Team& team) {
+IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& island,
+                           double recovery_speed, RowData& data, Team& team) {
   // Its stiffness is that of the micro-steps planned.
   const bool at_once = flows_alone(rows, trees, island, recovery_speed, data);
   const int count = at_once ? 1 : island.microsteps;
   const double h = at_once ? island.microsteps * island.duration : island.duration;
-  impl_->blocks.pack(rows, trees, island, h, recovery_speed, data, team);
-  impl_->start(trees, island, data);
-  IslandMotion motion = impl_->motion(trees, data);
-  motion.h = h;
-  motion.recovery = recovery_over(island.microsteps * island.duration);
-  motion.lag = h * count - trees.implicit_time;
-  impl_->run_microsteps(motion, count, team);
-  impl_->blocks.unpack(rows, data, team);
+  blocks.pack(rows, trees, island, h, recovery_speed, data, team);
+  start(trees, island, data);
+  IslandMotion m = motion(trees, data);
+  m.h = h;
+  m.recovery = recovery_over(island.microsteps * island.duration);
+  m.lag = h * count - trees.implicit_time;
+  run_microsteps(m, count, team);
+  finish(data);
+  return blocks.unpack(rows, data, team);
+}
+
+}  // namespace
+
+struct MicrostepLoop::Impl {
+  explicit Impl(int threads) : loops(threads) {}
+
+  std::vector<IslandLoop> loops;  // by worker
+  std::vector<const Island*> small;
+  std::vector<IslandWork> work;  // by island
+  Team alone{1};
+};
+
+MicrostepLoop::MicrostepLoop(int threads) : impl_(std::make_unique<Impl>(threads)) {}
+MicrostepLoop::~MicrostepLoop() = default;
+MicrostepLoop::MicrostepLoop(MicrostepLoop&&) noexcept = default;
+
+void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
+                        double recovery_speed, double time, RowData& data, Team& team) {
+  std::vector<IslandWork>& work = impl_->work;
+  work.assign(islands.size(), IslandWork());
+  const auto run_island = [&](const Island& island, int worker, Team& shared_by) {
+    if (stays_apart(rows, island, time, data)) return;
+    work[&island - islands.data()] =
+        impl_->loops[worker].run(rows, trees, island, recovery_speed, data, shared_by);
+  };
+  std::vector<const Island*>& small = impl_->small;
+  small.clear();
+  int groups = 0;
+  for (const Island& island : islands) {
+    if (IslandBlocks::has_parts(island)) {
+      run_island(island, 0, team);
+      continue;
+    }
+    small.push_back(&island);
+    groups += group_count(island);
+  }
+  const int count = static_cast<int>(small.size());
+  team.share(count, groups > 0 ? (count * kGroupsAtOnce + groups - 1) / groups : 1,
+             [&](int worker, int first, int last) {
+               for (int i = first; i < last; ++i) run_island(*small[i], worker, impl_->alone);
+             });
+  for (const IslandWork& of_island : work) {
+    data.work += of_island.work;
+    data.recovery_input += of_island.recovery_input;
+  }
 }
 
 }  // namespace dashpot

@@ -112,7 +112,7 @@ struct Stepper::Impl {
   PressedTogether pressed_together;
   PressedBetween pressed_between;
   Islands islands;
-  MicrostepLoop microsteps;
+  MicrostepLoop microsteps{team.size()};
   std::vector<double> constraint_force, row_force;
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it

@@ -419,7 +419,7 @@ void check_forces_that_are_no_numbers() {
     bool thrown = false;
     try {
       dashpot::Team team(1);
-      dashpot::MicrostepLoop().run(rows, trees, island, 0.1, data, team);
+      dashpot::MicrostepLoop(1).run(rows, trees, {island}, 0.1, 16e-4, data, team);
     } catch (const std::runtime_error&) {
       thrown = true;
     }

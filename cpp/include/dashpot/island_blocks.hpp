@@ -30,15 +30,21 @@ struct Blocks {
   int count = 0;                            // of groups, and blocks in use
 };
 
+// What the rows of an island did, J.
+struct IslandWork {
+  EnergyShares work, recovery_input;
+};
+
 // Keeps its arrays from one island and step to the next.
 class IslandBlocks {
  public:
   // Fills the blocks from `rows` and `data`, for micro-steps of `h` (s).
   void pack(const Rows& rows, const Trees& trees, const Island& island, double h,
             double recovery_speed, const RowData& data, Team& team);
-  // Writes what has become of the rows to `data`.
-  void unpack(const Rows& rows, RowData& data, Team& team) const;
+  // Writes what has become of the rows to `data`, all but their work.
+  IslandWork unpack(const Rows& rows, RowData& data, Team& team) const;
 
+  static bool has_parts(const Island& island);
   int parts() const { return parts_; }
   // The parts but the first that act on a tree, by bit.
   unsigned other_parts(int tree) const { return parts_ > 1 ? of_tree_[tree] >> 1 : 0; }

@@ -1,4 +1,4 @@
-// Micro-steps of one island over its rows, with geometry frozen.
+// Micro-steps of islands over their rows, with geometry frozen.
 //
 // State is in motion coordinates xi (trees.hpp): velocity v, smooth acceleration a. A micro-step of
 // length h:
@@ -41,6 +41,7 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "dashpot/islands.hpp"
 #include "dashpot/row_data.hpp"
@@ -49,15 +50,17 @@
 
 namespace dashpot {
 
-// Runs the micro-steps of islands. Keeps its arrays from one island and step to the next.
+// Runs the micro-steps of islands. Keeps its arrays from step to step.
 class MicrostepLoop {
  public:
-  MicrostepLoop();
+  explicit MicrostepLoop(int threads);
   ~MicrostepLoop();
   MicrostepLoop(MicrostepLoop&&) noexcept;
 
-  void run(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
-           RowData& data, Team& team);
+  // Of all islands in which a row may act within the `time` (s) of the step. Threads share large
+  // ones, and have small ones each to itself; the team has no more than `threads`.
+  void run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
+           double recovery_speed, double time, RowData& data, Team& team);
 
  private:
   struct Impl;
