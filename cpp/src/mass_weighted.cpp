@@ -110,29 +110,42 @@ void weight_rows(const Factor& factor, const ReachedRows& rows, double* y, int s
 
 }  // namespace
 
-void weight_by_mass(Rows& rows, RowGroup& c, int side, const Trees& trees, double* inverse_mass) {
+void append_mass_weighted(Rows& rows, RowGroup& c, const Trees& trees) {
+  const int* column = rows.column.data() + c.column;
+  for (int side = 0; side < 2; column += c.columns[side], ++side) {
+    if (c.tree[side] < 0 || c.is_of_one_coordinate(side)) continue;
+    const Tree& t = trees.tree[c.tree[side]];
+    if (t.free_body) continue;
+    MassWeighted& weighted = c.weighted[side];
+    weighted.column = static_cast<int>(rows.weighted_column.size());
+    weighted.count =
+        append_reached(column, c.columns[side], t, trees.above.data(), rows.weighted_column);
+    weighted.value = static_cast<int>(rows.weighted_value.size());
+    rows.weighted_value.resize(weighted.value + c.dim * padded(weighted.count), 0.0);
+  }
+}
+
+void weight_by_mass(Rows& rows, const RowGroup& c, int side, const Trees& trees,
+                    double* inverse_mass) {
   static_assert(kMaxRows <= 2 * kLanes);
   const Tree& t = trees.tree[c.tree[side]];
   const int first = side == 0 ? 0 : c.columns[0], count = c.columns[side], width = c.width();
   const int* column = rows.column.data() + c.column + first;
   const double* value = rows.value.data() + c.value + first;
-  MassWeighted& weighted = c.weighted[side];
-  weighted.column = static_cast<int>(rows.weighted_column.size());
-  weighted.count = append_reached(column, count, t, trees.above.data(), rows.weighted_column);
-  weighted.value = static_cast<int>(rows.weighted_value.size());
-  const int stride = padded(weighted.count);
-  rows.weighted_value.resize(weighted.value + c.dim * stride, 0.0);
+  const MassWeighted& weighted = c.weighted[side];
   // Rows of one coordinate after the other; zero between groups.
-  thread_local AlignedDoubles x;
+  thread_local AlignedDoubles kept;
   const int lanes = padded(c.dim);
-  x.resize(std::max<size_t>(x.size(), t.dof_count * lanes), 0.0);
+  kept.resize(std::max<size_t>(kept.size(), t.dof_count * lanes), 0.0);
+  double* const x = kept.data();
   for (int k = 0; k < count; ++k)
     for (int i = 0; i < c.dim; ++i) x[(column[k] - t.begin) * lanes + i] = value[i * width + k];
   const Factor factor{trees.factor.data() + t.inverse, trees.inverse_root.data() + t.begin,
                       trees.above.data(), t.dof_begin, t.dof_count};
   const ReachedRows reached{rows.weighted_column.data() + weighted.column, weighted.count, t.begin,
-                            c.dim, x.data()};
-  weight_rows(factor, reached, rows.weighted_value.data() + weighted.value, stride, inverse_mass);
+                            c.dim, x};
+  weight_rows(factor, reached, rows.weighted_value.data() + weighted.value, padded(weighted.count),
+              inverse_mass);
 }
 
 double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,

@@ -57,9 +57,16 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
   }
 }
 
+// What the own motion of its surfaces adds to the rate of each row of a contact.
+std::array<double, 6> surface_rate(const mjModel* m, const mjData* d, const ContactInput& input) {
+  std::array<double, 6> rate = surface_motion(m, d, input);
+  add_mocap_motion(m, d, input, rate);
+  return rate;
+}
+
 // Appends the coordinates of a tree that move either geom of a contact; returns how many.
-int append_columns(const mjModel* m, const ContactInput& input, const Tree& t, int tree,
-                   Rows& rows) {
+int append_columns_of(const mjModel* m, const ContactInput& input, const Tree& t, int tree,
+                      Rows& rows) {
   const size_t before = rows.column.size();
   if (t.free_body) {
     for (int i : {0, 1, 2, 4, 5, 6}) rows.column.push_back(t.begin + i);
@@ -137,28 +144,35 @@ PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInp
   return pair;
 }
 
-void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                     const Trees& trees, Rows& rows) {
+void append_columns(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                    const Trees& trees, Rows& rows) {
   RowGroup& c = rows.group.back();
   const bool driven = is_driven(m, d, input);
-  std::array<double, 6> surface_rate{};
-  if (driven) {
-    surface_rate = surface_motion(m, d, input);
-    add_mocap_motion(m, d, input, surface_rate);
-  }
   if (input.is_of_flex()) {
     append_rows(m, d, d->contact[input.source].efc_address, trees, rows);
-    if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());
+    if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate(m, d, input).data());
     return;
   }
-  const PairGeometry pair = pair_geometry(m, d, input, trees);
   for (int block = 0; block < 2; ++block)
     if (c.tree[block] >= 0)
-      c.columns[block] = append_columns(m, input, trees.tree[c.tree[block]], c.tree[block], rows);
+      c.columns[block] =
+          append_columns_of(m, input, trees.tree[c.tree[block]], c.tree[block], rows);
+  if (driven) {
+    c.ground = kSurfaceCoordinate;
+    rows.column.push_back(kSurfaceCoordinate);
+  }
   rows.value.resize(c.value + c.dim * c.width(), 0.0);
+}
+
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                   const Trees& trees, const RowGroup& c, Rows& rows) {
+  if (input.is_of_flex()) return;
+  const PairGeometry pair = pair_geometry(m, d, input, trees);
   for (int side = 0; side < 2; ++side)
     if (input.tree[side] >= 0) add_side(m, d, input, side, pair, trees, c, rows);
-  if (driven) append_ground_motion(rows, kSurfaceCoordinate, surface_rate.data());
+  if (c.ground < 0) return;
+  const std::array<double, 6> rate = surface_rate(m, d, input);
+  for (int i = 0; i < c.dim; ++i) rows.value[c.value + (i + 1) * c.width() - 1] = rate[i];
 }
 
 void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,

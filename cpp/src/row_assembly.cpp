@@ -6,6 +6,7 @@
 
 #include "dashpot/contact_matching.hpp"
 #include "dashpot/lanes.hpp"
+#include "dashpot/mass_weighted.hpp"
 #include "dashpot/mujoco_jacobians.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/prefetch.hpp"
@@ -22,8 +23,8 @@ constexpr double kStillPart = 0.03;
 constexpr double kLoadGrowth = 4.0;
 // Weights that a soft contact bears: more than piles, grips and motion at a few g ask for.
 constexpr double kSoftLoad = 100.0;
-// Contacts that a thread takes at once: of those that are assembled, and those that are looked at.
-constexpr int kContactsAtOnce = 32, kLooksAtOnce = 128;
+// Groups that a thread takes at once: of those that are assembled, and those that are looked at.
+constexpr int kGroupsAtOnce = 32, kLooksAtOnce = 128;
 
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
@@ -52,20 +53,19 @@ void mark_ends_of_ranges(const std::vector<ConstraintInput>& constraints, Rows& 
   }
 }
 
-// Groups of all contacts, with the rows of those that have no pair geometry.
+// Groups of all contacts, with room for the rows of those that have no pair geometry.
 void append_contacts(const mjModel_* model, const mjData_* data,
-                     const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows) {
+                     const std::vector<ContactInput>& contacts, const Trees& trees, Rows& rows) {
   int pairs = 0;
   for (size_t i = 0; i < contacts.size(); ++i) {
     const ContactInput& input = contacts[i];
     RowGroup& c = rows.append(RowKind::kContact, static_cast<int>(i), input.dim, input.tree);
-    if (host::has_pair_geometry(model, data, input, motion.trees())) {
+    if (host::has_pair_geometry(model, data, input, trees)) {
       c.pair = pairs++;
       continue;
     }
-    host::append_jacobian(model, data, input, motion.trees(), rows);
-    motion.invert_inertia(c.tree);
-    find_inverse_mass(rows, c, motion.trees());
+    host::append_columns(model, data, input, trees, rows);
+    append_mass_weighted(rows, c, trees);
   }
   rows.pair.resize(pairs);  // filled by fill_contact()
 }
@@ -87,10 +87,11 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   c.turning = input.turning;
   const std::array<double, 5> friction = friction_of(input, material);
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
-  if (c.pair >= 0) {
+  if (c.pair >= 0)
     rows.pair[c.pair] = host::pair_geometry(model, data, input, trees);
-    find_inverse_mass(rows, c, trees);
-  }
+  else
+    host::fill_jacobian(model, data, input, trees, c, rows);
+  find_inverse_mass(rows, c, trees);
   c.can_be_loaded = input.gap < 0.0 || rows.inverse_mass[c.row] > 0.0 || c.ground >= 0;
 }
 
@@ -100,6 +101,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
                    const std::vector<ConstraintInput>& constraints,
                    const std::vector<ContactInput>& contacts, TreeMotion& motion, Rows& rows,
                    std::vector<GroupMaterial>& materials, Team& team) {
+  const Trees& trees = motion.trees();
   int count = static_cast<int>(constraints.size());
   for (const ContactInput& contact : contacts) count += contact.dim;
   rows.reset(count);
@@ -110,19 +112,22 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     rows.friction[c.row] = input.limit;
     host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
     materials[i] = material_of(model, data, input);
-    host::append_jacobian(model, data, input, motion.trees(), rows);
-    motion.invert_inertia(c.tree);
-    find_inverse_mass(rows, c, motion.trees());
+    host::append_jacobian(model, data, input, trees, rows);
+    append_mass_weighted(rows, c, trees);
   }
   mark_ends_of_ranges(constraints, rows);
-  append_contacts(model, data, contacts, motion, rows);
-  team.share(static_cast<int>(contacts.size()), kContactsAtOnce, [&](int, int first, int last) {
+  append_contacts(model, data, contacts, trees, rows);
+  motion.invert_inertia(rows.group, team);
+  const int groups = static_cast<int>(rows.group.size());
+  team.share(groups, kGroupsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {
       if (i + static_cast<int>(kPrefetched) < last)
-        prefetch_inertia(motion.trees(), contacts[i + kPrefetched].tree);
-      const size_t index = constraints.size() + i;
-      fill_contact(model, data, parameters, contacts[i], motion.trees(), rows, rows.group[index],
-                   materials[index]);
+        prefetch_inertia(trees, rows.group[i + kPrefetched].tree);
+      RowGroup& c = rows.group[i];
+      if (c.kind == RowKind::kContact)
+        fill_contact(model, data, parameters, contacts[c.input], trees, rows, c, materials[i]);
+      else
+        find_inverse_mass(rows, c, trees);
     }
   });
 }

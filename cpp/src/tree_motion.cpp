@@ -21,7 +21,7 @@ namespace {
 // Turn in a step (rad) below which the inertia of its start is good: one hit adds about 1 % of a
 // body's energy at most.
 constexpr double kFarTurn = 0.2;
-constexpr int kTreesAtOnce = 8;  // by a thread
+constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
 
 // The coordinates of a free body without their zeros.
 Vector6 of_body(const double* coordinates) {
@@ -117,12 +117,24 @@ void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
   host::damp_in_microsteps(model_, d, index, trees_);
 }
 
-void TreeMotion::invert_inertia(const std::array<int, 2>& tree) {
-  for (int index : tree) {
-    if (index < 0 || inverted_[index]) continue;
-    dashpot::invert_inertia(trees_, index, trees_.factor.data() + trees_.tree[index].inverse);
-    inverted_[index] = 1;
-  }
+void TreeMotion::invert_inertia(int tree) {
+  if (inverted_[tree]) return;
+  dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
+  inverted_[tree] = 1;
+}
+
+void TreeMotion::invert_inertia(const std::vector<RowGroup>& groups, Team& team) {
+  to_invert_.clear();
+  for (const RowGroup& c : groups)
+    for (int tree : c.tree)
+      if (tree >= 0 && !inverted_[tree]) {
+        inverted_[tree] = 1;
+        to_invert_.push_back(tree);
+      }
+  team.for_each(static_cast<int>(to_invert_.size()), kInvertedAtOnce, [&](int i) {
+    const int tree = to_invert_[i];
+    dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
+  });
 }
 
 void TreeMotion::to_coordinates(int index, const double* generalized, double* coordinates) const {

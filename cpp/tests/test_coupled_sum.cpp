@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dashpot/coupled_sum.hpp"
+#include "dashpot/mass_weighted.hpp"
 
 namespace {
 
@@ -137,6 +138,7 @@ void check_tree(int n, int wide, int narrow) {
         row(i, dof) = uniform(-2.0, 2.0);
         rows.value.push_back(row(i, dof));
       }
+    append_mass_weighted(rows, c, trees);
     find_inverse_mass(rows, c, trees);
     double weight[kMaxRows];
     for (int i = 0; i < dim; ++i) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dashpot/islands.hpp"
+#include "dashpot/mass_weighted.hpp"
 #include "dashpot/recovery_system.hpp"
 
 namespace {
@@ -72,6 +73,7 @@ struct Problem {
 
 // Fills in the sizes of a group whose Jacobian is there, and random springs.
 void finish_group(Problem& p, RowGroup& c) {
+  append_mass_weighted(p.rows, c, p.trees);
   find_inverse_mass(p.rows, c, p.trees);
   for (int row = c.row; row < c.row + c.dim; ++row) {
     const double w = p.rows.inverse_mass[row];

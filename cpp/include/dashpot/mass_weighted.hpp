@@ -6,9 +6,12 @@
 
 namespace dashpot {
 
-// Appends the mass-weighted rows of a group over one of its trees, which is no free body and whose
-// factor is known; `inverse_mass` (dim): the diagonal of y y'.
-void weight_by_mass(Rows& rows, RowGroup& group, int side, const Trees& trees,
+// Appends room for the mass-weighted rows of a group with sparse rows: the columns that they reach
+// in every tree that is no free body, and zeros.
+void append_mass_weighted(Rows& rows, RowGroup& group, const Trees& trees);
+// Fills in those over one of its trees, whose factor is known; `inverse_mass` (dim): the diagonal
+// of y y'. Groups may be filled in at once by several threads.
+void weight_by_mass(Rows& rows, const RowGroup& group, int side, const Trees& trees,
                     double* inverse_mass);
 
 // y y' of the first rows of two groups, each over its tree on one side: the rate of the one that an

@@ -22,12 +22,15 @@ bool has_pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& 
                        const Trees& trees);
 PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInput& input,
                            const Trees& trees);
-// Appends the sparse rows of a scalar constraint, or of a contact without a pair geometry, for the
-// group that was appended last.
+// Appends the sparse rows of a scalar constraint for the group that was appended last.
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                      const Trees& trees, Rows& rows);
-void append_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                     const Trees& trees, Rows& rows);
+// The same of a contact without a pair geometry, in two steps: the columns and room for the rows,
+// then what is in them, which several threads may fill in at once.
+void append_columns(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                    const Trees& trees, Rows& rows);
+void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                   const Trees& trees, const RowGroup& group, Rows& rows);
 
 // MuJoCo's estimates of the inverse masses of a constraint's row, or of a contact's `dim` rows.
 void typical_inverse_mass(const mjData_* d, const ConstraintInput& input, double* typical);

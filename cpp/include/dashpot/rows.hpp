@@ -210,7 +210,8 @@ double bearable_compression(const Rows& rows, const RowGroup& group, double reco
 // the recovery speed, at most.
 double recovery_speed_along(const Rows& rows, const RowGroup& group, double recovery_speed);
 
-// Fills in the inverse masses of a group's rows, and what is mass-weighted of them.
+// Fills in the inverse masses of a group's rows, and what is mass-weighted of them, for which there
+// is room (mass_weighted.hpp).
 void find_inverse_mass(Rows& rows, RowGroup& group, const Trees& trees);
 
 // The entries of row i of a pair for one of its bodies: linear (3) and angular (3).

@@ -65,8 +65,9 @@ class TreeMotion {
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
   // Before inv(H) is asked for: lets the dampers of a tree act in its micro-steps.
   void damp_in_microsteps(const mjData_* d, int tree);
-  // Fills in inv(H) of up to two trees (-1: none), which is that of another step until then.
-  void invert_inertia(const std::array<int, 2>& tree);
+  // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
+  void invert_inertia(int tree);
+  void invert_inertia(const std::vector<RowGroup>& groups, Team& team);
 
   // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
   void to_generalized(int tree, const double* coordinates, double* generalized) const;
@@ -105,6 +106,7 @@ class TreeMotion {
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
   std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
+  std::vector<int> to_invert_;  // trees
   std::vector<char> integrated_;
   std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
 };
