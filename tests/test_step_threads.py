@@ -114,6 +114,27 @@ def test_what_a_step_raises_is_the_same_and_leaves_the_state(
     assert raised == raised[:2] * 3
 
 
+def test_what_islands_of_their_own_raise_is_the_same_and_leaves_nothing_behind() -> None:
+    raised, after = [], []
+    for nthread in (1, 2, 3):
+        engine, data = scenes.robots_apart(nthread)
+        engine.step(data, nstep=40)
+        before = stored(engine, data)
+        for body in ("top40", "top22", "top4"):
+            data.body(body).xfrc_applied[2] = -1e300
+        with pytest.raises(RuntimeError, match="diverged") as caught:
+            engine.step(data)
+        raised.append(str(caught.value))
+        mujoco.mj_setState(engine.model, data, before, STATE)
+        engine.step(data, nstep=5)
+        after.append(stored(engine, data).tobytes())
+    assert raised == raised[:1] * 3
+    assert after == after[:1] * 3
+    engine, data = scenes.robots_apart(1)
+    engine.step(data, nstep=45)
+    assert stored(engine, data).tobytes() == after[0]
+
+
 def test_a_step_goes_on_after_an_error() -> None:
     expected = None
     for nthread in (1, 2, 3):
