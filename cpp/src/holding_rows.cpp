@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/contact_matching.hpp"
 #include "dashpot/instruction_sets.hpp"
 #include "dashpot/lane_blocks.hpp"
 #include "dashpot/lanes.hpp"

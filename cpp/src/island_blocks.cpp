@@ -18,7 +18,7 @@ constexpr int kMostParts = 4;
 constexpr int kGroupsOfTwoParts = 128, kGroupsOfFourParts = 2048;
 
 int parts_of(const Island& island) {
-  const auto groups = island.group.last - island.group.first;
+  const int groups = island.group_count();
   return groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
 }
 

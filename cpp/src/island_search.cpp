@@ -57,8 +57,7 @@ const std::vector<Island>& Islands::find(const Rows& rows, const Trees& trees) {
       tree_order_, tree_count, [&](int i) { return island_of_[find_root(i)]; }, &Island::tree);
   island_at_.clear();
   for (int island = 0; island < count; ++island)
-    island_at_.insert(island_at_.end(), islands_[island].group.last - islands_[island].group.first,
-                      island);
+    island_at_.insert(island_at_.end(), islands_[island].group_count(), island);
   sort_sides(rows, tree_count);
   return islands_;
 }

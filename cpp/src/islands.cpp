@@ -68,7 +68,7 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
            std::abs(rate[0]) > std::max(kHitSpeed, 2.0 * std::abs(change));
   };
   for (const Island& island : islands) {
-    const auto count = island.group.last - island.group.first;
+    const int count = island.group_count();
     const bool alone =
         count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
     if (island.has_few_groups())

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <map>
 
-#include "dashpot/contact_matching.hpp"
 #include "dashpot/memory.hpp"
 
 namespace dashpot {

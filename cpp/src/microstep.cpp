@@ -46,10 +46,6 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
 // What a thread takes at once: trees of a large island, or groups of small ones.
 constexpr int kTreesAtOnce = 32, kGroupsAtOnce = 8;
 
-int group_count(const Island& island) {
-  return static_cast<int>(island.group.last - island.group.first);
-}
-
 // The micro-steps of one island at a time. Has arrays of its own of all that rows apply, also to
 // the ground, and of what the ground does meanwhile.
 struct IslandLoop {
@@ -70,7 +66,7 @@ struct IslandLoop {
   void finish(RowData& data) const;
 
   void sweep_rows(Sweep sweep, const IslandMotion& motion, Team& team) {
-    if (blocks.parts() == 1) return blocks.sweep(sweep, 0, motion);
+    if (blocks.parts() == 1) return sweeps.rows(sweep, blocks.ranges(0), motion);
     team.for_each(blocks.parts(), 1, [&](int part) {
       IslandMotion own = motion;
       if (part > 0) {
@@ -78,7 +74,7 @@ struct IslandLoop {
         own.force = own.coordinate_impulse = motion.force_of_parts + offset;
         own.impulse = own.moment = motion.impulse_of_parts + offset;
       }
-      blocks.sweep(sweep, part, own);
+      sweeps.rows(sweep, blocks.ranges(part), own);
     });
   }
   void sweep_trees(Sweep sweep, const IslandMotion& motion, Team& team) {
@@ -225,7 +221,7 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<
       continue;
     }
     small.push_back(&island);
-    groups += group_count(island);
+    groups += island.group_count();
   }
   const int count = static_cast<int>(small.size());
   team.share(count, groups > 0 ? (count * kGroupsAtOnce + groups - 1) / groups : 1,

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/contact_matching.hpp"
 #include "dashpot/lanes.hpp"
 #include "dashpot/mass_weighted.hpp"
 #include "dashpot/mujoco_jacobians.hpp"

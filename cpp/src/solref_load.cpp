@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/contact_matching.hpp"
 #include "dashpot/solref.hpp"
 
 namespace dashpot {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/contact_matching.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_state.hpp"

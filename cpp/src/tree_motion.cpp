@@ -119,7 +119,7 @@ void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
 
 void TreeMotion::invert_inertia(int tree) {
   if (inverted_[tree]) return;
-  dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
+  fill_inverse(tree);
   inverted_[tree] = 1;
 }
 
@@ -131,10 +131,12 @@ void TreeMotion::invert_inertia(const std::vector<RowGroup>& groups, Team& team)
         inverted_[tree] = 1;
         to_invert_.push_back(tree);
       }
-  team.for_each(static_cast<int>(to_invert_.size()), kInvertedAtOnce, [&](int i) {
-    const int tree = to_invert_[i];
-    dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
-  });
+  team.for_each(static_cast<int>(to_invert_.size()), kInvertedAtOnce,
+                [&](int i) { fill_inverse(to_invert_[i]); });
+}
+
+void TreeMotion::fill_inverse(int tree) {
+  dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
 }
 
 void TreeMotion::to_coordinates(int index, const double* generalized, double* coordinates) const {

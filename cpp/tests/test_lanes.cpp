@@ -139,8 +139,8 @@ void check_friction(Contact c, double h, bool load_dependent) {
   }
 }
 
-// Laws and Jacobians of any kind for rows over some of `coordinates`. What sparse rows point to is
-// kept in `room` and `columns`.
+// Laws of any kind, and Jacobians of rows over some of `bodies`, whose sparse ones point to what is
+// kept in a SparseRoom.
 template <int Dim>
 void fill_law(double h, ContactLanes<Dim>& law) {
   law = random_contacts<Dim>(h);

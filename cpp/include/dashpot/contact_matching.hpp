@@ -2,7 +2,6 @@
 
 #pragma once
 
-#include <utility>
 #include <vector>
 
 #include "dashpot/memory.hpp"
@@ -11,14 +10,6 @@
 #include "dashpot/team.hpp"
 
 namespace dashpot {
-
-// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
-// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
-// the end of the last step.
-struct Match {
-  int nearest = -1;
-  double load = 0.0;
-};
 
 // Keeps its arrays from step to step.
 class ContactMatching {

@@ -18,11 +18,13 @@
 
 namespace dashpot {
 
+// The groups of a block, one in each lane.
 struct BlockGroups {
   std::array<int, kLanes> group{};
   std::array<int, kLanes> values{};  // of sparse rows: where those of the lane begin
   int count = 0;
 };
+// All blocks of one kind.
 template <typename Jacobian, typename Law>
 struct Blocks {
   std::vector<BlockGroups> groups;
@@ -49,9 +51,8 @@ class IslandBlocks {
   // The parts but the first that act on a tree, by bit.
   unsigned other_parts(int tree) const { return parts_ > 1 ? of_tree_[tree] >> 1 : 0; }
 
-  void sweep(Sweep rows, int part, const IslandMotion& motion) const {
-    sweeps_.rows(rows, ranges_[part], motion);
-  }
+  // The blocks of a part, for sweeps.
+  const BlockRanges& ranges(int part) const { return ranges_[part]; }
 
  private:
   // The first block of a part.
@@ -63,7 +64,6 @@ class IslandBlocks {
   void find_parts_of_trees(const Rows& rows, int tree_count);
   void find_ranges();
 
-  const SweepFunctions& sweeps_ = fastest_sweeps();
   OfEveryKind<Blocks> blocks_;
   int parts_ = 1;
   std::vector<BlockRanges> ranges_;  // by part

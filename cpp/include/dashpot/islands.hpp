@@ -49,7 +49,8 @@ struct Island {
   double duration = 0.0;        // h, s
   double rigid_duration = 0.0;  // of micro-steps that rigid rows are as stiff for, s
   int clipped = 0;              // rows whose stiffness or damping was lowered to what h resolves
-  bool has_few_groups() const { return group.last - group.first <= kFewGroups; }
+  int group_count() const { return static_cast<int>(group.last - group.first); }
+  bool has_few_groups() const { return group_count() <= kFewGroups; }
 };
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that

@@ -28,8 +28,6 @@
 
 namespace dashpot {
 
-struct Match;  // contact_matching.hpp
-
 // What one compressed contact remembers. Vectors are in the frame of geom 1.
 struct RememberedContact {
   double geom[2];
@@ -51,6 +49,14 @@ struct RememberedConstraint {
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
   double mean_force, turning_work;  // of an equality, see Memory::equality()
+};
+
+// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
+// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
+// the end of the last step.
+struct Match {
+  int nearest = -1;
+  double load = 0.0;
 };
 
 // What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in

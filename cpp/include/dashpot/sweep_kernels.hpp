@@ -211,8 +211,10 @@ static void sweep_kinds(const BlockRanges& blocks, const IslandMotion& m) {
       return sweep_kinds<Sweep::kFlow>(blocks, m);
     case Sweep::kRead:
       return sweep_kinds<Sweep::kRead>(blocks, m);
-    default:
+    case Sweep::kFollow:
       return sweep_kinds<Sweep::kFollow>(blocks, m);
+    default:
+      return;  // over trees
   }
 }
 
@@ -223,8 +225,10 @@ static void sweep_trees(Sweep sweep, const IslandTree* first, const IslandTree* 
       return sweep_all<Sweep::kSmoothMotion>(first, last, m);
     case Sweep::kContactMotion:
       return sweep_all<Sweep::kContactMotion>(first, last, m);
-    default:
+    case Sweep::kDisplacement:
       return sweep_all<Sweep::kDisplacement>(first, last, m);
+    default:
+      return;  // over rows
   }
 }
 

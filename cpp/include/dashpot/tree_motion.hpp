@@ -88,6 +88,7 @@ class TreeMotion {
   const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
 
  private:
+  void fill_inverse(int tree);
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
   bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                      const RowData& data) const;
