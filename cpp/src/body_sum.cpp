@@ -11,10 +11,7 @@ namespace {
 constexpr int kSize = 6;  // of B
 
 [[gnu::always_inline]] inline Lanes cross(const Lanes& a, const Lanes& b) {
-  const Lanes a_yzx = __builtin_shufflevector(a, a, 1, 2, 0, 3);
-  const Lanes b_yzx = __builtin_shufflevector(b, b, 1, 2, 0, 3);
-  const Lanes zxy = a * b_yzx - a_yzx * b;
-  return __builtin_shufflevector(zxy, zxy, 1, 2, 0, 3);
+  return yzx(a * yzx(b) - yzx(a) * b);
 }
 
 [[gnu::always_inline]] inline Lanes three(const double* values) {

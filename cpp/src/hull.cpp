@@ -23,8 +23,8 @@ int find_furthest(const double* x, const double* y, const double* z, int count, 
   for (int i = 0; i < count; i += kLanes) {
     const Lanes height = dx * load_lanes(x + i) + dy * load_lanes(y + i) + dz * load_lanes(z + i);
     const LaneMask further = height > furthest;
-    furthest = further ? height : furthest;
-    where = further ? at : where;
+    furthest = select(further, height, furthest);
+    where = select(further, at, where);
     at += static_cast<double>(kLanes);
   }
   int best = 0;

@@ -1,5 +1,7 @@
 // The sweeps for any processor.
 
+#define DASHPOT_LANES_OF_HALVES
+
 #include "dashpot/sweep_kernels.hpp"
 
 namespace dashpot {

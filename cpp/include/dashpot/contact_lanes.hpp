@@ -119,8 +119,8 @@ template <int Dim>
   spring.impulse_load = -d * e[2] - k * e[3];
   spring.moment_displacement = -k * e[2];
   spring.moment_load = -d * e[3] - k * e[4];
-  const Lanes one = all_lanes(1.0);
-  relaxation.compliance_h = k > Lanes{} ? one / ((k > Lanes{} ? k : one) * h) : Lanes{};
+  const Lanes zero{}, one = all_lanes(1.0);
+  relaxation.compliance_h = select(k > zero, one / (select(k > zero, k, one) * h), zero);
 }
 
 // What depends on parameters and h alone.
@@ -134,10 +134,9 @@ template <int Dim>
     c.slip[i - 1] = response * c.inverse_friction[i - 1] * c.inverse_friction[i - 1];
     largest = max_lanes(largest, c.slip[i - 1]);
   }
-  for (int i = 1; i < Dim; ++i)
-    c.slip[i - 1] = largest > Lanes{}
-                        ? c.slip[i - 1] / (largest > Lanes{} ? largest : all_lanes(1.0))
-                        : Lanes{};
+  const LaneMask responds = largest > Lanes{};
+  const Lanes scale = select(responds, largest, all_lanes(1.0));
+  for (int i = 1; i < Dim; ++i) c.slip[i - 1] = select(responds, c.slip[i - 1] / scale, Lanes{});
 }
 
 [[gnu::always_inline]] static inline void prepare(SpringLanes& c, double h) {

@@ -34,7 +34,7 @@ template <int Dim>
   const Lanes zero{};
   Lanes square{};
   for (int i = 1; i < Dim; ++i) {
-    impulse[i] = impulse[0] > zero ? impulse[i] : zero;
+    impulse[i] = select(impulse[0] > zero, impulse[i], zero);
     const Lanes z = impulse[i] * c.inverse_friction[i - 1];
     square += z * z;
   }
@@ -48,7 +48,7 @@ template <int Dim>
                                                           Lanes* impulse, const Lanes& pressure,
                                                           const LaneMask& sticking) {
   const Lanes zero{}, one = all_lanes(1.0);
-  const Lanes inverse_normal = one / (impulse[0] > zero ? pressure : one);
+  const Lanes inverse_normal = one / select(impulse[0] > zero, pressure, one);
   Lanes z[Dim], gamma{}, shrink[Dim];
   for (int i = 1; i < Dim; ++i) z[i] = impulse[i] * c.inverse_friction[i - 1] * inverse_normal;
   for (int round = 0;; ++round) {
@@ -61,17 +61,17 @@ template <int Dim>
     }
     const Lanes length = root_lanes(square);
     // The next gamma is infinite where a direction that does not respond is beyond the surface.
-    const Lanes next = gamma + (length - one) * square / (slope > zero ? slope : one);
+    const Lanes next = gamma + (length - one) * square / select(slope > zero, slope, one);
     const LaneMask outside =
         ~sticking & (length - one > zero + kOnSurface) & (slope > zero) & (next - next == zero);
     if (round == kMaxRounds || !any_of(outside)) {
       for (int i = 1; i < Dim; ++i) {
-        const Lanes returned = impulse[i] * shrink[i] * (length > one ? one / length : one);
-        impulse[i] = sticking ? impulse[i] : returned;
+        const Lanes returned = impulse[i] * shrink[i] * select(length > one, one / length, one);
+        impulse[i] = select(sticking, impulse[i], returned);
       }
       return;
     }
-    gamma = outside ? next : gamma;
+    gamma = select(outside, next, gamma);
   }
 }
 
@@ -88,7 +88,7 @@ template <int Dim>
     const Lanes z = c.force[i] * c.inverse_friction[i - 1];
     square += z * z;
   }
-  const Lanes on_surface = pressure / root_lanes(sticking ? one : square);
+  const Lanes on_surface = pressure / root_lanes(select(sticking, one, square));
   for (int i = 1; i < Dim; ++i) {
     const SpringCoefficients& spring = c.spring[i - 1];
     const Lanes load = -c.inverse_mass[i] * c.force[i] * on_surface;
@@ -98,8 +98,8 @@ template <int Dim>
     square_to_come += z * z;
   }
   const LaneMask turns = ~sticking & (square_to_come > zero);
-  const Lanes scale = root_lanes(square / (turns ? square_to_come : one));
-  for (int i = 1; i < Dim; ++i) c.force[i] = turns ? to_come[i] * scale : c.force[i];
+  const Lanes scale = root_lanes(square / select(turns, square_to_come, one));
+  for (int i = 1; i < Dim; ++i) c.force[i] = select(turns, to_come[i] * scale, c.force[i]);
 }
 
 // The force every contact has now; no number where anything it depends on is none.
@@ -109,7 +109,7 @@ template <int Dim>
   for (int i = 0; i < Dim; ++i)
     c.force[i] = -c.stiffness[i] * c.deformation[i] - c.damping[i] * c.rate[i];
   c.force[0] = max_lanes(zero, c.force[0] + c.damping[0] * c.surface);
-  c.force[0] = c.deformation[0] >= zero ? zero : c.force[0];
+  c.force[0] = select(c.deformation[0] >= zero, zero, c.force[0]);
   if (Dim == 1) return;
   const Lanes pressure = find_pressure(c, c.force[0], 1.0);
   const LaneMask sticking = find_sticking(c, c.force, pressure);
@@ -162,8 +162,8 @@ template <int Dim>
   const LaneMask open = x + h * min_lanes(zero, min_lanes(u, u + h * load)) > zero;
   const Lanes impulse = max_lanes(f0 * c.e[1] - drive * c.e[2] - k * load * c.e[3], zero);
   moment = max_lanes(f0 * c.e[2] - drive * c.e[3] - k * load * c.e[4], zero);
-  c.impulse[0] = holds ? impulse : zero;
-  moment = holds ? moment : zero;
+  c.impulse[0] = select(holds, impulse, zero);
+  moment = select(holds, moment, zero);
   const LaneMask closed_form = holds | open;
   if (!all_of(closed_form))
     for (int lane = 0; lane < kLanes; ++lane)
@@ -216,10 +216,10 @@ template <int Dim>
     c.sticking = inside & pressed;
     // A slipping contact carries mu f_n throughout, so its moments are in the normal's proportion.
     if (!all_of(c.sticking)) {
-      const Lanes lever = moment[0] / (pressed ? c.impulse[0] : all_lanes(1.0));
+      const Lanes lever = moment[0] / select(pressed, c.impulse[0], all_lanes(1.0));
       for (int i = 1; i < Dim; ++i) {
-        const Lanes sticks_or_slips = inside ? moment[i] : c.impulse[i] * lever;
-        moment[i] = pressed ? sticks_or_slips : zero;
+        const Lanes sticks_or_slips = select(inside, moment[i], c.impulse[i] * lever);
+        moment[i] = select(pressed, sticks_or_slips, zero);
       }
     }
   }
@@ -234,7 +234,7 @@ template <int Dim>
   const Lanes clamped = min_lanes(max_lanes(c.impulse[0], -limit), limit);
   c.sticking = clamped == c.impulse[0];
   c.impulse[0] = clamped;
-  moment[0] = c.sticking ? moment[0] : 0.5 * h * clamped;
+  moment[0] = select(c.sticking, moment[0], 0.5 * h * clamped);
   c.touched |= c.impulse[0] != zero;
   end_flow(c, &load, moment, h);
 }

@@ -34,7 +34,7 @@ template <int Dim>
   const Lanes rate = min_lanes(c.offset / recovery.time, c.recovery_speed);
   const Lanes x = c.deformation[0];
   const LaneMask stays = (c.offset <= zero) | (x * x > c.bearable * c.bearable);
-  return stays ? zero : rate;
+  return select(stays, zero, rate);
 }
 
 // An impulse p with moment r does the work p (u0 + u1) / 2 + b (h p / 2 - r) under the load b of
@@ -103,7 +103,7 @@ template <int Dim>
   } else {
     for (int i = 1; i < Dim; ++i) {
       const Lanes relaxed = relax(c.relaxation[i - 1], c.impulse[i], c.deformation[i]);
-      c.deformation[i] = c.sticking ? c.deformation[i] + displacement[i] : relaxed;
+      c.deformation[i] = select(c.sticking, c.deformation[i] + displacement[i], relaxed);
     }
   }
   for (int i = 0; i < Dim; ++i) account_motion(c, i, rate[i]);
@@ -117,7 +117,7 @@ template <int Dim>
   Lanes displacement[1];
   end_displacement(c, rate, coupled_time, displacement);
   const Lanes relaxed = relax(c.relaxation, c.impulse[0], c.deformation[0]);
-  c.deformation[0] = c.sticking ? c.deformation[0] + displacement[0] : relaxed;
+  c.deformation[0] = select(c.sticking, c.deformation[0] + displacement[0], relaxed);
   account_motion(c, 0, rate[0]);
 }
 
@@ -128,11 +128,11 @@ template <int Dim>
                                                         const Lanes* displacement) {
   c.deformation[0] += displacement[0] - c.total_displacement[0];
   for (int i = 1; i < Dim; ++i)
-    c.deformation[i] += c.sticking ? displacement[i] - c.total_displacement[i] : Lanes{};
+    c.deformation[i] += select(c.sticking, displacement[i] - c.total_displacement[i], Lanes{});
 }
 
 [[gnu::always_inline]] static inline void follow_bodies(SpringLanes& c, const Lanes* displacement) {
-  c.deformation[0] += c.sticking ? displacement[0] - c.total_displacement[0] : Lanes{};
+  c.deformation[0] += select(c.sticking, displacement[0] - c.total_displacement[0], Lanes{});
 }
 
 }  // namespace dashpot

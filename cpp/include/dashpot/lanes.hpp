@@ -1,91 +1,34 @@
 // Four numbers at a time: the micro-steps work on four contacts at once, one in each lane.
 //
 // Lanes never mix (no sums across them), so results do not depend on how wide the processor's
-// vectors are. GCC's and Clang's vector extension; everything here is inlined, and static, so that
-// every file has it as compiled for its own instruction set.
+// vectors are. They are one vector, or two, alike in memory, where no processor has wider ones, and
+// in a file that defines DASHPOT_LANES_OF_HALVES. Everything is inlined, and static, so that every
+// file has it as compiled for its own instruction set.
 
 #pragma once
 
-#if defined(__AVX__)
-#include <immintrin.h>
+#if defined(DASHPOT_LANES_OF_HALVES) || !defined(__x86_64__)
+#include "dashpot/half_lanes.hpp"
+#else
+#include "dashpot/whole_lanes.hpp"
 #endif
-
-#include <cmath>
-#include <cstring>
 
 namespace dashpot {
 
 inline constexpr int kLanes = 4;
+static_assert(sizeof(Lanes) == kLanes * sizeof(double) && alignof(Lanes) == sizeof(Lanes));
+static_assert(sizeof(LaneMask) == sizeof(Lanes) && alignof(LaneMask) == alignof(Lanes));
 
 // The next multiple of it.
 constexpr int padded(int count) { return (count + kLanes - 1) / kLanes * kLanes; }
 
-// The alignment is spelled out: without it, it would depend on the instruction set compiled for.
-typedef double Lanes __attribute__((vector_size(kLanes * sizeof(double)), aligned(32)));
-typedef long long LaneMask __attribute__((vector_size(kLanes * sizeof(long long)), aligned(32)));
-static_assert(alignof(Lanes) == kLanes * sizeof(double));
-
-[[gnu::always_inline]] static inline Lanes load_lanes(const double* values) {
-  Lanes lanes;
-  std::memcpy(&lanes, values, sizeof lanes);
-  return lanes;
-}
-
-[[gnu::always_inline]] static inline void store_lanes(const Lanes& lanes, double* values) {
-  std::memcpy(values, &lanes, sizeof lanes);
-}
-
-[[gnu::always_inline]] static inline Lanes all_lanes(double value) { return value - Lanes{}; }
-
 // Of two, b where either is no number.
 [[gnu::always_inline]] static inline Lanes max_lanes(const Lanes& a, const Lanes& b) {
-  return a > b ? a : b;
+  return select(a > b, a, b);
 }
 
 [[gnu::always_inline]] static inline Lanes min_lanes(const Lanes& a, const Lanes& b) {
-  return a < b ? a : b;
-}
-
-// Compilers leave these to one lane after the other.
-#if defined(__AVX__)
-[[gnu::always_inline]] static inline Lanes root_lanes(const Lanes& a) { return _mm256_sqrt_pd(a); }
-
-// By lane, from the lowest bit on.
-[[gnu::always_inline]] static inline int bits_of(const LaneMask& mask) {
-  return _mm256_movemask_pd(reinterpret_cast<__m256d>(mask));
-}
-
-[[gnu::always_inline]] static inline bool all_of(const LaneMask& mask) {
-  return bits_of(mask) == (1 << kLanes) - 1;
-}
-
-[[gnu::always_inline]] static inline bool any_of(const LaneMask& mask) {
-  return bits_of(mask) != 0;
-}
-#else
-[[gnu::always_inline]] static inline Lanes root_lanes(const Lanes& a) {
-  return Lanes{std::sqrt(a[0]), std::sqrt(a[1]), std::sqrt(a[2]), std::sqrt(a[3])};
-}
-
-[[gnu::always_inline]] static inline bool all_of(const LaneMask& mask) {
-  return (mask[0] & mask[1] & mask[2] & mask[3]) != 0;
-}
-
-[[gnu::always_inline]] static inline bool any_of(const LaneMask& mask) {
-  return (mask[0] | mask[1] | mask[2] | mask[3]) != 0;
-}
-#endif
-
-// Rows become columns: row[i] holds (x, y, z, 0) of lane i before, column j of all lanes after.
-[[gnu::always_inline]] static inline void transpose(Lanes (&row)[kLanes]) {
-  const Lanes a = __builtin_shufflevector(row[0], row[1], 0, 4, 2, 6);
-  const Lanes b = __builtin_shufflevector(row[0], row[1], 1, 5, 3, 7);
-  const Lanes c = __builtin_shufflevector(row[2], row[3], 0, 4, 2, 6);
-  const Lanes d = __builtin_shufflevector(row[2], row[3], 1, 5, 3, 7);
-  row[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
-  row[1] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
-  row[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
-  row[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+  return select(a < b, a, b);
 }
 
 }  // namespace dashpot
