@@ -1,0 +1,90 @@
+// How two geoms that touch move on each other within a step. Part of the mujoco_host room.
+
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+#include <array>
+
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+namespace dashpot::host {
+
+// Way in a step, relative to the size of the smaller geom, up to which a pair is at rest: what
+// curves there is a height of 1e-10 of that size.
+inline constexpr double kStillWay = 1e-5;
+
+// Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
+bool has_corners(const mjModel* m, int geom);
+
+// The velocities that a pair of geoms has at the start of a step, and what they lead to after
+// `time` (s), in its middle. World frame, SI units.
+class PairMotion {
+ public:
+  PairMotion(const mjModel* m, const mjData* d, double time) : model_(m), data_(d), time_(time) {}
+
+  // Of the geoms of a contact. `motion`: velocities of free bodies in motion coordinates. False:
+  // contacts of one of them do not follow its pose, as those of flexes and of signed distance
+  // fields, which are points of a search.
+  bool find(const ContactInput& contact, const Trees& trees, const double* motion);
+
+  int geom(int side) const { return side_[side].geom; }
+  int geom_type(int side) const { return model_->geom_type[side_[side].geom]; }
+  // Belongs to a free body.
+  bool is_free(int side) const { return side_[side].is_free; }
+  const mjtNum* angular(int side) const { return side_[side].angular; }
+  // Of the centre of mass of the body.
+  const mjtNum* linear(int side) const { return side_[side].linear; }
+  // Of that of the second body to that of the first.
+  const mjtNum* relative() const { return relative_; }
+
+  // A ball of a free body that turns about its middle looks the same.
+  bool is_free_ball(int side) const;
+  // Whether the normal turns wherever the two touch.
+  bool are_round() const;
+  // Which of the two has faces, -1 where both or neither have.
+  int side_with_faces() const;
+  // Radius (m) about the smaller geom; planes have none.
+  double size() const;
+
+  // By how much (rad) the faster of the two turns in the step.
+  double turn() const;
+  // How far (m) the centre of the smaller geom moves on the body of the other in the step: not at
+  // all where both turn as one, however far from each other the centres of mass of the bodies are.
+  double way() const;
+  // The farthest (m) that any two points of the geoms move along each other up to the middle.
+  double way_to_middle() const;
+  // How fast (m/s) the gap of a contact changes.
+  double gap_speed(const ContactInput& contact) const;
+  // Whether a joint that a link hangs on turns by more than `angle` (rad, or m) in the step.
+  bool joints_move(int side, double angle) const;
+
+  // Finds what point_rate() needs of bodies that are not free.
+  void find_twists();
+  // Velocity (m/s) of the point on the second geom to that on the first, in the contact's frame, at
+  // the start of the step, or in its middle.
+  enum class When { kStart, kMiddle };
+  std::array<double, 3> point_rate(const ContactInput& contact, When when) const;
+
+ private:
+  struct Side {
+    int geom = -1, body = -1;
+    bool is_free = false;
+    mjtNum angular[3]{}, linear[3]{};
+    // Of all but free bodies, about the centre of mass of the tree: at the start, in the middle.
+    mjtNum twist[2][6]{};
+  };
+
+  void find_velocity(int tree, const Trees& trees, const double* motion, Side& side) const;
+  // Of a point that moves with the body of a side.
+  void velocity_of(const Side& side, const mjtNum* point, mjtNum* velocity) const;
+
+  const mjModel* model_;
+  const mjData* data_;
+  double time_;
+  std::array<Side, 2> side_;
+  mjtNum relative_[3]{};
+};
+
+}  // namespace dashpot::host
