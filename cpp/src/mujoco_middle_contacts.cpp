@@ -22,7 +22,7 @@ double squared_distance(const std::array<double, 3>& a, const std::array<double,
 }
 
 // A place in the frame of a geom, turned on by what the geom has spun about its own axis.
-std::array<double, 3> before_spin(const PairMotion& motion, int side, const mjtNum* rotation,
+std::array<double, 3> before_spin(const ContactMotion& motion, int side, const mjtNum* rotation,
                                   double time, const std::array<double, 3>& local) {
   if (!has_round_side(motion.geom_type(side))) return local;
   const mjtNum axis[3] = {rotation[2], rotation[5], rotation[8]};

@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "dashpot/mujoco_contact_motion.hpp"
 #include "dashpot/mujoco_middle_contacts.hpp"
-#include "dashpot/mujoco_pair_motion.hpp"
 #include "dashpot/mujoco_workplaces.hpp"
 
 namespace dashpot::host {
@@ -94,7 +94,7 @@ class TurningPair {
   }
 
  private:
-  using When = PairMotion::When;
+  using When = ContactMotion::When;
 
   // Whether a blow begins or ends early in the step, by how fast the gap changes: forces that act
   // before the middle alone do work on what the turn of the normal adds to the rate.
@@ -142,7 +142,7 @@ class TurningPair {
   mjData* data_;
   double time_;
   ContactInput *first_, *last_;
-  PairMotion motion_;
+  ContactMotion motion_;
   double size_ = 0.0;     // m, radius about the smaller geom
   bool at_rest_ = false;  // its geoms, on each other
   bool is_far_ = false;   // they may come to another face up to the middle

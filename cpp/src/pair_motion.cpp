@@ -32,12 +32,12 @@ double SideMotion::turning_speed(double length) const {
   return turn(length).norm() * offset + shape_turn(length).norm() * core_radius;
 }
 
-Motion SideMotion::mean_motion(double length, bool free) const {
+Motion SideMotion::mean_motion(double length) const {
   Motion motion = velocity;
   motion.linear += 0.5 * length * acceleration.linear;
   motion.angular += 0.5 * length * acceleration.angular;
   const double rate = motion.angular.norm();
-  if (free || rate * length < kSmallTurn) return motion;
+  if (is_free || rate * length < kSmallTurn) return motion;
   const Vector3d axis = motion.angular / rate;
   motion.centre += axis.cross(motion.linear) / rate;
   motion.linear = axis * axis.dot(motion.linear);

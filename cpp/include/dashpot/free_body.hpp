@@ -1,16 +1,12 @@
 // Accurate motion of one free rigid body over a step: parabola of the centre of mass under a
-// constant force, rotation under a constant world torque, impulses and displacements of contacts
-// on top.
-//
-// The rotation is split into one about the angular momentum and rotations about two principal axes,
-// each an exact flow, composed symmetrically (Strang) and raised to sixth order by Yoshida's
-// composition (Phys. Lett. A 150, 1990, solution A). Angular momentum is conserved to rounding and
-// energy has no drift. The free rotation of a body of revolution is exact. Bodies with three equal
-// moments turn with their mean angular velocity.
+// constant force, rotation under a constant world torque (free_rotation.hpp), impulses and
+// displacements of contacts on top.
 
 #pragma once
 
 #include <Eigen/Geometry>
+
+#include "dashpot/free_rotation.hpp"
 
 namespace dashpot {
 
@@ -28,23 +24,6 @@ struct FreeBody {
   Vector6 velocity = Vector6::Zero();                               // m/s, rad/s
   Vector6 acceleration = Vector6::Zero();                           // smooth, m/s^2, rad/s^2
 };
-
-// Orientation and angular momentum about the centre of mass.
-struct Rotation {
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  // principal frame to world
-  Eigen::Vector3d angular_momentum = Eigen::Vector3d::Zero();       // world, kg m^2/s
-};
-
-// Angular velocity in the world, rad/s, of a body with principal moments `inertia` (kg m^2).
-Eigen::Vector3d angular_velocity(const Rotation& rotation, const Eigen::Vector3d& inertia);
-
-// The rotation by an angle (rad) about the axis along which it points.
-Eigen::Quaterniond rotation_of(const Eigen::Vector3d& angle);
-
-// Advances a rotation by `time` (s) under a constant world `torque` (N m); `rough` within about
-// 1e-6 instead of rounding.
-Rotation rotate_free(const Rotation& start, const Eigen::Vector3d& inertia,
-                     const Eigen::Vector3d& torque, double time, bool rough = false);
 
 // Motion over a step without contact.
 struct FreeMotion {

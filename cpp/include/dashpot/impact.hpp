@@ -1,15 +1,8 @@
 // Where to cut a step at an impact.
 //
 // Rows are frozen over a step: gaps close along the normals found at its start. Of a pair whose
-// relative motion in the step is not small against its thinner geom such rows are no use: the
-// contact begins elsewhere, with another normal, or never. Let
-//
-//     s = a bound on the speed at which any two points of the pair approach, with that which its
-//         compressed contacts can still give it in a step, x sqrt(k w) min(1, sqrt(k w) H),
-//     e = half the least width of its thinner geom.
-//
-// A pair is fast where s H > e / 4, or where such motion turns one of the two, or the normal of two
-// round ones, by more than 0.05 rad in the step. Of the fast pairs,
+// relative motion in the step is not small against its thinner geom (fast_pairs.hpp) such rows are
+// no use: the contact begins elsewhere, with another normal, or never. Of the fast pairs,
 //
 // - those apart get their time of impact, up to a standoff that covers what the motion over the
 //   step departs from constant velocity by, |a| H^2 / 8. The part of the step ends there. Within

@@ -7,7 +7,7 @@
 
 #include <array>
 
-#include "dashpot/mujoco_pair_motion.hpp"
+#include "dashpot/mujoco_contact_motion.hpp"
 #include "dashpot/rows.hpp"
 
 namespace dashpot::host {
@@ -29,7 +29,7 @@ double squared_distance(const ContactInput& start, const MiddleContact& middle);
 // All of a pair.
 class MiddleContacts {
  public:
-  explicit MiddleContacts(const PairMotion& motion) : motion_(motion) {}
+  explicit MiddleContacts(const ContactMotion& motion) : motion_(motion) {}
 
   // Asks for collision with the geoms where they are after `time` (s), out to the distance `reach`
   // (m). The poses in `d` are those of the start again afterwards.
@@ -48,7 +48,7 @@ class MiddleContacts {
   double distance_of(const ContactInput& contact, const MiddleContact& middle) const;
   bool is_across_groove(const ContactInput& contact, const MiddleContact& middle) const;
 
-  const PairMotion& motion_;
+  const ContactMotion& motion_;
   double step_ = 0.0;  // s, twice the time that leads to the middle
   std::array<MiddleContact, mjMAXCONPAIR> contact_;
   int count_ = 0;

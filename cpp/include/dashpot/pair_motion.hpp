@@ -19,6 +19,7 @@ inline constexpr double kFastTurn = 0.05;
 struct SideMotion {
   int geom = 0;
   int tree = -1;
+  bool is_free = false;           // its body is free, or fixed
   Motion velocity, acceleration;  // of its body; `centre` is unused in the latter
   double offset = 0.0;            // m, of the geom's centre from the body's centre of mass
   double core_radius = 0.0;       // m, about the geom's centre
@@ -34,7 +35,7 @@ struct SideMotion {
   double turning_speed(double length) const;
   // Constant motion that covers what the body does in `length`: a free body (or a small turn)
   // about its centre of mass, another about its instantaneous axis.
-  Motion mean_motion(double length, bool free) const;
+  Motion mean_motion(double length) const;
 };
 
 struct PairMotion {

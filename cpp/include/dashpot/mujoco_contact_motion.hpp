@@ -20,9 +20,10 @@ bool has_corners(const mjModel* m, int geom);
 
 // The velocities that a pair of geoms has at the start of a step, and what they lead to after
 // `time` (s), in its middle. World frame, SI units.
-class PairMotion {
+class ContactMotion {
  public:
-  PairMotion(const mjModel* m, const mjData* d, double time) : model_(m), data_(d), time_(time) {}
+  ContactMotion(const mjModel* m, const mjData* d, double time)
+      : model_(m), data_(d), time_(time) {}
 
   // Of the geoms of a contact. `motion`: velocities of free bodies in motion coordinates. False:
   // contacts of one of them do not follow its pose, as those of flexes and of signed distance

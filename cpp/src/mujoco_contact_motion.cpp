@@ -1,4 +1,4 @@
-#include "dashpot/mujoco_pair_motion.hpp"
+#include "dashpot/mujoco_contact_motion.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ bool has_corners(const mjModel* m, int geom) {
   return type == mjGEOM_PLANE || type == mjGEOM_BOX || type == mjGEOM_MESH;
 }
 
-bool PairMotion::find(const ContactInput& contact, const Trees& trees, const double* motion) {
+bool ContactMotion::find(const ContactInput& contact, const Trees& trees, const double* motion) {
   for (int i = 0; i < 2; ++i) {
     Side& side = side_[i];
     side.geom = contact.geom[i];
@@ -28,8 +28,8 @@ bool PairMotion::find(const ContactInput& contact, const Trees& trees, const dou
 }
 
 // Free bodies have theirs in the coordinates of their tree.
-void PairMotion::find_velocity(int tree, const Trees& trees, const double* motion,
-                               Side& side) const {
+void ContactMotion::find_velocity(int tree, const Trees& trees, const double* motion,
+                                  Side& side) const {
   side.is_free = tree >= 0 && trees.tree[tree].free_body;
   if (side.is_free) {
     mju_copy3(side.linear, motion + trees.tree[tree].begin);
@@ -39,32 +39,32 @@ void PairMotion::find_velocity(int tree, const Trees& trees, const double* motio
   velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
 }
 
-void PairMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* velocity) const {
+void ContactMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* velocity) const {
   mjtNum arm[3];
   mju_sub3(arm, point, data_->xipos + 3 * side.body);
   mju_cross(velocity, side.angular, arm);
   mju_addTo3(velocity, side.linear);
 }
 
-bool PairMotion::is_free_ball(int side) const {
+bool ContactMotion::is_free_ball(int side) const {
   const int geom = side_[side].geom;
   return side_[side].is_free && model_->geom_type[geom] == mjGEOM_SPHERE &&
          mju_dist3(model_->geom_pos + 3 * geom, model_->body_ipos + 3 * side_[side].body) == 0.0;
 }
 
-bool PairMotion::are_round() const {
+bool ContactMotion::are_round() const {
   return std::all_of(side_.begin(), side_.end(), [&](const Side& side) {
     const int type = model_->geom_type[side.geom];
     return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
   });
 }
 
-int PairMotion::side_with_faces() const {
+int ContactMotion::side_with_faces() const {
   const bool faces[2] = {has_corners(model_, side_[0].geom), has_corners(model_, side_[1].geom)};
   return faces[0] == faces[1] ? -1 : (faces[0] ? 0 : 1);
 }
 
-double PairMotion::size() const {
+double ContactMotion::size() const {
   double least = std::numeric_limits<double>::infinity();
   for (const Side& side : side_)
     if (model_->geom_rbound[side.geom] > 0.0)
@@ -72,11 +72,11 @@ double PairMotion::size() const {
   return least;
 }
 
-double PairMotion::turn() const {
+double ContactMotion::turn() const {
   return 2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
 }
 
-double PairMotion::way() const {
+double ContactMotion::way() const {
   const double radius[2] = {model_->geom_rbound[side_[0].geom], model_->geom_rbound[side_[1].geom]};
   const int smaller = radius[1] == 0.0 || (radius[0] > 0.0 && radius[0] < radius[1]) ? 0 : 1;
   const mjtNum* centre = data_->geom_xpos + 3 * side_[smaller].geom;
@@ -85,7 +85,7 @@ double PairMotion::way() const {
   return 2.0 * time_ * mju_dist3(velocity[0], velocity[1]);
 }
 
-double PairMotion::way_to_middle() const {
+double ContactMotion::way_to_middle() const {
   double speed = mju_norm3(relative_);
   for (const Side& side : side_)
     speed += mju_norm3(side.angular) *
@@ -94,21 +94,21 @@ double PairMotion::way_to_middle() const {
   return time_ * speed;
 }
 
-double PairMotion::gap_speed(const ContactInput& contact) const {
+double ContactMotion::gap_speed(const ContactInput& contact) const {
   mjtNum velocity[2][3];
   for (int i = 0; i < 2; ++i) velocity_of(side_[i], contact.position.data(), velocity[i]);
   mju_subFrom3(velocity[1], velocity[0]);
   return std::abs(mju_dot3(contact.frame.data(), velocity[1]));
 }
 
-bool PairMotion::joints_move(int side, double angle) const {
+bool ContactMotion::joints_move(int side, double angle) const {
   if (side_[side].is_free) return false;
   for (int dof = last_dof(model_, side_[side].body); dof >= 0; dof = model_->dof_parentid[dof])
     if (2.0 * time_ * std::abs(data_->qvel[dof]) > angle) return true;
   return false;
 }
 
-void PairMotion::find_twists() {
+void ContactMotion::find_twists() {
   for (Side& side : side_) {
     if (side.is_free) continue;
     twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
@@ -116,7 +116,7 @@ void PairMotion::find_twists() {
   }
 }
 
-std::array<double, 3> PairMotion::point_rate(const ContactInput& contact, When when) const {
+std::array<double, 3> ContactMotion::point_rate(const ContactInput& contact, When when) const {
   mjtNum relative[3] = {0, 0, 0};
   for (int i = 0; i < 2; ++i) {
     const Side& side = side_[i];
