@@ -44,6 +44,11 @@ std::optional<TerrainTriangle> Terrain::beneath(const Vector3d& point) const {
   return at(static_cast<int>(row), static_cast<int>(column), y - row > x - column ? 1 : 0);
 }
 
+Vector3d Terrain::normal_beneath(const Vector3d& point) const {
+  const auto triangle = beneath(point);
+  return triangle ? triangle->normal : Vector3d::UnitZ();
+}
+
 std::optional<TerrainTriangle> Terrain::across(const TerrainTriangle& triangle, int edge) const {
   int row = triangle.row, column = triangle.column;
   // Edge 0 is the diagonal, edge 1 ends at the high corner, edge 2 at the low one.

@@ -5,18 +5,10 @@
 // along the sides that prisms have in common any normal. What lay there rattled for good, a box of
 // 1 kg on 0.4 W from recovery.
 //
-// A geom touches a surface of triangles in corners of its own on faces, and in corners and edges of
-// the surface that stand out. The first are known: corners of boxes and meshes, points of the rims
-// of cylinders, the balls at the ends of capsules, the lowest point of an ellipsoid or a ball, over
-// the triangle beneath it, and over those beside that rise from it. Of what MuJoCo finds remains
-// what lies on corners and edges that stand out, or is not explained; of round surfaces no more
-// than what has a normal there that leads out of the surface.
-//
-// What rolls in a groove or a bowl hits the triangle that rises before it. Found when its lowest
-// point is over that, the overlap of up to a step was recovered, and put in the work of its weight.
-// So triangles in which a round surface lies deeper at the end of the step, at the velocities of
-// its start, are touched as planes too. One that is softer than that, and over several triangles at
-// once, is borne by the deepest alone (terrain_contacts.hpp).
+// A geom touches a surface of triangles in points of its own on faces (mujoco_terrain_points.hpp),
+// and in corners and edges of the surface that stand out. The first are known. Of what MuJoCo finds
+// remains what lies on corners and edges that stand out, or is not explained; of round surfaces no
+// more than what has a normal there that leads out of the surface.
 
 #pragma once
 

@@ -35,6 +35,8 @@ class Terrain {
 
   // The one triangle above or below a point, looking down z; none beyond the rim.
   std::optional<TerrainTriangle> beneath(const Eigen::Vector3d& point) const;
+  // Its normal; z beyond the rim.
+  Eigen::Vector3d normal_beneath(const Eigen::Vector3d& point) const;
   // Visits all others of its cell and of the cells about that.
   template <typename Visit>
   void for_each_about(const TerrainTriangle& triangle, const Visit& visit) const {

@@ -39,30 +39,16 @@
 // (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
 // smooth forces change.
 //
-// s is 1 to first order in H, and such that energy is conserved:
-//
-//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + (l1 v'c1 - l0 v0'c0) / 2
-//                    + integral of lambda (dJ/dt xi) t dt ,
-//
-// beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
-// effective inertia, takes: e v'D k + e k'D k / 2, k = v1 - v, where that inertia is M + e D. v:
-// what the step left, v1: with the second half; p: the part of f that has a potential, p - c; dq:
-// displacement over the step; l: length of a step where positions lead at its start or end, 0 where
-// they do not. The first term is the energy that the frozen geometry of the step has; the second
-// replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2 gains
-// while positions go ahead; the last is the work that equalities did because they turned. Where an
-// impact or a configuration near a singular one leaves no s near 1, or equalities would turn too
-// far in a step, frozen geometry stays: the second half is left out, they do not turn in that step,
-// and the work of those that did is booked as dissipation. Trees that equalities tie to what does
-// not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it away: a taut
-// net, which is singular all the time, would gain energy until it shook. (The momentum of others is
-// their own.) So is a tree that only contacts and limits hold, unless much of it would have to be
-// added; and so it is where the second half would be a large part of its velocity.
+// s is 1 to first order in H, and such that energy is conserved (coupled_energy.hpp); trees that
+// equalities couple share it (coupled_trees.hpp). Where no s near 1 does that, or equalities would
+// turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
+// that step, and the work of those that did is booked as dissipation.
 
 #pragma once
 
 #include <vector>
 
+#include "dashpot/coupled_energy.hpp"
 #include "dashpot/energy_ledger.hpp"
 #include "dashpot/holding_rows.hpp"
 #include "dashpot/memory.hpp"
@@ -108,39 +94,11 @@ class Trapezoid {
   const double* load() const { return load_.empty() ? nullptr : load_.data(); }
 
  private:
-  // Of trees that equalities couple, or one that other rows may hold, J: v'M v / 2, v'M k and k'M k
-  // / 2 with k the whole second half, the kinetic energy that there ought to be, and the work that
-  // rows did because they turned.
-  struct Coupled {
-    double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
-    double damped_linear = 0.0, damped_square = 0.0;  // e v'D k and e k'D k / 2
-    double driven = 0.0;                              // work of w (e1 - e0), J
-    double scale = 0.0;                               // s
-    double brake = 0.0;  // part of the velocity to take away where there is no s
-    bool by_equalities = false;
-    bool left_half = false;  // in the last step, at least one tree
-    bool turns = true;       // its equalities, in this step
-    bool follows_drives = true, drives_change = false;
-    // Without what find_second_half and find_energies have found.
-    Coupled anew() const;
-    double find_scale() const;
-    double find_brake() const;
-  };
-
-  void find_coupled_trees(const Rows& rows, int trees);
-  void find_held_trees(const mjModel_* model, const Rows& rows);
-  // Those that rows held in the last step and none does any more.
-  void find_freed_trees(const mjModel_* model, const HeldMotion& before);
   void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
                      const TreeMotion& motion);
-  // Whether an equality ties these trees to what does not move: they cannot go on all together.
-  bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
-                     int first);
-  // Finds the scales; whether there are trees to be looked at again, without changes of drives.
-  bool find_scales();
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
@@ -152,12 +110,10 @@ class Trapezoid {
   void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
                  double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);
 
-  // By tree: the first one that equalities couple it to, itself where other rows may hold it or
-  // have held it, -1 if none do.
-  std::vector<int> first_;
+  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
   HoldingRows holding_rows_;
   std::vector<char> left_half_;                                    // by tree
-  std::vector<Coupled> coupled_;                                   // by first tree
+  std::vector<CoupledEnergy> coupled_;                             // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
   // By the same: e of this step, its change since the last one, loads for what it goes on by;

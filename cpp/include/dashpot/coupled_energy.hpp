@@ -1,0 +1,55 @@
+// How much of the second half of a step (trapezoid.hpp, with the symbols) trees take.
+//
+// Those that equalities couple share s, which is 1 to first order in H, and such that energy is
+// conserved:
+//
+//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + (l1 v'c1 - l0 v'c0) / 2
+//                    + integral of lambda (dJ/dt xi) t dt ,
+//
+// beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
+// effective inertia, takes: e v'D k + e k'D k / 2, k = v1 - v, where that inertia is M + e D. v:
+// what the step left, v1: with the second half; p: the part of f that has a potential, p - c; dq:
+// displacement over the step; l: length of a step where positions lead at its start or end, 0 where
+// they do not. The first term is the energy that the frozen geometry of the step has; the second
+// replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2 gains
+// while positions go ahead; the last is the work that equalities did because they turned.
+//
+// An impact or a configuration near a singular one leaves no s near 1. Trees that equalities tie to
+// what does not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it
+// away: a taut net, which is singular all the time, would gain energy until it shook. (The momentum
+// of others is their own.) So is a tree that only contacts and limits hold, unless much of it would
+// have to be added; and so it is where the second half would be a large part of its velocity.
+
+#pragma once
+
+#include <vector>
+
+namespace dashpot {
+
+// Of trees that equalities couple, or one that other rows may hold, J: v'M v / 2, v'M k and k'M k
+// / 2 with k the whole second half, the kinetic energy that there ought to be, and the work that
+// rows did because they turned.
+struct CoupledEnergy {
+  double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
+  double damped_linear = 0.0, damped_square = 0.0;  // e v'D k and e k'D k / 2
+  double driven = 0.0;                              // work of w (e1 - e0)
+  double scale = 0.0;                               // s
+  double brake = 0.0;  // part of the velocity to take away where there is no s
+  bool by_equalities = false;
+  bool left_half = false;  // in the last step, at least one tree
+  bool turns = true;       // its equalities, in this step
+  bool follows_drives = true, drives_change = false;
+
+  // Without what the second half has brought, where it is to be found again.
+  CoupledEnergy anew() const;
+  // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, the damped ones beside, at
+  // turning points of the motion the end of the range that comes as near; 0 if there is none.
+  double find_scale() const;
+  // The part of the velocity to take away for the energy to be what it ought to.
+  double find_brake() const;
+};
+
+// Finds the scales; whether there are trees to be looked at again, without changes of drives.
+bool find_scales(std::vector<CoupledEnergy>& all);
+
+}  // namespace dashpot

@@ -1,0 +1,35 @@
+// Which trees have a second half of a step (trapezoid.hpp), and which of them share its scale.
+//
+// Those that rows hold, or have held in the last step, where their motion does not know of it yet.
+// What equalities couple exchanges energy through them, and is conserved only of all together:
+// such trees go by the first of them.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/memory.hpp"
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+// Whether the smooth motion of a tree already knows of its forces at the end of a step.
+bool moves_accurately(const mjModel_* model, int tree);
+
+// By tree: the first one that equalities couple it to, -1 if none do.
+void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree);
+// Then, of the others, itself where contacts or limits may hold it.
+void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree);
+// And where rows held it in the last step and none does any more.
+void add_freed_trees(const mjModel_* model, const HeldMotion& before, std::vector<int>& first_tree);
+
+// Whether an equality ties the trees of a `first` one to what does not move: they cannot go on all
+// together. `translation` is kept from step to step.
+bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
+                   const std::vector<int>& first_tree, int first, std::vector<double>& translation);
+
+}  // namespace dashpot

@@ -1,0 +1,63 @@
+#include "dashpot/coupled_energy.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace dashpot {
+
+namespace {
+
+// s differs from 1 by some H times the rate of the motion where the step resolves it.
+constexpr double kScaleRange = 0.5;
+// Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
+// not determine s, and an impact leaves far more.
+constexpr double kResidual = 1e-6;
+// Second half, as part of the velocity, up to which steps resolve how a motion turns that only
+// contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
+constexpr double kLargestHalf = 0.1;
+// Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
+// much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
+constexpr double kBoost = 0.03;
+
+}  // namespace
+
+CoupledEnergy CoupledEnergy::anew() const {
+  CoupledEnergy same;
+  same.turning_work = turning_work;
+  same.by_equalities = by_equalities;
+  same.follows_drives = follows_drives;
+  return same;
+}
+
+double CoupledEnergy::find_scale() const {
+  if (!by_equalities && square > kLargestHalf * kLargestHalf * kinetic) return 0.0;
+  const double first = linear + damped_linear, second = square + damped_square;
+  const double root = std::sqrt(first * first - 4.0 * second * (kinetic - wanted));
+  const double sum = first + std::copysign(root, first);  // without cancellation
+  double nearest = 0.0;
+  for (double s : {-0.5 * sum / second, -2.0 * (kinetic - wanted) / sum})
+    if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
+  const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
+  const double residual = std::abs(kinetic + s * (first + s * second) - wanted);
+  return residual <= kResidual * kinetic ? s : 0.0;
+}
+
+double CoupledEnergy::find_brake() const {
+  if (kinetic <= 0.0) return 0.0;
+  const double excess = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
+  return excess < -kBoost ? 0.0 : excess;
+}
+
+bool find_scales(std::vector<CoupledEnergy>& all) {
+  bool again = false;
+  for (CoupledEnergy& coupled : all) {
+    if (!coupled.left_half) continue;
+    coupled.scale = coupled.find_scale();
+    if (coupled.scale != 0.0 || !coupled.follows_drives || !coupled.drives_change) continue;
+    coupled.follows_drives = false;
+    again = true;
+  }
+  return again;
+}
+
+}  // namespace dashpot

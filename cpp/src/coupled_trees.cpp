@@ -1,0 +1,79 @@
+#include "dashpot/coupled_trees.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Of the parts of a rate that cancel.
+constexpr double kRounding = 1e-9;
+
+}  // namespace
+
+bool moves_accurately(const mjModel_* model, int tree) {
+  return host::is_free_body(model, tree) || host::is_runge_kutta(model);
+}
+
+void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree) {
+  first_tree.assign(trees, -1);
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (const RowGroup& c : rows.group) {
+      if (c.kind != RowKind::kBilateral) continue;
+      int first = c.tree[0];
+      for (int tree : c.tree)
+        if (tree >= 0 && first_tree[tree] >= 0) first = std::min(first, first_tree[tree]);
+      for (int tree : c.tree) {
+        if (tree < 0 || first_tree[tree] == first) continue;
+        first_tree[tree] = first;
+        changed = true;
+      }
+    }
+  }
+}
+
+void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree) {
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kContact && c.kind != RowKind::kUnilateral) continue;
+    for (int tree : c.tree)
+      if (tree >= 0 && first_tree[tree] < 0 && !moves_accurately(model, tree))
+        first_tree[tree] = tree;
+  }
+}
+
+void add_freed_trees(const mjModel_* model, const HeldMotion& before,
+                     std::vector<int>& first_tree) {
+  for (size_t index = 0; index < first_tree.size(); ++index)
+    if (first_tree[index] < 0 && before.length[index] > 0.0 && !moves_accurately(model, index))
+      first_tree[index] = index;
+}
+
+bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
+                   const std::vector<int>& first_tree, int first,
+                   std::vector<double>& translation) {
+  for (int axis = 0; axis < 3; ++axis) {
+    translation.assign(trees.coordinates, 0.0);
+    for (size_t index = 0; index < first_tree.size(); ++index)
+      if (first_tree[index] == first &&
+          !host::add_translation(model, d, trees, index, axis, translation.data()))
+        return true;
+    for (const RowGroup& c : rows.group) {
+      if (c.kind != RowKind::kBilateral || first_tree[c.tree[0]] != first) continue;
+      double rate = 0.0, most = 0.0;
+      for (int k = 0; k < c.columns[0] + c.columns[1]; ++k) {
+        const double part = rows.value[c.value + k] * translation[rows.column[c.column + k]];
+        rate += part;
+        most = std::max(most, std::abs(part));
+      }
+      if (std::abs(rate) > kRounding * most) return true;
+    }
+  }
+  return false;
+}
+
+}  // namespace dashpot
