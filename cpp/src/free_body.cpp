@@ -104,6 +104,15 @@ double energy_gain(const FreeMotion& motion, const Vector6& displacement, const 
   return translation + rotation - torque.dot(displacement.tail<3>());
 }
 
+double kinetic_energy(const FreeBody& body) {
+  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
+  const Eigen::Vector3d centre_velocity =
+      body.velocity.head<3>() + omega.cross(body.orientation * body.offset);
+  const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
+  return 0.5 * body.mass * centre_velocity.squaredNorm() +
+         0.5 * body.inertia.dot(local.cwiseProduct(local));
+}
+
 double brake_rotation(FreeBody& body, double energy) {
   const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
   const double rotation = 0.5 * body.inertia.dot(local.cwiseProduct(local));
@@ -115,6 +124,19 @@ double brake_rotation(FreeBody& body, double energy) {
   body.velocity.head<3>() += loss * omega.cross(arm);
   body.velocity.tail<3>() *= 1.0 - loss;
   return std::min(energy, rotation);
+}
+
+double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double energy) {
+  const Eigen::Vector3d arm = body.orientation * body.offset;
+  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
+  const Eigen::Vector3d centre_velocity = body.velocity.head<3>() + omega.cross(arm);
+  const double along = centre_velocity.dot(change), square = change.squaredNorm();
+  if (along <= 0.0) return 0.0;
+  // The part p of the change with m (p v.c - p^2 c.c / 2) = energy, at most to where v.c is 0.
+  const double taken = std::min(energy, 0.5 * body.mass * along * along / square);
+  const double root = std::sqrt(std::max(0.0, along * along - 2.0 * square * taken / body.mass));
+  body.velocity.head<3>() -= (along - root) / square * change;
+  return taken;
 }
 
 Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized) {

@@ -18,9 +18,11 @@ namespace dashpot {
 
 namespace {
 
-// Turn in a step (rad) below which the inertia of its start is good: one hit adds about 1 % of a
-// body's energy at most.
+// Turn in a step (rad) below which the inertia of its start is good, and part of a body's kinetic
+// energy that contacts may give it because they turn though no spring pays: what rolls gets that
+// back, and elastic hits of less turn give up to all of it.
 constexpr double kFarTurn = 0.2;
+constexpr double kMostUnpaid = 0.01;
 constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
 
 // The coordinates of a free body without their zeros.
@@ -249,7 +251,8 @@ void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
 
 // Seen from the geometry of the middle, or from the start of a step in which the body turns far,
 // its inertia differs from what it is where contacts act. What this would add to its energy is
-// taken out of its rotation; so is, of one that turns far, what springs did not give.
+// taken out of its rotation, and what that has not, out of what contacts gave its translation; so
+// is, of one that turns far, what springs did not give.
 double TreeMotion::advance_free_body(mjData_* d, int index, double length,
                                      const RowsOnTree& by_rows, const RowData& data) {
   const Tree& tree = trees_.tree[index];
@@ -277,10 +280,14 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
   const bool turns_far =
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm()) > kFarTurn;
   if (by_rows.touched && (by_rows.from_middle || turns_far)) {
-    const double unpaid = turns_far ? by_rows.unpaid : 0.0;
+    const bool counts = turns_far || by_rows.unpaid > kMostUnpaid * kinetic_energy(end);
+    const double unpaid = counts ? by_rows.unpaid : 0.0;
     const double excess = energy_gain(motion, shift, end) - contact_work(index, length, data);
     double taken = 0.0;
-    if (excess + unpaid > 0.0) taken = brake_rotation(end, excess + unpaid);
+    const double surplus = excess + unpaid;
+    if (surplus > 0.0) taken = brake_rotation(end, surplus);
+    if (taken < surplus)
+      taken += brake_translation(end, velocity_change.head<3>(), surplus - taken);
     withheld = std::clamp(taken - excess, 0.0, unpaid);
   }
   host::write_free_body(model_, d, index, end);

@@ -58,8 +58,15 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
 // by `displacement`, gained beyond the work of the smooth load.
 double energy_gain(const FreeMotion& motion, const Vector6& displacement, const FreeBody& end);
 
+// J.
+double kinetic_energy(const FreeBody& body);
+
 // Takes `energy` (J) out of the body's rotation, or all that is there. Returns what it took.
 double brake_rotation(FreeBody& body, double energy);
+
+// Takes `energy` (J) out of what contacts gave the translation of the centre of mass, whose
+// velocity they changed by `change` (m/s, world), as far as they gave it any. Returns what it took.
+double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double energy);
 
 // The same between generalized coordinates (origin, rotation in the body frame) and the centre of
 // mass (world axes), in the frozen frame: velocities and accelerations go to the centre, forces

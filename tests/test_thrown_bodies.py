@@ -1,0 +1,49 @@
+"""Bodies thrown on a floor, spinning: no hit gives them energy, whatever restitution they have."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+FLOORS = {
+    "plane": '<geom name="floor" type="plane" size="9 9 .1"/>',
+    "box": '<geom name="floor" type="box" size="9 9 .1" pos="0 0 -.1"/>',
+}
+SHAPES = {
+    "ellipsoid": 'type="ellipsoid" size=".05 .1 .15"',
+    "cylinder": 'type="cylinder" size=".08 .05"',
+    "box": 'type="box" size=".1 .06 .04"',
+}
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.005, 0.01])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("floor", FLOORS)
+def test_no_hit_of_a_spinning_body_creates_energy(floor: str, shape: str, timestep: float) -> None:
+    """Within 0.1 % of that of the throw: an ellipsoid gained up to one and a half times of it."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>{FLOORS[floor]}
+        <body pos="0 0 .5"><freejoint/><geom name="thrown" {SHAPES[shape]} mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    engine.set_pair_material("thrown", "floor", dashpot.Material(restitution=0.8, friction=0.3))
+    bounced = 0
+    for seed in range(30):
+        data = engine.make_data()
+        rng = np.random.default_rng(seed)
+        attitude = rng.normal(size=4)
+        data.qpos[3:7] = attitude / np.linalg.norm(attitude)
+        data.qvel[2] = -2.0
+        data.qvel[3:] = 4.0 * rng.normal(size=3)
+        thrown = before = engine.energy(data).mechanical
+        for _ in range(round(0.8 / timestep)):
+            engine.step(data)
+            now = engine.energy(data).mechanical
+            assert now - before <= 1e-3 * thrown, (seed, data.time)
+            before = now
+        bounced += before < 0.9 * thrown
+    assert bounced > 20
