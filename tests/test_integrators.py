@@ -145,10 +145,13 @@ def test_a_callback_that_raises_in_a_stage_leaves_the_state_alone(control, faili
 
 @pytest.mark.parametrize("collide", [False, True])
 def test_dampers_that_rk4_does_not_resolve_are_an_error_that_keeps_the_state(collide):
-    """As in mj_step they diverge where no row holds the joint; H D / M is 4 to 40."""
+    """As in mj_step they diverge where no row holds the joint; H D / M is 4 to 40.
+
+    Between limits that is at the mercy of the last bit but for some starts, as this one.
+    """
     limit = 'range="-30 30"' if collide else ""
     engine, data = engine_of(pendulum(f'damping="40" {limit}', 'damping="10"'), "RK4", 0.005)
-    data.qvel[:] = 3.0, -5.0
+    data.qvel[:] = 10.0, -5.0
     before = b""
 
     def step() -> None:

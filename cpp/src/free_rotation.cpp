@@ -20,6 +20,8 @@ constexpr std::array<double, 7> kSixthOrder = {
 constexpr double kComposedTurn = 0.02;
 // The same for a prediction that is taken again before it counts: errors below 1e-6.
 constexpr double kPredictedTurn = 0.5;
+// Composed steps at most: 2000 rad. A body that turns by more has no direction that one could know.
+constexpr double kMostComposed = 1.0e5;
 // Turn below which one Strang step (error ~ turn^3 / 12) is at rounding level.
 constexpr double kStrangTurn = 1.0e-5;
 // The same of the product of the turns of two flows that commute but for it.
@@ -141,7 +143,8 @@ Eigen::Quaterniond split_rotation(const Rotation& start, const Eigen::Vector3d& 
   } else if (turn < kFourthOrderTurn) {
     for (double weight : kFourthOrder) split.strang(weight * time);
   } else {
-    const int steps = static_cast<int>(std::ceil(turn / (rough ? kPredictedTurn : kComposedTurn)));
+    const double resolved = std::ceil(turn / (rough ? kPredictedTurn : kComposedTurn));
+    const int steps = static_cast<int>(resolved < kMostComposed ? resolved : kMostComposed);
     for (int i = 0; i < steps; ++i)
       for (double weight : kSixthOrder) split.strang(weight * time / steps);
   }

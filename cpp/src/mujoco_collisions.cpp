@@ -3,6 +3,8 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cstring>
 
 #include "dashpot/mujoco_coming.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
@@ -187,6 +189,7 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
 
 int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                      mjtNum margin) {
+  std::atomic_thread_fence(std::memory_order_acquire);  // of what install() wrote
   const mjfCollision collide = collide_whole[m->geom_type[geom1]][m->geom_type[geom2]];
   if (m == replaced && narrowing_now) {
     CandidatePair pair{{geom1, geom2}, defining_pair(m, geom1, geom2)};
@@ -196,40 +199,45 @@ int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geo
   return collide(m, d, contact, geom1, geom2, margin);
 }
 
-// Once in a process.
+// Once in a process. Threads that run MuJoCo alone meanwhile see either all of it or nothing:
+// whoever finds collide_narrowed() finds what it calls.
 void install() {
   static const bool installed = [] {
+    mjfCollision table[mjNGEOMTYPES][mjNGEOMTYPES];
+    std::memcpy(table, mjCOLLISIONFUNC, sizeof table);
     for (int type1 : kExtended)
       for (int type2 : kExtended) {
-        mjfCollision& pair = mjCOLLISIONFUNC[type1][type2];
+        mjfCollision& pair = table[type1][type2];
         if (!pair) continue;
         collide_now[type1][type2] = pair;
         pair = collide_moving;
       }
     for (int type2 : {mjGEOM_ELLIPSOID, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH}) {
-      mjfCollision& pair = mjCOLLISIONFUNC[mjGEOM_ELLIPSOID][type2];
+      mjfCollision& pair = table[mjGEOM_ELLIPSOID][type2];
       collide_now[mjGEOM_ELLIPSOID][type2] = pair;
       pair = collide_ellipsoid;
     }
     for (int type = 0; type < mjNGEOMTYPES; ++type) {
-      mjfCollision& on_terrain = mjCOLLISIONFUNC[mjGEOM_HFIELD][type];
+      mjfCollision& on_terrain = table[mjGEOM_HFIELD][type];
       if (!on_terrain || !has_points_on_terrain(type)) continue;
       collide_now[mjGEOM_HFIELD][type] = on_terrain;
       on_terrain = collide_on_terrain;
     }
-    mjfCollision& on_plane = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_MESH];
+    mjfCollision& on_plane = table[mjGEOM_PLANE][mjGEOM_MESH];
     collide_now[mjGEOM_PLANE][mjGEOM_MESH] = on_plane;
     on_plane = collide_moving;
-    mjfCollision& standing = mjCOLLISIONFUNC[mjGEOM_PLANE][mjGEOM_CYLINDER];
+    mjfCollision& standing = table[mjGEOM_PLANE][mjGEOM_CYLINDER];
     collide_cylinder = standing;
     standing = collide_flat_cylinder;
     for (int type1 = 0; type1 < mjNGEOMTYPES; ++type1)
       for (int type2 = 0; type2 < mjNGEOMTYPES; ++type2) {
-        mjfCollision& pair = mjCOLLISIONFUNC[type1][type2];
+        mjfCollision& pair = table[type1][type2];
         if (!pair) continue;
         collide_whole[type1][type2] = pair;
         pair = collide_narrowed;
       }
+    std::atomic_thread_fence(std::memory_order_release);
+    std::memcpy(mjCOLLISIONFUNC, table, sizeof table);
     return true;
   }();
   static_cast<void>(installed);

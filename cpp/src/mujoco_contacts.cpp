@@ -109,7 +109,8 @@ void set_frame(const double* normal, double* frame) {
   set_frame(normal, tangent, frame);
 }
 
-// As MuJoCo does.
+// As MuJoCo does, call by call: where processors fuse (ARM), its library is compiled to, so that
+// mju_addToScl3() would give other bits.
 void set_frame(const double* normal, const double* tangent, double* frame) {
   mju_copy3(frame, normal);
   mju_copy3(frame + 3, tangent);
@@ -118,7 +119,9 @@ void set_frame(const double* normal, const double* tangent, double* frame) {
     mju_zero3(frame + 3);
     frame[std::abs(frame[1]) < 0.5 ? 4 : 5] = 1.0;
   }
-  mju_addToScl3(frame + 3, frame, -mju_dot3(frame + 3, frame));
+  double along[3];
+  mju_scl3(along, frame, mju_dot3(frame, frame + 3));
+  mju_subFrom3(frame + 3, along);
   mju_normalize3(frame + 3);
   mju_cross(frame + 6, frame, frame + 3);
 }

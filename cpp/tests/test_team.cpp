@@ -2,6 +2,7 @@
 // arrives; threads that sleep wake up. Run under a thread sanitizer it finds races of the team.
 
 #include <atomic>
+#include <cfenv>
 #include <chrono>
 #include <cstdio>
 #include <stdexcept>
@@ -63,6 +64,20 @@ void check_passes_in_turn(Team& team) {
     for (int i = 0; i < 300; ++i) expected[i] = expected_values[299 - i] % 1000;
   }
   check(sums == expected, "a pass sees what the one before wrote");
+}
+
+// Other threads round as the calling one does at the time, and take subnormal numbers as it does.
+void check_rounding(Team& team) {
+  const volatile double one = 1.0, three = 3.0;
+  for (int mode : {FE_UPWARD, FE_DOWNWARD, FE_TONEAREST}) {
+    std::fesetround(mode);
+    const double expected = one / three;
+    std::vector<double> found(1000);
+    for (int pass = 0; pass < 100; ++pass) {
+      team.for_each(1000, 10, [&](int i) { found[i] = one / three; });
+      for (double of_item : found) check(of_item == expected, "all threads round alike");
+    }
+  }
 }
 
 // More threads than cores: the system stops them anywhere, for as long as it likes.
@@ -135,6 +150,7 @@ int main() {
       for (int grain : {1, 10, 64}) check_every_item_once(team, count, grain);
     check_exception(team);
     check_passes_in_turn(team);
+    check_rounding(team);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));  // they sleep by now
     check_every_item_once(team, 1000, 10);
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
