@@ -79,6 +79,7 @@ def test_every_command_has_help(capsys, words):
         ["simulate", "ball", "--duration", "-1"],
         ["simulate", "ball", "--duration", "nan"],
         ["simulate", "ball", "--threads", "0"],
+        ["simulate", "ball", "--out", "states.csv"],
         ["view", "ball", "--threads", "1.5"],
         ["calibrate", "p.toml", "--threads", "0"],
         ["calibrate", "p.toml", "--plot", "fit.txt"],

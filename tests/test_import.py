@@ -140,3 +140,9 @@ print('both work')
 def test_beside_pinocchio(imports: str) -> None:
     result = run_python(imports + QUERY + PINOCCHIO)
     assert result.stdout.strip() == "both work", result.stderr
+
+
+def test_names_that_are_imported_when_first_used_can_be_listed():
+    listed = dir(dashpot)
+    assert {"Engine", "calibrate", "compare", "law", "__version__"} <= set(listed)
+    assert "TYPE_CHECKING" not in listed

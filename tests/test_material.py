@@ -265,3 +265,8 @@ def test_sliding_friction_alone_leaves_torsion_to_the_mjcf():
         engine.set_pair_material("ball", "floor", Material(5e4, **material))
 
     assert spin_after_a_while(lambda engine: on_pair(engine, friction=0.5)) == torsion
+
+
+def test_a_number_beyond_all_floats_is_refused_by_name():
+    with pytest.raises(ValueError, match="stiffness is too large for a float"):
+        Material(10**400)

@@ -86,6 +86,13 @@ def test_states_without_memory_are_those_of_full_physics():
         np.testing.assert_array_equal(short, expected)
 
 
+def test_whether_states_have_memory_is_true_or_false():
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(XML))
+    state = throw(engine, mujoco.mjtState.mjSTATE_INTEGRATION)
+    with pytest.raises(TypeError, match="with_memory must be True or False, got 'no'"):
+        dashpot.rollout(engine, state, with_memory="no")
+
+
 def test_rollouts_of_several_threads_at_once_do_not_meet():
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(XML))
     kind = mujoco.mjtState.mjSTATE_FULLPHYSICS

@@ -18,7 +18,10 @@ def number(name: str, value: object) -> float:
     """Return a real number, nan and inf included, as a float; raise TypeError for anything else."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name} must be a number, got {value!r}")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise ValueError(f"{name} is too large for a float") from None
 
 
 def positive_number(name: str, value: object) -> float:

@@ -64,7 +64,10 @@ class Engine:
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
         stiffness present, at least 13, and at most 0.25 ms long for rigid contacts; up to three
-        times as many in an island of few groups of rows whose rigid contacts are hit.
+        times as many in an island of few groups of rows whose rigid contacts are hit. A number is
+        taken as it is, for hits too: a rigid hit then lasts three of its micro-steps however many
+        they are, and one with friction, on a corner, is farther from the stiff limit than with
+        ``"auto"``.
     max_microsteps
         Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
         are lowered, and counted in ``StepStats.clipped``: such contacts are softer. Stiffness goes
@@ -231,7 +234,8 @@ class Engine:
         """Give a geom a material; contacts combine those of both geoms.
 
         By default the larger friction of the two counts, as in MuJoCo: for less, set both geoms,
-        or the pair with :meth:`set_pair_material`.
+        or the pair with :meth:`set_pair_material`. A material with friction takes the place of that
+        of a ``<pair>`` of the MJCF, too: the other geom then counts with its own.
         """
         if not isinstance(material, Material):
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")

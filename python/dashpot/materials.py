@@ -35,7 +35,9 @@ class Material:
     Give at most one of `damping`, `damping_ratio` and `restitution`; without any the contact is
     critically damped (damping ratio 1). Rigid contacts are as stiff as micro-steps resolve first,
     and as damped as these resolve then: alone they have their damping ratio, several at one body
-    may have less (a box that falls flat on a rigid floor rebounds at 0.25). Where a `restitution`
+    may have less (a box that falls flat on a rigid floor rebounds at 0.16 to 0.3, at steps of
+    10 ms a long one at up to 0.55), and hits with friction on a corner keep less than stiff
+    materials with the same restitution do. Where a `restitution`
     asks for more, stiffness gives way, as far as weights do not press bodies in visibly.
 
     Contacts combine the materials of both geoms by the engine's `CombinationRules`. By default the

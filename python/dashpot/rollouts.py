@@ -93,6 +93,8 @@ def rollout(
     if controls is not None:
         controls = np.ascontiguousarray(np.broadcast_to(controls, (nbatch, steps, model.nu)))
     threads = thread_count(nthread)
+    if not isinstance(with_memory, bool | np.bool_):
+        raise TypeError(f"with_memory must be True or False, got {with_memory!r}")
     return engine._rollout_workers().run(states, controls, steps, threads, bool(with_memory))
 
 

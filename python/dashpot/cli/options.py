@@ -46,6 +46,14 @@ def new_file(text: str) -> Path:
     return file
 
 
+def new_archive(text: str) -> Path:
+    """Return where an .npz file can be written, or raise what argparse reports."""
+    file = new_file(text)
+    if file.suffix.lower() != ".npz":
+        raise argparse.ArgumentTypeError(f"{text!r} does not end in .npz")
+    return file
+
+
 def new_picture(text: str) -> Path:
     """Return where a picture can be written, or raise what argparse reports."""
     from matplotlib.figure import Figure

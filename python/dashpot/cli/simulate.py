@@ -10,7 +10,7 @@ from dashpot.cli.options import (
     add_scene,
     add_threads,
     load_engine,
-    new_file,
+    new_archive,
     positive,
     progress_bar,
 )
@@ -33,7 +33,7 @@ def add_to(commands: Any) -> None:
     add_threads(parser)
     parser.add_argument(
         "--out",
-        type=new_file,
+        type=new_archive,
         default="states.npz",
         metavar="FILE",
         help="where to write (%(default)s)",
