@@ -251,8 +251,9 @@ void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
 
 // Seen from the geometry of the middle, or from the start of a step in which the body turns far,
 // its inertia differs from what it is where contacts act. What this would add to its energy is
-// taken out of its rotation, and what that has not, out of what contacts gave its translation; so
-// is, of one that turns far, what springs did not give.
+// taken out of its rotation, and what that has not, out of what the ground gave its translation:
+// two bodies keep their momentum. So is what springs did not give, of a body that turns far, or
+// where it is much.
 double TreeMotion::advance_free_body(mjData_* d, int index, double length,
                                      const RowsOnTree& by_rows, const RowData& data) {
   const Tree& tree = trees_.tree[index];
@@ -286,7 +287,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
     double taken = 0.0;
     const double surplus = excess + unpaid;
     if (surplus > 0.0) taken = brake_rotation(end, surplus);
-    if (taken < surplus)
+    if (taken < surplus && !by_rows.joined)
       taken += brake_translation(end, velocity_change.head<3>(), surplus - taken);
     withheld = std::clamp(taken - excess, 0.0, unpaid);
   }

@@ -73,12 +73,12 @@ enum class RowKind {
 // One scalar constraint as MuJoCo instantiates it.
 struct ConstraintInput {
   RowKind kind = RowKind::kUnilateral;
-  int source = 0;  // row in mjData.efc_*
-  int memory = 0;  // index of its memory, fixed by the model
-  std::array<int, 2> tree{-1, -1};
-  double position = 0.0;  // gap of a limit, error of an equality; m or rad
-  double drive = 0.0;     // rate at which mocap bodies change the position, m/s or rad/s
-  double limit = 0.0;     // of a slider, N or N m
+  int source = 0;                   // row in mjData.efc_*
+  int memory = 0;                   // index of its memory, fixed by the model
+  std::array<int, 2> tree{-1, -1};  // the second one is -1 where there is but one
+  double position = 0.0;            // gap of a limit, error of an equality; m or rad
+  double drive = 0.0;               // rate at which mocap bodies change the position, m/s or rad/s
+  double limit = 0.0;               // of a slider, N or N m
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself

@@ -32,6 +32,7 @@ class HeldStages;
 // What rows did to a tree in a step.
 struct RowsOnTree {
   bool touched = false;      // moved it
+  bool joined = false;       // as they moved another tree against it
   bool held = false;         // so did rows that have a position, which dry friction has not
   bool from_middle = false;  // in the geometry of the middle of the part
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
