@@ -10,6 +10,18 @@ namespace {
 // Part of the gyroscopic torque below which an applied one is rounding error.
 constexpr double kNoTorque = 1.0e-14;
 
+// Velocity of the centre of mass, world.
+Eigen::Vector3d centre_velocity(const FreeBody& body) {
+  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
+  const Eigen::Vector3d arm = body.orientation * body.offset;
+  return body.velocity.head<3>() + omega.cross(arm);
+}
+
+// Kinetic energy of a rotation, angular velocity in the principal frame.
+double rotation_energy(const FreeBody& body, const Eigen::Vector3d& local) {
+  return 0.5 * body.inertia.dot(local.cwiseProduct(local));
+}
+
 }  // namespace
 
 FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough) {
@@ -81,21 +93,17 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
 
 double energy_gain(const FreeMotion& motion, const Vector6& displacement, const FreeBody& end) {
   const FreeBody& start = motion.start;
-  const Eigen::Vector3d omega = end.orientation * end.velocity.tail<3>();
   const Eigen::Vector3d arm = end.orientation * end.offset;
-  const Eigen::Vector3d centre_velocity = end.velocity.head<3>() + omega.cross(arm);
   const Eigen::Vector3d way = end.origin + arm - start.origin - start.orientation * start.offset;
   const double translation =
-      0.5 * start.mass * (centre_velocity.squaredNorm() - motion.centre_velocity.squaredNorm()) -
+      0.5 * start.mass *
+          (centre_velocity(end).squaredNorm() - motion.centre_velocity.squaredNorm()) -
       start.mass * motion.centre_acceleration.dot(way);
-  const auto rotation_energy = [&](const Eigen::Vector3d& local) {
-    return 0.5 * start.inertia.dot(local.cwiseProduct(local));
-  };
   // Without contact the smooth torque does the work that the rotation gains.
-  const double smooth = rotation_energy(motion.end.orientation.conjugate() *
-                                        angular_velocity(motion.end, start.inertia));
+  const double smooth = rotation_energy(
+      start, motion.end.orientation.conjugate() * angular_velocity(motion.end, start.inertia));
   const double rotation =
-      rotation_energy(start.principal.conjugate() * end.velocity.tail<3>()) - smooth;
+      rotation_energy(start, start.principal.conjugate() * end.velocity.tail<3>()) - smooth;
   const Eigen::Vector3d alpha = start.orientation * start.acceleration.tail<3>();
   const Eigen::Quaterniond principal = start.orientation * start.principal;
   const Eigen::Vector3d torque =
@@ -105,17 +113,13 @@ double energy_gain(const FreeMotion& motion, const Vector6& displacement, const 
 }
 
 double kinetic_energy(const FreeBody& body) {
-  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
-  const Eigen::Vector3d centre_velocity =
-      body.velocity.head<3>() + omega.cross(body.orientation * body.offset);
-  const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
-  return 0.5 * body.mass * centre_velocity.squaredNorm() +
-         0.5 * body.inertia.dot(local.cwiseProduct(local));
+  return 0.5 * body.mass * centre_velocity(body).squaredNorm() +
+         rotation_energy(body, body.principal.conjugate() * body.velocity.tail<3>());
 }
 
 double brake_rotation(FreeBody& body, double energy) {
-  const Eigen::Vector3d local = body.principal.conjugate() * body.velocity.tail<3>();
-  const double rotation = 0.5 * body.inertia.dot(local.cwiseProduct(local));
+  const double rotation =
+      rotation_energy(body, body.principal.conjugate() * body.velocity.tail<3>());
   if (rotation == 0.0) return 0.0;
   const double loss = 1.0 - std::sqrt(std::max(0.0, 1.0 - energy / rotation));
   // The centre of mass keeps its velocity.
@@ -127,10 +131,7 @@ double brake_rotation(FreeBody& body, double energy) {
 }
 
 double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double energy) {
-  const Eigen::Vector3d arm = body.orientation * body.offset;
-  const Eigen::Vector3d omega = body.orientation * body.velocity.tail<3>();
-  const Eigen::Vector3d centre_velocity = body.velocity.head<3>() + omega.cross(arm);
-  const double along = centre_velocity.dot(change), square = change.squaredNorm();
+  const double along = centre_velocity(body).dot(change), square = change.squaredNorm();
   if (along <= 0.0) return 0.0;
   // The part p of the change with m (p v.c - p^2 c.c / 2) = energy, at most to where v.c is 0.
   const double taken = std::min(energy, 0.5 * body.mass * along * along / square);

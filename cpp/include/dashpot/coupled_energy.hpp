@@ -7,12 +7,12 @@
 //                    + integral of lambda (dJ/dt xi) t dt ,
 //
 // beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
-// effective inertia, takes: e v'D k + e k'D k / 2, k = v1 - v, where that inertia is M + e D. v:
-// what the step left, v1: with the second half; p: the part of f that has a potential, p - c; dq:
-// displacement over the step; l: length of a step where positions lead at its start or end, 0 where
-// they do not. The first term is the energy that the frozen geometry of the step has; the second
-// replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2 gains
-// while positions go ahead; the last is the work that equalities did because they turned.
+// effective inertia, takes: tau v'D k + tau k'D k / 2, k = v1 - v, where that inertia is M + tau
+// D. v: what the step left, v1: with the second half; p: the part of f that has a potential, p -
+// c; dq: displacement over the step; l: length of a step where positions lead at its start or end,
+// 0 where they do not. The first term is the energy that the frozen geometry of the step has; the
+// second replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2
+// gains while positions go ahead; the last is the work that equalities did because they turned.
 //
 // An impact or a configuration near a singular one leaves no s near 1. Trees that equalities tie to
 // what does not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it
@@ -31,7 +31,7 @@ namespace dashpot {
 // rows did because they turned.
 struct CoupledEnergy {
   double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
-  double damped_linear = 0.0, damped_square = 0.0;  // e v'D k and e k'D k / 2
+  double damped_linear = 0.0, damped_square = 0.0;  // tau v'D k and tau k'D k / 2
   double driven = 0.0;                              // work of w (e1 - e0)
   double scale = 0.0;                               // s
   double brake = 0.0;  // part of the velocity to take away where there is no s
