@@ -36,10 +36,14 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     if (c.kind != RowKind::kContact) return;
     const ContactInput& input = contacts[c.input];
     double load = 0.0;
-    slots_.for_each(pair_key(input.geom[0], input.geom[1]),
-                    [&](int slot) { load += memory.force(slot); });
+    bool hit = false;
+    slots_.for_each(pair_key(input.geom[0], input.geom[1]), [&](int slot) {
+      load += memory.force(slot);
+      hit = hit || input.gap < memory.parted_hit(slot);
+    });
     matches[index].load = load;
-    if (input.gap < 0.0) nearest_[index] = nearest_contact(memory, input);
+    nearest_[index] = Nearest();
+    if (input.gap < 0.0 || hit) nearest_[index] = nearest_contact(memory, input);
   });
   bool any_at_seam = false;
   for (int index = 0; index < groups; ++index) {
@@ -47,9 +51,9 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
     any_at_seam = any_at_seam || input.is_at_seam();
-    if (input.gap >= 0.0) continue;
     const auto [nearest, away] = nearest_[index];
     if (nearest < 0 || !(away < away_[nearest])) continue;
+    if (input.gap >= 0.0 && input.gap >= memory.parted_hit(nearest)) continue;
     if (heir_[nearest] >= 0) matches[heir_[nearest]].nearest = -1;
     heir_[nearest] = index;
     away_[nearest] = away;
@@ -62,7 +66,7 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
 // recognised by that geom.
 ContactMatching::Nearest ContactMatching::nearest_contact(const Memory& memory,
                                                           const ContactInput& input) const {
-  Nearest nearest{-1, std::numeric_limits<double>::infinity()};
+  Nearest nearest;
   slots_.for_each(pair_key(input.geom[0], input.geom[1]), [&](int slot) {
     const double distance =
         std::min(squared_distance(memory.position(slot, 0), input.local_position[0].data()),

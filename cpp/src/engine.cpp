@@ -142,7 +142,7 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 // Rows, and what they do over the step.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
-  turned.assign(motion.tree_count(), 0);
+  turned.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
@@ -206,11 +206,11 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time, team);
-  find_hits(rows, islands.all(), contacts, constraints, data, length, hits);
+  find_hits(rows, islands.all(), contacts, constraints, length, data);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   // Cuts at impacts let springs be resolved more finely.
   const double resolved = parameters.options.impact == Impact::kCut ? length : whole;
-  islands.plan(rows, motion.trees(), materials, sag_time, hits, length, resolved,
+  islands.plan(rows, motion.trees(), materials, sag_time, data.hit, length, resolved,
                parameters.options, team);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
               team);

@@ -2,6 +2,7 @@
 // (mujoco_turning.hpp), of a part of it where an impact begins within (impact.hpp) or trees turn
 // far (turning_parts.hpp).
 
+#include "dashpot/hit_time.hpp"
 #include "dashpot/mujoco_turning.hpp"
 #include "dashpot/turning_parts.hpp"
 #include "stepper_impl.hpp"
@@ -41,14 +42,17 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 // start.
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
+  const auto frequency = [this](const ContactInput& contact, double inverse_mass) {
+    return hit_frequency(model, parameters, contact, inverse_mass, length);
+  };
   host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
-                       detection.workplaces, contacts, turned, team);
+                       detection.workplaces, frequency, contacts, turned, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
-      if (tree >= 0) turned[tree] = 0;
+      if (tree >= 0) turned[tree] = 0.0;
   for (int tree = 0; tree < motion.tree_count(); ++tree) {
-    turned[tree] = turned[tree] && motion.can_freeze_ahead(tree);
-    if (turned[tree]) motion.freeze_ahead(tree, 0.5 * length);
+    if (!motion.can_freeze_ahead(tree)) turned[tree] = 0.0;
+    if (turned[tree] > 0.0) motion.freeze_ahead(tree, turned[tree]);
   }
 }
 

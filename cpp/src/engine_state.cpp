@@ -51,7 +51,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   by_rows.touched = touched[tree];
   by_rows.joined = joined[tree];
   by_rows.held = held[tree];
-  by_rows.from_middle = geometry_of_middle || turned[tree];
+  by_rows.from_middle = geometry_of_middle || turned[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);
   by_rows.unpaid = unpaid[tree];
   by_rows.added_velocity = trapezoid.added_velocity();
@@ -82,9 +82,9 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
   if (comfree && !stages) return;
   find_unpaid(d);
-  withheld.resize(motion.tree_count());
+  lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
-    withheld[index] = motion.advance(d, index, length, rows_on_tree(index, stages), data);
+    lost[index] = motion.advance(d, index, length, rows_on_tree(index, stages), data);
   };
   if (!comfree)
     team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
@@ -96,7 +96,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
       continue;
     }
     if (!motion.is_accurate(index)) advance(index);
-    ledger.dissipated_normal += withheld[index];
+    ledger.dissipated_normal += lost[index];
     if (const double* ahead = leapfrog.goes_ahead(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, ahead + tree.begin);

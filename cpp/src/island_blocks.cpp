@@ -74,6 +74,7 @@ struct LanePacker {
     law.loaded_friction[lane] = c.loaded_friction;
     law.inverse_friction_load[lane] = 1.0 / c.friction_load;
     law.load_dependent = law.load_dependent || c.loaded_friction < 1.0;
+    law.ahead[lane] = c.ahead;
     for (int i = 0; i < std::min(Dim, 3); ++i) {
       law.turning[i][lane] = c.turning[i];
       law.turns = law.turns || c.turning[i] != 0.0;

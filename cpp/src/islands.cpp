@@ -51,9 +51,8 @@ int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - 
 
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
                const std::vector<ContactInput>& contacts,
-               const std::vector<ConstraintInput>& constraints, const RowData& data, double step,
-               std::vector<char>& hits) {
-  hits.assign(rows.group.size(), 0);
+               const std::vector<ConstraintInput>& constraints, double step, RowData& data) {
+  data.hit.assign(rows.group.size(), 0);
   // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
   const auto is_hit = [&](const RowGroup& c, bool alone) {
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
@@ -72,7 +71,7 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
     const bool alone =
         count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
     if (island.has_few_groups())
-      for (int index : island.group) hits[index] = is_hit(rows.group[index], alone);
+      for (int index : island.group) data.hit[index] = is_hit(rows.group[index], alone);
   }
 }
 

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/islands.hpp"
+
 namespace dashpot {
 
 namespace {
@@ -149,6 +151,12 @@ double Memory::force(int index) const {
          slot[offsetof(RememberedContact, stiffness) / sizeof(double)];
 }
 
+double Memory::parted_hit(int index) const {
+  const double* slot = contact_storage(index);
+  return slot[offsetof(RememberedContact, hit) / sizeof(double)] *
+         slot[offsetof(RememberedContact, compression) / sizeof(double)];
+}
+
 EnergyLedger Memory::ledger() const {
   return {storage_[1], storage_[2], storage_[3], storage_[4],
           storage_[5], storage_[6], storage_[7]};
@@ -197,6 +205,7 @@ void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
   if (!separated) {
     slot.deformation = data.deformation[c.row];
     slot.credit = data.credit[index];
+    slot.hit = data.hit[index];
   }
   if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
   std::memcpy(constraint_storage() + kConstraint * input.memory, &slot, sizeof(slot));
@@ -230,6 +239,8 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
     slot.roll_stiffness = k[more_mobile(rows, c, 4)];
   }
   slot.credit = data.credit[index];
+  const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
+  slot.hit = data.hit[index] || (input.gap > 0.0 && change > kHitSpeed);
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }

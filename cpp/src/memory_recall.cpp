@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "dashpot/hit_time.hpp"
 #include "dashpot/memory.hpp"
 
 namespace dashpot {
@@ -12,6 +13,8 @@ namespace {
 
 // That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
+// How many times the load of smooth forces the spring of what is hit bears.
+constexpr double kHitLoads = 4.0;
 constexpr int kContactsAtOnce = 64;  // by a thread
 
 // Component of `local` (frame of geom 1) along a world direction.
@@ -25,13 +28,14 @@ double along(const double* local, const std::array<double, 9>& rotation, const d
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 // Factor on what a row remembers of a deformation under another stiffness. The force goes on,
-// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J); a falling one
+// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J), but of what is
+// hit, whose spring keeps its energy: it must not lose what it is about to give back. A falling one
 // may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but no
 // more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does not
 // lose force each time that the stiffness falls and rises, and stiffness that changes with the
 // configuration cannot pump a mechanism.
 double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
-                    double recovery_speed, double& credit) {
+                    double recovery_speed, bool hit, double& credit) {
   if (deformation == 0.0) return 0.0;
   const double k = rows.stiffness[row];
   if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
@@ -40,6 +44,7 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   const double stored = 0.5 * old_stiffness * deformation * deformation;
   const auto added_by = [&](double scale) { return stored * (scale * scale / same_force - 1.0); };
   if (same_force <= 1.0) {
+    if (hit) return std::sqrt(same_force);
     credit -= added_by(same_force);
     return same_force;
   }
@@ -52,22 +57,36 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   return scale;
 }
 
-// Rigid contacts keep their slack, for their stiffness goes on changing.
+// Whether what is hit goes on as one hit, which the step does not resolve: its spring, with the
+// remembered `force` (N), throws back what smooth forces alone would not.
+bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double length,
+                    const RowData& data) {
+  const double w = rows.inverse_mass[c.row];
+  if (rows.stiffness[c.row] * w * length * length <= kShortHit * kShortHit) return false;
+  double load[kMaxRows];
+  gather(rows, c, data.smooth_acceleration.data(), load);
+  return force * w > kHitLoads * std::abs(load[0]);
+}
+
+// Rigid contacts keep their slack, for their stiffness goes on changing. What is hit keeps all that
+// its spring stores, also where the geometry, frozen in the step before, turns out to be less deep.
 double recalled_deformation(const RememberedContact& old, const ContactInput& input,
                             const Rows& rows, const RowGroup& c, double recovery_speed,
-                            double length, double& credit) {
+                            double length, bool hit, double& credit) {
   const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
   const double compression =
-      std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
+      hit ? old.compression
+          : std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
   return -compression *
-         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, credit);
+         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, hit, credit);
 }
 
 void recall_friction(const RememberedContact& old, const ContactInput& input, const Rows& rows,
-                     const RowGroup& c, double recovery_speed, double& credit, RowData& data) {
+                     const RowGroup& c, double recovery_speed, bool hit, double& credit,
+                     RowData& data) {
   double* deformation = data.deformation.data() + c.row;
   const auto scale_of = [&](double remembered, double stiffness, int i) {
-    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, credit);
+    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, hit, credit);
   };
   // Of rows i and i + 1, along the two tangents.
   const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
@@ -86,7 +105,7 @@ void Memory::recall(const std::vector<ContactInput>& contacts,
                     const std::vector<ConstraintInput>& constraints,
                     const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
                     double length, RowData& data, Team& team) const {
-  recall_constraints(constraints, rows, recovery_speed, data);
+  recall_constraints(constraints, rows, recovery_speed, length, data);
   recall_contacts(contacts, matches, rows, recovery_speed, length, data, team);
 }
 
@@ -104,16 +123,18 @@ double Memory::first_deformation(const ConstraintInput& input, const Rows& rows,
 }
 
 void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                                double recovery_speed, RowData& data) const {
+                                double recovery_speed, double length, RowData& data) const {
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = constraints[c.input];
     const RememberedConstraint old = constraint(input.memory);
     data.credit[index] = old.credit;
+    const double force = old.stiffness * std::abs(old.deformation);
+    const bool hit = (data.hit[index] || old.hit) && goes_on_as_hit(force, rows, c, length, data);
     const auto rescaled = [&](double deformation) {
       return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
-                                        data.credit[index]);
+                                        hit, data.credit[index]);
     };
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
@@ -153,18 +174,21 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     if (c.kind != RowKind::kContact) return;
     const ContactInput& input = contacts[c.input];
     data.deformation[c.row] = input.gap;
-    if (input.gap >= 0.0) return;
     const int nearest = matches[index].nearest;
+    if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     double& credit = data.credit[index];
     credit = old.credit;
+    const double force = old.stiffness * old.compression;
+    const bool hit = (data.hit[index] || old.hit) && goes_on_as_hit(force, rows, c, length, data);
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] =
-          nearest < 0 ? first_deformation(input, rows, c, recovery_speed)
-                      : recalled_deformation(old, input, rows, c, recovery_speed, length, credit);
+          nearest < 0
+              ? first_deformation(input, rows, c, recovery_speed)
+              : recalled_deformation(old, input, rows, c, recovery_speed, length, hit, credit);
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
-    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, credit, data);
+    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, hit, credit, data);
   });
 }
 

@@ -148,13 +148,12 @@ void IslandLoop::run_microsteps(IslandMotion& m, int count, Team& team) {
   double& turning = m.velocity[kTurningCoordinate];
   const double turning_at_start = turning;
   sweep_rows(Sweep::kPrepare, m, team);
-  const double middle = 0.5 * h * count;
-  m.rate_time = -middle;
+  m.rate_time = 0.0;
   for (int i = 0; i < count; ++i) {
     sweep_rows(Sweep::kPresentForces, m, team);
     m.coupled_time = kCoupledShare * h;
-    m.work_time = i * h + 0.5 * h - middle;
-    m.rate_time = (i + 1) * h - middle;
+    m.work_time = i * h + 0.5 * h;
+    m.rate_time = (i + 1) * h;
     turning += h;
     sweep_trees(Sweep::kSmoothMotion, m, team);
     sweep_rows(Sweep::kFlow, m, team);

@@ -73,7 +73,7 @@ double ContactMotion::size() const {
 }
 
 double ContactMotion::turn() const {
-  return 2.0 * time_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
+  return length_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
 }
 
 double ContactMotion::way() const {
@@ -82,37 +82,55 @@ double ContactMotion::way() const {
   const mjtNum* centre = data_->geom_xpos + 3 * side_[smaller].geom;
   mjtNum velocity[2][3];
   for (int i = 0; i < 2; ++i) velocity_of(side_[i], centre, velocity[i]);
-  return 2.0 * time_ * mju_dist3(velocity[0], velocity[1]);
+  return length_ * mju_dist3(velocity[0], velocity[1]);
 }
 
-double ContactMotion::way_to_middle() const {
+double ContactMotion::way_in(double time) const {
   double speed = mju_norm3(relative_);
   for (const Side& side : side_)
     speed += mju_norm3(side.angular) *
              (model_->geom_rbound[side.geom] +
               mju_dist3(data_->geom_xpos + 3 * side.geom, data_->xipos + 3 * side.body));
-  return time_ * speed;
+  return time * speed;
 }
 
-double ContactMotion::gap_speed(const ContactInput& contact) const {
+double ContactMotion::gap_rate(const ContactInput& contact) const {
   mjtNum velocity[2][3];
   for (int i = 0; i < 2; ++i) velocity_of(side_[i], contact.position.data(), velocity[i]);
   mju_subFrom3(velocity[1], velocity[0]);
-  return std::abs(mju_dot3(contact.frame.data(), velocity[1]));
+  return mju_dot3(contact.frame.data(), velocity[1]);
+}
+
+double ContactMotion::inverse_mass(const ContactInput& contact, const Trees& trees) const {
+  double sum = 0.0;
+  for (int i = 0; i < 2; ++i) {
+    const Side& side = side_[i];
+    if (!side.is_free) {
+      sum += model_->body_invweight0[2 * side.body];
+      continue;
+    }
+    mjtNum arm[3], torque[3];
+    mju_sub3(arm, contact.position.data(), data_->xipos + 3 * side.body);
+    mju_cross(torque, arm, contact.frame.data());
+    const double* inverse = trees.inverse.data() + trees.tree[contact.tree[i]].inverse;
+    sum += inverse[0];
+    for (int k = 0; k < 3; ++k) sum += torque[k] * mju_dot3(inverse + 4 * (k + 1), torque);
+  }
+  return sum;
 }
 
 bool ContactMotion::joints_move(int side, double angle) const {
   if (side_[side].is_free) return false;
   for (int dof = last_dof(model_, side_[side].body); dof >= 0; dof = model_->dof_parentid[dof])
-    if (2.0 * time_ * std::abs(data_->qvel[dof]) > angle) return true;
+    if (length_ * std::abs(data_->qvel[dof]) > angle) return true;
   return false;
 }
 
-void ContactMotion::find_twists() {
+void ContactMotion::find_twists(double time) {
   for (Side& side : side_) {
     if (side.is_free) continue;
     twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
-    twist_ahead(model_, data_, side.body, time_, side.twist[1]);
+    twist_ahead(model_, data_, side.body, time, side.twist[1]);
   }
 }
 

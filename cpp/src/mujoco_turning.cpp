@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "dashpot/hit_time.hpp"
+#include "dashpot/islands.hpp"
 #include "dashpot/mujoco_contact_motion.hpp"
 #include "dashpot/mujoco_middle_contacts.hpp"
 #include "dashpot/mujoco_workplaces.hpp"
@@ -26,22 +28,36 @@ constexpr double kOfFace = 0.999999;
 // How far, relative to the same, a contact point moves on along a rim or a surface up to the
 // middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
 constexpr double kFarPoint = 0.5;
-// Part of the step within which a gap or an overlap that closes at its present rate is gone early.
-constexpr double kEarly = 0.25;
+// Part of the step up to which two times see one geometry.
+constexpr double kSameTime = 0.01;
 // Cosine between the normals of one contact at the start and in the middle.
 constexpr double kSame = 0.85;
 constexpr int kContactsAtOnce = 16;  // by a thread
 
+// What pairs of geoms have in common over a step of `length` (s).
+struct Step {
+  double length;
+  const Trees& trees;
+  const double* motion;  // velocities in motion coordinates
+  const HitFrequency& frequency;
+};
+
 // The contacts of two geoms over a step.
 class TurningPair {
  public:
-  // Of the contacts from `first` to `last`; `time` (s) leads to the middle.
-  TurningPair(mjModel* m, mjData* d, double time, ContactInput* first, ContactInput* last)
-      : model_(m), data_(d), time_(time), first_(first), last_(last), motion_(m, d, time) {}
+  // Of the contacts from `first` to `last`.
+  TurningPair(mjModel* m, mjData* d, const Step& step, ContactInput* first, ContactInput* last)
+      : model_(m),
+        data_(d),
+        step_(step),
+        first_(first),
+        last_(last),
+        motion_(m, d, step.length),
+        found_(motion_) {}
 
-  // Finds how the pair moves; whether it does, and may touch up to the middle.
-  bool moves(const Trees& trees, const double* motion) {
-    if (first_->is_at_impact || !motion_.find(*first_, trees, motion)) return false;
+  // Finds how the pair moves; whether it does, and may touch up to the middle or is hit.
+  bool moves() {
+    if (first_->is_at_impact || !motion_.find(*first_, step_.trees, step_.motion)) return false;
     const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
     if (on_plane && motion_.is_free_ball(1)) return false;
     size_ = motion_.size();
@@ -50,9 +66,10 @@ class TurningPair {
     if (at_rest_) return false;
     is_far_ = way > kFarWay * size_ && !on_plane;
     if (is_far_ && motion_.side_with_faces() < 0) return false;
-    if (motion_.are_round() && parts_early()) return false;
-    way_ = motion_.way_to_middle();
-    return std::any_of(first_, last_, [&](const ContactInput& c) { return c.gap <= way_; });
+    const double to_middle = motion_.way_in(middle());
+    return std::any_of(first_, last_, [&](const ContactInput& c) {
+      return c.gap <= to_middle || onset(c, -motion_.gap_rate(c), 0.0) < step_.length;
+    });
   }
 
   // Of a pair whose contacts stay where they are, takes to the middle the axes of the joints that
@@ -60,46 +77,94 @@ class TurningPair {
   void turn_axes() {
     if (!at_rest_ || !(motion_.joints_move(0, kStillTurn) || motion_.joints_move(1, kStillTurn)))
       return;
-    motion_.find_twists();
+    motion_.find_twists(middle());
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       if (contact->gap > 0.0) continue;
       const std::array<double, 3> start = motion_.point_rate(*contact, When::kStart),
-                                  middle = motion_.point_rate(*contact, When::kMiddle);
+                                  middle = motion_.point_rate(*contact, When::kThen);
       mjtNum change[3];
       mju_sub3(change, middle.data(), start.data());
-      if (2.0 * time_ * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
-      contact->ahead = time_;
-      for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / time_;
+      if (step_.length * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
+      contact->ahead = this->middle();
+      for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / contact->ahead;
     }
   }
 
-  // Takes the contacts that are found there to the middle.
+  // Takes the contacts that are found there to the middle of the step, or of their hit.
   void take(FaceBuffers& faces) {
-    MiddleContacts found(motion_);
-    found.find(model_, data_, time_, first_->margin + way_, faces);
-    motion_.find_twists();
-    const bool corners =
-        has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
-      const MiddleContact* const same = found.continuation(*contact);
-      if (!same || found.start_of(*same, first_, last_) != contact) continue;
-      const double far = corners ? 2.0 * way_ : kFarPoint * size_;
-      if (squared_distance(*contact, *same) > far * far) continue;
-      if (mju_dot3(same->normal, contact->frame.data()) < kSame) continue;
-      if (is_far_ && !stays_on_face(*contact, *same)) continue;
-      take(*same, found.rotation(), *contact);
+      const double frequency = hit_frequency(*contact);
+      const double closing = -motion_.gap_rate(*contact);
+      look(faces, frequency > 0.0 ? hit_time(*contact, frequency, closing, 0.0) : middle());
+      if (!find_then(*contact)) continue;
+      if (frequency > 0.0) {
+        // As it turns, its gap closes at another rate.
+        const double rate = motion_.point_rate(then_, When::kStart)[0];
+        look(faces, hit_time(*contact, frequency, -rate, then_.turning[0]));
+        if (!find_then(*contact)) continue;
+      }
+      *contact = then_;
+      mju_copy(data_->contact[contact->source].frame, contact->frame.data(), 9);
     }
   }
 
  private:
   using When = ContactMotion::When;
 
-  // Whether a blow begins or ends early in the step, by how fast the gap changes: forces that act
-  // before the middle alone do work on what the turn of the normal adds to the rate.
-  bool parts_early() const {
-    return std::abs(first_->gap) < kEarly * 2.0 * time_ * motion_.gap_speed(*first_);
+  double middle() const { return 0.5 * step_.length; }
+
+  // When a gap that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the length
+  // of the step if it is not within it.
+  double onset(const ContactInput& contact, double closing, double acceleration) const {
+    if (contact.gap <= 0.0) return 0.0;
+    const double square = closing * closing - 2.0 * acceleration * contact.gap;
+    if (closing <= 0.0 || square <= 0.0) return step_.length;
+    return std::min(step_.length, 2.0 * contact.gap / (closing + std::sqrt(square)));
+  }
+
+  // Of a contact that is hit, or flies off, in a fraction of the step (hit_time.hpp); else 0.
+  double hit_frequency(const ContactInput& contact) const {
+    const double rate = motion_.gap_rate(contact);
+    if (std::abs(rate) < kHitSpeed || onset(contact, -rate, 0.0) == step_.length) return 0.0;
+    const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
+    if (inverse_mass == 0.0) return 0.0;
+    const double frequency = step_.frequency(contact, inverse_mass);
+    return frequency * step_.length < kShortHit ? 0.0 : frequency;
+  }
+
+  // When the force of a hit acts: elsewhere it does work on what the turn of its geometry adds to
+  // the rate.
+  double hit_time(const ContactInput& contact, double frequency, double closing,
+                  double acceleration) const {
+    const double begins = onset(contact, closing, acceleration), left = step_.length - begins;
+    if (left == 0.0) return seen_at_;
+    return begins + centre_of_hit(frequency, std::max(0.0, -contact.gap),
+                                  closing - acceleration * begins, left);
+  }
+
+  // Asks for the contacts of the pair at a time (s), unless they are known of about then.
+  void look(FaceBuffers& faces, double time) {
+    if (std::abs(time - seen_at_) <= kSameTime * step_.length) return;
+    seen_at_ = time;
+    way_ = motion_.way_in(time);
+    found_.find(model_, data_, time, first_->margin + way_, faces);
+    motion_.find_twists(time);
+  }
+
+  // Finds what a contact is then, if it is there.
+  bool find_then(const ContactInput& contact) {
+    const MiddleContact* const same = found_.continuation(contact);
+    if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
+    const bool corners =
+        has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
+    const double far = corners ? 2.0 * way_ : kFarPoint * size_;
+    if (squared_distance(contact, *same) > far * far) return false;
+    if (mju_dot3(same->normal, contact.frame.data()) < kSame) return false;
+    if (is_far_ && !stays_on_face(contact, *same)) return false;
+    then_ = seen_in(*same, contact);
+    return true;
   }
 
   bool stays_on_face(const ContactInput& contact, const MiddleContact& middle) const {
@@ -111,15 +176,15 @@ class TurningPair {
     return mju_dot3(normal, middle.local_normal[side]) > kOfFace;
   }
 
-  // From where its centre of mass is at the start each free body sees the point as in the middle;
-  // axes of joints and twists go there themselves. `rotation`: of the first geom, there.
-  void take(const MiddleContact& middle, const mjtNum* rotation, ContactInput& contact) const {
+  // A contact as it is seen then: each free body sees the point from where its centre of mass is at
+  // the start; axes of joints and twists go there themselves.
+  ContactInput seen_in(const MiddleContact& middle, ContactInput contact) const {
     const std::array<double, 3> start_rate = motion_.point_rate(contact, When::kStart);
     const double apart = std::max(0.0, middle.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
       mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
-      if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -time_);
+      if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -seen_at_);
     }
     for (int i = 0; i < 3; ++i) {
       contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
@@ -130,30 +195,35 @@ class TurningPair {
     mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
-    const std::array<double, 3> rate = motion_.point_rate(contact, When::kMiddle);
+    const std::array<double, 3> rate = motion_.point_rate(contact, When::kThen);
     contact.is_in_middle = true;
-    contact.ahead = time_;
-    for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / time_;
-    mju_copy(data_->contact[contact.source].frame, frame, 9);
-    std::copy_n(rotation, 9, contact.rotation.begin());
+    contact.ahead = seen_at_;
+    for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / seen_at_;
+    std::copy_n(found_.rotation(), 9, contact.rotation.begin());
+    return contact;
   }
 
   mjModel* model_;
   mjData* data_;
-  double time_;
+  const Step& step_;
   ContactInput *first_, *last_;
   ContactMotion motion_;
   double size_ = 0.0;     // m, radius about the smaller geom
   bool at_rest_ = false;  // its geoms, on each other
   bool is_far_ = false;   // they may come to another face up to the middle
-  double way_ = 0.0;      // m, to the middle
+  // What was found at a time (s), up to which the pair moves by way_ (m), and a contact then.
+  double seen_at_ = 0.0, way_ = 0.0;
+  MiddleContacts found_;
+  ContactInput then_;
 };
 
 }  // namespace
 
 void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
-                    std::vector<ContactInput>& contacts, std::vector<char>& taken, Team& team) {
+                    const HitFrequency& frequency, std::vector<ContactInput>& contacts,
+                    std::vector<double>& taken, Team& team) {
+  const Step step{length, trees, motion, frequency};
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
@@ -166,9 +236,9 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
     for (int first = begin, last; first < end; first = last) {
       last = first + 1;
       while (!begins_pair(last)) ++last;
-      TurningPair pair(at.model(), at.data(), 0.5 * length, contacts.data() + first,
+      TurningPair pair(at.model(), at.data(), step, contacts.data() + first,
                        contacts.data() + last);
-      if (pair.moves(trees, motion))
+      if (pair.moves())
         pair.take(*at.faces());
       else
         pair.turn_axes();
@@ -178,7 +248,9 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
   for (const ContactInput& contact : contacts)
     if (contact.is_in_middle)
       for (int tree : contact.tree)
-        if (tree >= 0) taken[tree] = 1;
+        if (tree >= 0)
+          taken[tree] =
+              taken[tree] == 0.0 || taken[tree] == contact.ahead ? contact.ahead : 0.5 * length;
 }
 
 }  // namespace dashpot::host

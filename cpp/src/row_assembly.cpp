@@ -83,6 +83,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   const Material& material = given.material;
   c.loaded_friction = material.loaded_friction;
   c.friction_load = material.friction_load;
+  c.ahead = input.ahead;
   c.turning = input.turning;
   const std::array<double, 5> friction = friction_of(input, material);
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);

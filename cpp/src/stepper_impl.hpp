@@ -105,7 +105,6 @@ struct Stepper::Impl {
   std::vector<GroupMaterial> materials;  // per group
   std::vector<Match> matches;            // per group
   std::vector<SagTime> sag_time;         // per group
-  std::vector<char> hits;                // per group
   ContactMatching matching;
   Rows rows;
   RowData data;
@@ -120,8 +119,8 @@ struct Stepper::Impl {
   std::vector<char> contact_touched;           // by place in d->contact
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
-  std::vector<char> turned;                    // by tree: its inertia is that of the middle
-  std::vector<double> unpaid, withheld;        // by tree, J
+  std::vector<double> turned;                  // by tree: time of its inertia, s; 0: the start
+  std::vector<double> unpaid, lost;            // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
   std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight

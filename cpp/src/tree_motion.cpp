@@ -23,6 +23,8 @@ namespace {
 // back, and elastic hits of less turn give up to all of it.
 constexpr double kFarTurn = 0.2;
 constexpr double kMostUnpaid = 0.01;
+// Turn (rad) up to which its energies differ by rounding alone.
+constexpr double kStillTurn = 1e-5;
 constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
 
 // The coordinates of a free body without their zeros.
@@ -253,7 +255,7 @@ void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
 // its inertia differs from what it is where contacts act. What this would add to its energy is
 // taken out of its rotation, and what that has not, out of what the ground gave its translation:
 // two bodies keep their momentum. So is what springs did not give, of a body that turns far, or
-// where it is much.
+// where it is much. Returns what the body lacks of the work of the rows.
 double TreeMotion::advance_free_body(mjData_* d, int index, double length,
                                      const RowsOnTree& by_rows, const RowData& data) {
   const Tree& tree = trees_.tree[index];
@@ -277,22 +279,24 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
     }
   }
   FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
-  double withheld = 0.0;
-  const bool turns_far =
-      length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm()) > kFarTurn;
-  if (by_rows.touched && (by_rows.from_middle || turns_far)) {
+  double lost = 0.0;
+  const double turn =
+      length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm());
+  const bool turns_far = turn > kFarTurn, is_braked = by_rows.from_middle || turns_far;
+  if (by_rows.touched && turn > kStillTurn && (is_braked || !by_rows.trapezoidal)) {
     const bool counts = turns_far || by_rows.unpaid > kMostUnpaid * kinetic_energy(end);
     const double unpaid = counts ? by_rows.unpaid : 0.0;
     const double excess = energy_gain(motion, shift, end) - contact_work(index, length, data);
+    const double surplus = is_braked ? excess + unpaid : 0.0;
     double taken = 0.0;
-    const double surplus = excess + unpaid;
     if (surplus > 0.0) taken = brake_rotation(end, surplus);
     if (taken < surplus && !by_rows.joined)
       taken += brake_translation(end, velocity_change.head<3>(), surplus - taken);
-    withheld = std::clamp(taken - excess, 0.0, unpaid);
+    lost = taken - excess;
+    if (by_rows.trapezoidal) lost = std::clamp(lost, 0.0, unpaid);  // it has the rest
   }
   host::write_free_body(model_, d, index, end);
-  return withheld;
+  return lost;
 }
 
 // Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the

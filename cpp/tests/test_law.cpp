@@ -1,6 +1,6 @@
 // Sweeps the law over every regime and checks what must hold of it: no pull, no energy created, the
 // flow over two parts equals the flow over the whole, impulse equals change of momentum; then the
-// limit surface and the material conversions. Run under the sanitizers it also shows that no
+// limit surface, the material conversions, and the centre of a hit. Run under the sanitizers it also shows that no
 // regime leaves an array, divides by an integer zero or converts a number out of range.
 
 #include <algorithm>
@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "dashpot/friction.hpp"
+#include "dashpot/hit_time.hpp"
 #include "dashpot/kelvin_voigt.hpp"
 #include "dashpot/material.hpp"
 
@@ -233,6 +234,29 @@ void check_materials() {
   check(refused, "NaN restitution is refused", 0.0, 0.0);
 }
 
+// Against the force itself, in a sum over small parts.
+void check_centres_of_hits() {
+  const double kPi = 3.14159265358979323846;
+  constexpr int kParts = 20000;
+  for (double phase : {0.0, 0.3, 0.5 * kPi, 2.0, 3.1}) {
+    for (double turn : {1e-3, 0.019, 0.021, 0.5, 2.0, 10.0}) {
+      const double frequency = 700.0, speed = 2.0;
+      const double end = std::min(turn, kPi - phase);
+      double impulse = 0.0, moment = 0.0;
+      for (int i = 0; i < kParts; ++i) {
+        const double angle = end * (i + 0.5) / kParts;
+        impulse += std::sin(phase + angle);
+        moment += std::sin(phase + angle) * angle;
+      }
+      const double expected = moment / impulse / frequency;
+      const double got = dashpot::centre_of_hit(frequency, speed * std::sin(phase) / frequency,
+                                                speed * std::cos(phase), turn / frequency);
+      // The sum is off by its parts squared.
+      check_at_most(std::fabs(got / expected - 1.0), 1e-8, "centre of the force of a hit");
+    }
+  }
+}
+
 }  // namespace
 
 int main() {
@@ -241,6 +265,7 @@ int main() {
   check_radial_return();
   check_return_to_limit();
   check_materials();
+  check_centres_of_hits();
   if (failures > 0) std::printf("%d checks failed\n", failures);
   return failures > 0 ? 1 : 0;
 }

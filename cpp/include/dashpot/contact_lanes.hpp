@@ -54,7 +54,7 @@ struct ContactLanes : RowLanes<Dim> {
   RelaxationCoefficients relaxation[kFrictionRows];
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
   Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
-  Lanes turning[Dim < 3 ? Dim : 3];              // of RowGroup
+  Lanes ahead, turning[Dim < 3 ? Dim : 3];       // of RowGroup
   Lanes turning_work;                            // J, of RowData
 };
 

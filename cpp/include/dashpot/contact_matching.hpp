@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include <limits>
 #include <vector>
 
 #include "dashpot/memory.hpp"
@@ -21,7 +22,7 @@ class ContactMatching {
  private:
   struct Nearest {
     int slot = -1;
-    double squared_distance = 0.0;  // m^2
+    double squared_distance = std::numeric_limits<double>::infinity();  // m^2
   };
   Nearest nearest_contact(const Memory& memory, const ContactInput& input) const;
   void match_at_seams(const Memory& memory, const std::vector<ContactInput>& contacts,

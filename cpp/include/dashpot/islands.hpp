@@ -56,12 +56,11 @@ struct Island {
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
 // is more than smooth forces make in two steps.
 inline constexpr double kHitSpeed = 0.05;
-// For Islands::plan, by group: contacts and limits of islands of few groups that touch in a step of
+// Fills in the hits of `data`: contacts and limits of islands of few groups that touch in a step of
 // `step` (s) and are hit, or fly off.
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
                const std::vector<ContactInput>& contacts,
-               const std::vector<ConstraintInput>& constraints, const RowData& data, double step,
-               std::vector<char>& hits);
+               const std::vector<ConstraintInput>& constraints, double step, RowData& data);
 
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.
 class Islands {

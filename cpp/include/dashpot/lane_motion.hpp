@@ -47,18 +47,27 @@ template <int Dim>
   c.rate[i] = rate;
 }
 
-// What the turn of its geometry adds to a contact's rates: `rate_time` (s) times its acceleration.
-// The first half of a step takes from the rates, and the second adds: no motion of bodies, so no
-// work is booked of it. `work_time` (s): its mean time during the last impulses.
+// What the turn of its geometry adds to a contact's rates at `rate_time` (s) from the start of the
+// step on: less than those of the frozen geometry before the time that this is of, and more after
+// it. It is no motion of bodies, so no work is booked of it. `work_time` (s): the mean time of the
+// last impulses.
 template <int Dim>
 [[gnu::always_inline]] static inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
                                                     double work_time, Lanes* rate) {
   for (int i = 0; i < std::min(Dim, 3); ++i) {
-    rate[i] += c.turning[i] * rate_time;
-    const Lanes work = c.impulse[i] * c.turning[i] * work_time;
+    rate[i] += c.turning[i] * (rate_time - c.ahead);
+    const Lanes work = c.impulse[i] * c.turning[i] * (work_time - c.ahead);
     c.work[i > 0] -= work;
     c.turning_work += work;
   }
+}
+
+// What it adds to the displacement over `time` (s) from the start of the step on.
+template <int Dim>
+[[gnu::always_inline]] static inline void turn_displacement(const ContactLanes<Dim>& c, double time,
+                                                            Lanes* displacement) {
+  for (int i = 0; i < std::min(Dim, 3); ++i)
+    displacement[i] += c.turning[i] * (time * (0.5 * time - c.ahead));
 }
 
 // The second term, of all micro-steps. `load`: of every row.

@@ -13,8 +13,9 @@
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
 // being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
 // until they separate: otherwise every change of stiffness would drop force, and the jolt change
-// the stiffness again. Contacts of SI stiffness, which users change, and of a model's own solref,
-// whose load changes, recover it like offsets.
+// the stiffness again. Of what is hit it is the energy that goes on, not the force. Contacts of SI
+// stiffness, which users change, and of a model's own solref, whose load changes, recover it like
+// offsets.
 
 #pragma once
 
@@ -40,6 +41,7 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
+  double hit;     // 1 if it was hit in that step (find_hits), or came to touch in it as a hit
   SolrefLoad solref;
 };
 
@@ -48,6 +50,7 @@ struct RememberedConstraint {
   double deformation, stiffness;    // m and N/m, or rad and N m/rad
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
+  double hit;                       // 1 if it was hit in that step
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
@@ -109,6 +112,9 @@ class Memory {
   std::array<int, 2> geoms(int index) const;
   const double* position(int index, int side) const;
   double force(int index) const;
+  // Gap (m) up to which it keeps its compression though geometry parts it: its own compression if
+  // it was hit, for then rows frozen over a step lead too deep; else 0.
+  double parted_hit(int index) const;
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
@@ -157,7 +163,7 @@ class Memory {
                        const Rows& rows, double recovery_speed, double length, RowData& data,
                        Team& team) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                          double recovery_speed, RowData& data) const;
+                          double recovery_speed, double length, RowData& data) const;
 
   static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
 

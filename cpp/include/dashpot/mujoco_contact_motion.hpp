@@ -18,12 +18,12 @@ inline constexpr double kStillWay = 1e-5;
 // Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
 bool has_corners(const mjModel* m, int geom);
 
-// The velocities that a pair of geoms has at the start of a step, and what they lead to after
-// `time` (s), in its middle. World frame, SI units.
+// The velocities that a pair of geoms has at the start of a step of `length` (s), and what they
+// lead to. World frame, SI units.
 class ContactMotion {
  public:
-  ContactMotion(const mjModel* m, const mjData* d, double time)
-      : model_(m), data_(d), time_(time) {}
+  ContactMotion(const mjModel* m, const mjData* d, double length)
+      : model_(m), data_(d), length_(length) {}
 
   // Of the geoms of a contact. `motion`: velocities of free bodies in motion coordinates. False:
   // contacts of one of them do not follow its pose, as those of flexes and of signed distance
@@ -54,18 +54,20 @@ class ContactMotion {
   // How far (m) the centre of the smaller geom moves on the body of the other in the step: not at
   // all where both turn as one, however far from each other the centres of mass of the bodies are.
   double way() const;
-  // The farthest (m) that any two points of the geoms move along each other up to the middle.
-  double way_to_middle() const;
-  // How fast (m/s) the gap of a contact changes.
-  double gap_speed(const ContactInput& contact) const;
+  // The farthest (m) that any two points of the geoms move along each other in `time` (s).
+  double way_in(double time) const;
+  // Rate (m/s) of the gap of a contact.
+  double gap_rate(const ContactInput& contact) const;
+  // Apparent inverse mass (1/kg) along the normal of a contact; of links MuJoCo's estimate.
+  double inverse_mass(const ContactInput& contact, const Trees& trees) const;
   // Whether a joint that a link hangs on turns by more than `angle` (rad, or m) in the step.
   bool joints_move(int side, double angle) const;
 
-  // Finds what point_rate() needs of bodies that are not free.
-  void find_twists();
+  // Finds what point_rate() needs of bodies that are not free; `time` (s) leads to When::kThen.
+  void find_twists(double time);
   // Velocity (m/s) of the point on the second geom to that on the first, in the contact's frame, at
-  // the start of the step, or in its middle.
-  enum class When { kStart, kMiddle };
+  // the start of the step, or then.
+  enum class When { kStart, kThen };
   std::array<double, 3> point_rate(const ContactInput& contact, When when) const;
 
  private:
@@ -73,7 +75,7 @@ class ContactMotion {
     int geom = -1, body = -1;
     bool is_free = false;
     mjtNum angular[3]{}, linear[3]{};
-    // Of all but free bodies, about the centre of mass of the tree: at the start, in the middle.
+    // Of all but free bodies, about the centre of mass of the tree: at the start, and then.
     mjtNum twist[2][6]{};
   };
 
@@ -83,7 +85,7 @@ class ContactMotion {
 
   const mjModel* model_;
   const mjData* data_;
-  double time_;
+  double length_;
   std::array<Side, 2> side_;
   mjtNum relative_[3]{};
 };

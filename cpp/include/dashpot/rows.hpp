@@ -41,9 +41,9 @@ struct ContactInput {
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
   bool is_at_impact = false;  // frozen where bodies that fly meet, see flight_contacts.hpp
-  bool is_in_middle = false;  // frozen where bodies that touch are in the middle of the step
-  // Of contacts frozen in the middle of the step: the time (s) that leads there, and the
-  // acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
+  bool is_in_middle = false;  // frozen where bodies that touch are then, see mujoco_turning.hpp
+  // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
+  // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
   std::array<double, 3> turning{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
@@ -126,6 +126,7 @@ struct RowGroup {
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
+  double ahead = 0.0;                                 // of ContactInput
   std::array<double, 3> turning{};                    // of ContactInput
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).

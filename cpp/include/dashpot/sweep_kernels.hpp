@@ -30,6 +30,8 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   } else if constexpr (kSweep == Sweep::kFollow) {
     Lanes displacement[kDim];
     gather<kDim>(block.jacobian, m.displacement, displacement);
+    if constexpr (!std::is_same_v<Law, SpringLanes>)
+      if (law.turns) turn_displacement(law, m.rate_time, displacement);
     follow_bodies(law, displacement);
   } else {
     Lanes rate[kDim];

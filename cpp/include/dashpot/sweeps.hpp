@@ -55,7 +55,7 @@ struct IslandMotion {
   double h = 0.0;
   Recovery recovery;
   double coupled_time = 0.0;  // for end_displacement()
-  // Times for turn_rows(), from the middle of the step on.
+  // Times for turn_rows(), from the start of the step on.
   double rate_time = 0.0, work_time = 0.0;
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;

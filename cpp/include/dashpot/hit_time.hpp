@@ -1,0 +1,39 @@
+// When within a step the force of a hit acts.
+//
+// A body that comes with the closing speed c upon an undamped spring of the frequency
+// omega = sqrt(k w), which it has compressed by x, swings through the phase
+//
+//     phi = atan2(omega x, c)
+//
+// up to the release at pi, under a force in proportion to sin(phi + omega t). Over a time e the
+// centre of that force is, with s = omega e / 2,
+//
+//     (s + cot(phi + s) (1 - s cot s)) / omega .
+//
+// It lies two thirds of a short time after the onset (phi = 0), and in the middle of all.
+
+#pragma once
+
+#include "dashpot/parameters.hpp"
+#include "dashpot/rows.hpp"
+
+struct mjModel_;
+
+namespace dashpot {
+
+// omega times the length of a step from which on that does not resolve a hit: what lasts longer
+// than three steps goes by the geometry of every one of them.
+inline constexpr double kShortHit = 1.0;
+
+// Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
+// `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
+// not 0 where `compression` is).
+double centre_of_hit(double frequency, double compression, double closing_speed, double time);
+
+// sqrt(k w) (rad/s) that a contact of the apparent inverse mass w (1/kg) will have in a step of
+// `length` (s): of a rigid one what the micro-steps resolve of a contact alone, which others of its
+// body leave it less of.
+double hit_frequency(const mjModel_* model, const Parameters& parameters,
+                     const ContactInput& contact, double inverse_mass, double length);
+
+}  // namespace dashpot

@@ -1,0 +1,48 @@
+#include "dashpot/hit_time.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dashpot/group_material.hpp"
+#include "dashpot/islands.hpp"
+#include "dashpot/mujoco_properties.hpp"
+#include "dashpot/row_stiffness.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// 1 - s cot s
+double one_less_cotangent(double s) {
+  if (s < 1e-2) return s * s * (1.0 / 3.0 + s * s / 45.0);  // to s^6, where the two terms cancel
+  return 1.0 - s / std::tan(s);
+}
+
+// Micro-step (s) that rigid contacts are as stiff for.
+double rigid_microstep(const Options& options, double length) {
+  if (options.microsteps > 0) return length / std::min(options.microsteps, options.max_microsteps);
+  return std::max(length / options.max_microsteps,
+                  std::min(length / kMinimumMicrosteps, kRigidMicrostep));
+}
+
+}  // namespace
+
+double centre_of_hit(double frequency, double compression, double closing_speed, double time) {
+  const double phase = std::atan2(frequency * compression, closing_speed);
+  const double s = 0.5 * std::min(kPi - phase, frequency * time);
+  return (s + one_less_cotangent(s) / std::tan(phase + s)) / frequency;
+}
+
+double hit_frequency(const mjModel_* model, const Parameters& parameters,
+                     const ContactInput& contact, double inverse_mass, double length) {
+  const double rigid = std::sqrt(kStiffestAlone) / rigid_microstep(parameters.options, length);
+  const GroupMaterial given = material_of(model, parameters, contact, host::kStandardGravity);
+  if (given.from_solref) return std::min(rigid, std::sqrt(given.normalised_stiffness));
+  if (given.rigid()) return rigid;
+  return std::min(rigid, std::sqrt(given.material.stiffness * inverse_mass));
+}
+
+}  // namespace dashpot

@@ -1,0 +1,70 @@
+"""Bodies that spin and fall on corners and edges without damping or friction keep their energy."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+SHAPES = {
+    "cube": 'type="box" size=".1 .1 .1"',
+    "brick": 'type="box" size=".15 .1 .04"',
+    "ellipsoid": 'type="ellipsoid" size=".05 .1 .15"',
+}
+RIGID = dashpot.Material(restitution=1.0, friction=0.0)
+STIFF = dashpot.Material(1e7, restitution=1.0, friction=0.0)
+THROWS = 60
+
+
+def throws(shape: str, timestep: float, material: dashpot.Material) -> np.ndarray:
+    """Return what every throw gained (THROWS, 2): mechanical energy, and the ledger's total.
+
+    Both over the energy above that at rest on the floor, after some three hits.
+    """
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+        <geom name="floor" type="plane" size="9 9 .1"/>
+        <body pos="0 0 .4"><freejoint/><geom name="thrown" {SHAPES[shape]} mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    engine.set_pair_material("thrown", "floor", material)
+    gains = []
+    for seed in range(THROWS):
+        data = engine.make_data()
+        rng = np.random.default_rng(seed)
+        attitude = rng.normal(size=4)
+        data.qpos[3:7] = attitude / np.linalg.norm(attitude)
+        data.qvel[:3] = rng.normal(size=3) * 0.5 - (0.0, 0.0, 1.0)
+        data.qvel[3:] = 3.0 * rng.normal(size=3)
+        start = engine.energy(data)
+        engine.step(data, nstep=round(0.45 / timestep))
+        end = engine.energy(data)
+        fall = start.mechanical - 9.81 * 0.04
+        gains.append([(end.mechanical - start.mechanical), (end.total - start.total)])
+        gains[-1] = [gain / fall for gain in gains[-1]]
+    return np.array(gains)
+
+
+@pytest.mark.parametrize("material", [RIGID, STIFF], ids=["rigid", "stiff"])
+@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_no_elastic_hit_loses_energy(shape, timestep, material):
+    """One in ten lost up to two thirds: springs lost what they stored where a step ended in a hit.
+
+    Spins reach 40 rad/s after the first hit. Rows that are frozen over a hit of a fifth of a step
+    are off by the turn in it, 0.016 rad at 2 ms, both ways; twice that is left, and its tenth on
+    the average.
+    """
+    gains = throws(shape, timestep, material)
+    assert np.abs(gains[:, 0]).max() < 0.03
+    assert np.abs(gains[:, 0]).mean() < 0.006
+    assert np.abs(gains[:, 1]).max() < 1e-4  # what bodies lack of the work of rows is booked
+
+
+def test_the_error_of_elastic_hits_falls_with_the_step():
+    """Steps ten times as short, the turn in a hit is a tenth."""
+    coarse, fine = (np.abs(throws("brick", h, RIGID)[:, 0]).mean() for h in (0.005, 0.0005))
+    assert fine < 0.2 * coarse
