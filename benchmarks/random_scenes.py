@@ -41,8 +41,8 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
 def random_scene(seed: int, *, steps: int = 400) -> RandomScene:
     """Return 1 to 8 free bodies thrown at a floor and at each other.
 
-    Masses 1 g to 1 t, stiffness 1e3 to 1e9 N/m (one geom in five rigid), damping ratio 0 to 2,
-    friction 0 to 2, time step 0.1 to 20 ms, speeds to 3 m/s and 20 rad/s. Nothing overlaps at the
+    Masses 1 g to 1 t, stiffness 1e3 to 1e9 N/m (one geom in five rigid, half of these with a
+    restitution of 0 to 1), damping ratio 0 to 2, friction 0 to 2, time step 0.1 to 20 ms, speeds to 3 m/s and 20 rad/s. Nothing overlaps at the
     start, so what the bodies hold then bounds their energy for ever.
     """
     rng = np.random.default_rng(seed)
@@ -68,6 +68,8 @@ def random_scene(seed: int, *, steps: int = 400) -> RandomScene:
             materials[f"body{i}"] = dashpot.Material(
                 log_uniform(rng, 1e3, 1e9), damping_ratio=float(rng.uniform(0, 2))
             )
+        elif rng.uniform() > 0.5:
+            materials[f"body{i}"] = dashpot.Material(restitution=float(rng.uniform(0, 1)))
         velocity.append([*rng.uniform(-3, 3, 3), *rng.uniform(-20, 20, 3)])
     timestep = log_uniform(rng, 1e-4, 0.02)
     floor = f'friction="{rng.uniform(0, 2)}"'

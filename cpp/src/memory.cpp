@@ -205,7 +205,6 @@ void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
   if (!separated) {
     slot.deformation = data.deformation[c.row];
     slot.credit = data.credit[index];
-    slot.hit = data.hit[index];
   }
   if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
   std::memcpy(constraint_storage() + kConstraint * input.memory, &slot, sizeof(slot));
@@ -240,7 +239,8 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   }
   slot.credit = data.credit[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
-  slot.hit = data.hit[index] || (input.gap > 0.0 && change > kHitSpeed);
+  slot.hit =
+      data.is_of_lone_pair[index] && (data.hit[index] || (input.gap > 0.0 && change > kHitSpeed));
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }

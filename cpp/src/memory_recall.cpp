@@ -105,7 +105,7 @@ void Memory::recall(const std::vector<ContactInput>& contacts,
                     const std::vector<ConstraintInput>& constraints,
                     const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
                     double length, RowData& data, Team& team) const {
-  recall_constraints(constraints, rows, recovery_speed, length, data);
+  recall_constraints(constraints, rows, recovery_speed, data);
   recall_contacts(contacts, matches, rows, recovery_speed, length, data, team);
 }
 
@@ -123,18 +123,16 @@ double Memory::first_deformation(const ConstraintInput& input, const Rows& rows,
 }
 
 void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                                double recovery_speed, double length, RowData& data) const {
+                                double recovery_speed, RowData& data) const {
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = constraints[c.input];
     const RememberedConstraint old = constraint(input.memory);
     data.credit[index] = old.credit;
-    const double force = old.stiffness * std::abs(old.deformation);
-    const bool hit = (data.hit[index] || old.hit) && goes_on_as_hit(force, rows, c, length, data);
     const auto rescaled = [&](double deformation) {
       return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
-                                        hit, data.credit[index]);
+                                        false, data.credit[index]);
     };
     double& deformation = data.deformation[c.row];
     if (c.kind == RowKind::kSlider) {
@@ -180,7 +178,8 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     double& credit = data.credit[index];
     credit = old.credit;
     const double force = old.stiffness * old.compression;
-    const bool hit = (data.hit[index] || old.hit) && goes_on_as_hit(force, rows, c, length, data);
+    const bool hit = data.is_of_lone_pair[index] && (data.hit[index] || old.hit) &&
+                     goes_on_as_hit(force, rows, c, length, data);
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] =
           nearest < 0

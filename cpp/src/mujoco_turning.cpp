@@ -28,10 +28,13 @@ constexpr double kOfFace = 0.999999;
 // How far, relative to the same, a contact point moves on along a rim or a surface up to the
 // middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
 constexpr double kFarPoint = 0.5;
+// Part of the step within which a gap or an overlap that closes at its present rate is gone early.
+constexpr double kEarly = 0.25;
 // Part of the step up to which two times see one geometry.
-constexpr double kSameTime = 0.01;
-// Cosine between the normals of one contact at the start and in the middle.
-constexpr double kSame = 0.85;
+constexpr double kSameTime = 0.03;
+// Cosine between the normals of one contact at the start and in the middle, short of 1; the angle
+// goes with the time.
+constexpr double kSame = 0.15;
 constexpr int kContactsAtOnce = 16;  // by a thread
 
 // What pairs of geoms have in common over a step of `length` (s).
@@ -40,6 +43,7 @@ struct Step {
   const Trees& trees;
   const double* motion;  // velocities in motion coordinates
   const HitFrequency& frequency;
+  const std::vector<int>& pairs;  // by tree: how many may touch it
 };
 
 // The contacts of two geoms over a step.
@@ -66,6 +70,7 @@ class TurningPair {
     if (at_rest_) return false;
     is_far_ = way > kFarWay * size_ && !on_plane;
     if (is_far_ && motion_.side_with_faces() < 0) return false;
+    if (motion_.are_round() && !are_alone() && parts_early()) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
       return c.gap <= to_middle || onset(c, -motion_.gap_rate(c), 0.0) < step_.length;
@@ -96,13 +101,15 @@ class TurningPair {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
       const double frequency = hit_frequency(*contact);
+      const bool comes = frequency > 0.0 && contact->gap > 0.0;
       const double closing = -motion_.gap_rate(*contact);
-      look(faces, frequency > 0.0 ? hit_time(*contact, frequency, closing, 0.0) : middle());
+      look(faces, comes ? hit_time(*contact, frequency, closing, 0.0) : middle());
       if (!find_then(*contact)) continue;
       if (frequency > 0.0) {
-        // As it turns, its gap closes at another rate.
-        const double rate = motion_.point_rate(then_, When::kStart)[0];
-        look(faces, hit_time(*contact, frequency, -rate, then_.turning[0]));
+        // As it turns, its gap closes at another rate; what rolls closes all gaps by turning.
+        const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
+        const bool rolls = std::abs(rate) < std::max(kHitSpeed, step_.length * std::abs(turning));
+        look(faces, rolls ? middle() : hit_time(*contact, frequency, -rate, turning));
         if (!find_then(*contact)) continue;
       }
       *contact = then_;
@@ -114,6 +121,11 @@ class TurningPair {
   using When = ContactMotion::When;
 
   double middle() const { return 0.5 * step_.length; }
+
+  // Whether a blow begins or ends early in the step, by how fast the gap changes.
+  bool parts_early() const {
+    return std::abs(first_->gap) < kEarly * step_.length * std::abs(motion_.gap_rate(*first_));
+  }
 
   // When a gap that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the length
   // of the step if it is not within it.
@@ -128,10 +140,18 @@ class TurningPair {
   double hit_frequency(const ContactInput& contact) const {
     const double rate = motion_.gap_rate(contact);
     if (std::abs(rate) < kHitSpeed || onset(contact, -rate, 0.0) == step_.length) return 0.0;
+    if (!are_alone()) return 0.0;
     const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
     if (inverse_mass == 0.0) return 0.0;
     const double frequency = step_.frequency(contact, inverse_mass);
     return frequency * step_.length < kShortHit ? 0.0 : frequency;
+  }
+
+  // Whether nothing else may touch the two, so that what they swing on is the spring between them:
+  // a light body between others is pressed for as long as those come together.
+  bool are_alone() const {
+    return std::all_of(first_->tree.begin(), first_->tree.end(),
+                       [&](int tree) { return tree < 0 || step_.pairs[tree] == 1; });
   }
 
   // When the force of a hit acts: elsewhere it does work on what the turn of its geometry adds to
@@ -159,9 +179,10 @@ class TurningPair {
     if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
     const bool corners =
         has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
-    const double far = corners ? 2.0 * way_ : kFarPoint * size_;
+    const double part = std::min(1.0, seen_at_ / middle());
+    const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
     if (squared_distance(contact, *same) > far * far) return false;
-    if (mju_dot3(same->normal, contact.frame.data()) < kSame) return false;
+    if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kSame) return false;
     if (is_far_ && !stays_on_face(contact, *same)) return false;
     then_ = seen_in(*same, contact);
     return true;
@@ -223,11 +244,16 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
                     std::vector<double>& taken, Team& team) {
-  const Step step{length, trees, motion, frequency};
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
+  thread_local std::vector<int> pairs;  // kept by the thread: no allocation in a step
+  pairs.assign(trees.tree.size(), 0);
+  for (int i = 0; i < count; ++i)
+    for (int tree : contacts[i].tree)
+      if (tree >= 0) pairs[tree] += begins_pair(i);
+  const Step step{length, trees, motion, frequency, pairs};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const Workplace at(workplaces, worker);

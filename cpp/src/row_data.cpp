@@ -35,7 +35,7 @@ void RowData::reset_rows(const Rows& rows) {
   force_moment.assign(rows.group.size(), 0.0);
   turning_work.assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
-  touched.assign(rows.group.size(), 0);
+  for (auto* array : {&touched, &hit, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
   work = recovery_input = EnergyShares{};
 }
 

@@ -1,7 +1,8 @@
 // Sweeps the law over every regime and checks what must hold of it: no pull, no energy created, the
 // flow over two parts equals the flow over the whole, impulse equals change of momentum; then the
-// limit surface, the material conversions, and the centre of a hit. Run under the sanitizers it also shows that no
-// regime leaves an array, divides by an integer zero or converts a number out of range.
+// limit surface, the material conversions, and the centre of a hit. Run under the sanitizers it
+// also shows that no regime leaves an array, divides by an integer zero or converts a number out of
+// range.
 
 #include <algorithm>
 #include <cmath>

@@ -56,8 +56,8 @@ struct Island {
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
 // is more than smooth forces make in two steps.
 inline constexpr double kHitSpeed = 0.05;
-// Fills in the hits of `data`: contacts and limits of islands of few groups that touch in a step of
-// `step` (s) and are hit, or fly off.
+// Fills in what is hit, and lone pairs, in `data`: of islands of few groups contacts and limits
+// that touch in a step of `step` (s) and are hit, or fly off.
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
                const std::vector<ContactInput>& contacts,
                const std::vector<ConstraintInput>& constraints, double step, RowData& data);

@@ -41,7 +41,8 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
-  double hit;     // 1 if it was hit in that step (find_hits), or came to touch in it as a hit
+  double hit;  // 1 if it was hit in that step, or came to touch in it as a hit, while nothing else
+               // touched the two bodies
   SolrefLoad solref;
 };
 
@@ -50,7 +51,6 @@ struct RememberedConstraint {
   double deformation, stiffness;    // m and N/m, or rad and N m/rad
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
-  double hit;                       // 1 if it was hit in that step
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
@@ -163,7 +163,7 @@ class Memory {
                        const Rows& rows, double recovery_speed, double length, RowData& data,
                        Team& team) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                          double recovery_speed, double length, RowData& data) const;
+                          double recovery_speed, RowData& data) const;
 
   static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
 

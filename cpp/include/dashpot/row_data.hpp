@@ -34,9 +34,10 @@ struct RowData {
 
   // Per group: deformation minus position, which is the unstressed part still to recover or, where
   // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
-  // whether any impulse acted in this step; whether it is hit, see find_hits in islands.hpp.
+  // whether any impulse acted in this step; whether it is hit, see find_hits in islands.hpp,
+  // and whether its island has contacts of its two geoms alone.
   std::vector<double> offset;
-  std::vector<char> sticking, touched, hit;
+  std::vector<char> sticking, touched, hit, is_of_lone_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
   // give back (memory.hpp).
   std::vector<double> credit;
