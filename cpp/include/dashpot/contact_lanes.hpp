@@ -54,8 +54,9 @@ struct ContactLanes : RowLanes<Dim> {
   RelaxationCoefficients relaxation[kFrictionRows];
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
   Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
-  Lanes ahead, turning[Dim < 3 ? Dim : 3];       // of RowGroup
+  Lanes turning[Dim < 3 ? Dim : 3];              // of RowGroup
   Lanes turning_work;                            // J, of RowData
+  Lanes ahead;                                   // of RowGroup
 };
 
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.
