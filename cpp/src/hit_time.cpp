@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "dashpot/group_material.hpp"
 #include "dashpot/islands.hpp"

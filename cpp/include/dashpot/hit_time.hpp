@@ -21,9 +21,9 @@ struct mjModel_;
 
 namespace dashpot {
 
-// omega times the length of a step from which on that does not resolve a hit: what lasts longer
-// than three steps goes by the geometry of every one of them.
-inline constexpr double kShortHit = 1.0;
+// A hit is short in a step whose length times omega is more than this: it lasts no longer than the
+// step. Longer ones go by the geometry of every step, whose errors are of second order.
+inline constexpr double kShortHit = 3.14159265358979323846;
 
 // Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
 // `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
