@@ -133,7 +133,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     lowered_[at] = false;
     if (resolves_[island_at_[at]] && !materials[index].rigid()) return;
     lowered_[at] = !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
-                                    {island.duration, island.rigid_duration});
+                                    {island.duration, island.rigid_duration, island.hit});
   });
   for (int at = 0; at < count; ++at)
     if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
@@ -150,8 +150,9 @@ void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>
   const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
   island.rigid_duration = step / of_step;
   island.microsteps = part == step ? of_step : rounded_up(part / island.rigid_duration);
+  island.hit = is_hit(island, materials, hits);
   const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
-  if (options.microsteps == 0 && finer > 1 && is_hit(island, materials, hits)) {
+  if (options.microsteps == 0 && finer > 1 && island.hit) {
     island.microsteps *= finer;
     // Enough for friction as for normals: nothing is taken from one for the other.
     for (int tree : island.tree) {

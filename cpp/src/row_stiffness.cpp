@@ -183,7 +183,12 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
-  const double stiffest_sliding = given.rigid() ? stiffest : resolved;
+  double stiffest_sliding = given.rigid() ? stiffest : resolved;
+  if (!is_limited && microstep.hit && c.dim > 1) {
+    const double finer = stiffest_rigid(coupling.stiffness) / (h * h);
+    stiffest_sliding = std::min(finer, material.tangential_ratio * rows.stiffness[c.row] *
+                                           isotropic_inverse_mass(c, 1, inverse_mass));
+  }
   for (int i = 1; i < c.dim; ++i) {
     const int row = c.row + i;
     const double w = inverse_mass(row);

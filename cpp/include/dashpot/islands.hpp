@@ -48,6 +48,7 @@ struct Island {
   int microsteps = 1;
   double duration = 0.0;        // h, s
   double rigid_duration = 0.0;  // of micro-steps that rigid rows are as stiff for, s
+  bool hit = false;             // a rigid contact or limit of it is
   int clipped = 0;              // rows whose stiffness or damping was lowered to what h resolves
   int group_count() const { return static_cast<int>(group.last - group.first); }
   bool has_few_groups() const { return group_count() <= kFewGroups; }

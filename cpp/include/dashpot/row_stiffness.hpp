@@ -57,9 +57,11 @@ double stiffest_rigid(double bound);
 // stiffness that gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
-// A micro-step (s), and one as long or longer whose resolution stiffness is limited by.
+// A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it is
+// one of a hit.
 struct RigidMicrostep {
   double duration = 0.0, of_stiffness = 0.0;
+  bool hit = false;
 };
 
 // Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
