@@ -210,7 +210,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
   // Cuts at impacts let springs be resolved more finely.
   const double resolved = parameters.options.impact == Impact::kCut ? length : whole;
-  islands.plan(rows, motion.trees(), materials, sag_time, data.hit, length, resolved,
+  islands.plan(rows, motion.trees(), materials, sag_time, data, length, resolved,
                parameters.options, team);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
               team);

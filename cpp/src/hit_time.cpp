@@ -22,9 +22,11 @@ double one_less_cotangent(double s) {
 
 // Micro-step (s) that rigid contacts are as stiff for.
 double rigid_microstep(const Options& options, double length) {
-  if (options.microsteps > 0) return length / std::min(options.microsteps, options.max_microsteps);
-  return std::max(length / options.max_microsteps,
-                  std::min(length / kMinimumMicrosteps, kRigidMicrostep));
+  double count = options.microsteps;
+  if (options.microsteps == 0)
+    count = std::max<double>(kMinimumMicrosteps, std::ceil(length / kRigidMicrostep));
+  const int of_step = static_cast<int>(std::min<double>(count, options.max_microsteps));
+  return length / microsteps_of_hit(of_step, options).stiff_for;
 }
 
 }  // namespace

@@ -58,6 +58,16 @@ int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - 
 
 }  // namespace
 
+HitMicrosteps microsteps_of_hit(int of_step, const Options& options) {
+  HitMicrosteps hit;
+  hit.count = options.microsteps > 0
+                  ? of_step
+                  : std::min(kMicrostepsOfHits * of_step, options.max_microsteps);
+  const double stiff_for = double(hit.count) / kMicrostepsOfHits;
+  hit.stiff_for = std::min<double>(of_step, std::max(kFewestOfHits, stiff_for));
+  return hit;
+}
+
 void find_hits(const Rows& rows, const std::vector<Island>& islands,
                const std::vector<ContactInput>& contacts,
                const std::vector<ConstraintInput>& constraints, double step, RowData& data) {
@@ -88,7 +98,7 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
+                   const std::vector<SagTime>& sag_time, const RowData& data, double part,
                    double step, const Options& options, Team& team) {
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
@@ -120,7 +130,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   for (size_t i = 0; i < islands_.size(); ++i) {
     Island& island = islands_[i];
     const double si_microstep = longest_si_microstep(island);
-    choose_microsteps(island, materials, hits, part, step, options);
+    choose_microsteps(island, materials, data, part, step, options);
     resolves_[i] = fits(island.duration, si_microstep);
     if (!resolves_[i])
       measure(island.tree.first, island.tree.last, rows, trees, materials, true, team);
@@ -140,7 +150,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
 }
 
 void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
-                                const std::vector<char>& hits, double part, double step,
+                                const RowData& data, double part, double step,
                                 const Options& options) {
   double count = options.microsteps;
   if (options.microsteps == 0) {
@@ -150,15 +160,19 @@ void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>
   const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
   island.rigid_duration = step / of_step;
   island.microsteps = part == step ? of_step : rounded_up(part / island.rigid_duration);
-  island.hit = is_hit(island, materials, hits);
-  const int finer = std::min(kMicrostepsOfHits, options.max_microsteps / island.microsteps);
-  if (options.microsteps == 0 && finer > 1 && island.hit) {
-    island.microsteps *= finer;
+  island.hit = is_hit(island, materials, data.hit);
+  if (island.hit) {
+    HitMicrosteps of_hit = microsteps_of_hit(of_step, options);
+    // What rests on others would sink in.
+    if (!data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
+    island.rigid_duration = step / of_hit.stiff_for;
+    island.microsteps = part == step ? of_hit.count : rounded_up(part / step * of_hit.count);
     // Enough for friction as for normals: nothing is taken from one for the other.
-    for (int tree : island.tree) {
-      RigidCoupling& own = bounds_[tree].coupling;
-      own = {own.stiffness, own.stiffness, own.stiffness};
-    }
+    if (of_hit.count >= 2.0 * of_hit.stiff_for)
+      for (int tree : island.tree) {
+        RigidCoupling& own = bounds_[tree].coupling;
+        own = {own.stiffness, own.stiffness, own.stiffness};
+      }
   }
   island.duration = part / island.microsteps;
 }

@@ -27,10 +27,19 @@ inline constexpr double kResolution = 0.6;  // theta
 // Of "auto": with 10, boxes that are pushed creep while they are rocked.
 inline constexpr int kMinimumMicrosteps = 13;
 // Rigid contacts last some three micro-steps when they are hit, too few for what friction and other
-// contacts do meanwhile: a foot that came down off-centre rebounded along the floor. Of an island
-// of few groups with a hit micro-steps are so many times as short where there may be as many, and
-// rigid rows no stiffer for it.
+// contacts do meanwhile: a foot that came down off-centre rebounded along the floor. In an island
+// of few groups with a hit rigid rows are no stiffer than micro-steps so many times as long would
+// resolve, which a step has a few of; "auto" takes as many more where it may.
 inline constexpr int kMicrostepsOfHits = 3;
+inline constexpr double kFewestOfHits = 4.0;  // a hit then lasts two thirds of the step
+// Of a step in which two bodies hit each other and nothing else, that has `of_step` micro-steps
+// without: how many it has, and how many longer ones rigid rows are as stiff for.
+struct HitMicrosteps {
+  int count = 0;
+  double stiff_for = 0.0;
+};
+HitMicrosteps microsteps_of_hit(int of_step, const Options& options);
+
 inline constexpr int kFewGroups = 24;
 
 // A range of indices.
@@ -70,14 +79,14 @@ class Islands {
   const std::vector<Island>& find(const Rows& rows, const Trees& trees);
 
   // Chooses the number of micro-steps of every island over `part` (s) of a step of length `step`
-  // (s) and fills the stiffness and damping of its rows from `materials`, `sag_time` and `hits`
-  // (one per group). They are those of the whole step, so that what rests does not feel its parts.
-  // A rigid material becomes as stiff as h resolves, one of a model's own solref no stiffer than
-  // that says. Where h does not resolve an island's SI values, all its rows are rigid, those no
-  // stiffer than given. What is lowered is counted as clipped.
+  // (s) and fills the stiffness and damping of its rows from `materials` and `sag_time` (one per
+  // group), and what `data` says is hit. They are those of the whole step, so that what rests does
+  // not feel its parts. A rigid material becomes as stiff as h resolves, one of a model's own
+  // solref no stiffer than that says. Where h does not resolve an island's SI values, all its rows
+  // are rigid, those no stiffer than given. What is lowered is counted as clipped.
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-            const std::vector<SagTime>& sag_time, const std::vector<char>& hits, double part,
-            double step, const Options& options, Team& team);
+            const std::vector<SagTime>& sag_time, const RowData& data, double part, double step,
+            const Options& options, Team& team);
 
   const std::vector<Island>& all() const { return islands_; }
 
@@ -100,8 +109,7 @@ class Islands {
   double longest_si_microstep(const Island& island) const;
   double longest_rigid_microstep(const Island& island) const;
   void choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
-                         const std::vector<char>& hits, double part, double step,
-                         const Options& options);
+                         const RowData& data, double part, double step, const Options& options);
   RigidCoupling rigid_coupling(const RowGroup& group) const;
 
   std::vector<Island> islands_;

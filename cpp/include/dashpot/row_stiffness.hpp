@@ -57,8 +57,8 @@ double stiffest_rigid(double bound);
 // stiffness that gives them the natural frequency of the sliding rows.
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
-// A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it is
-// one of a hit.
+// A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it
+// is one of a hit.
 struct RigidMicrostep {
   double duration = 0.0, of_stiffness = 0.0;
   bool hit = false;

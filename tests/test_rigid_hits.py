@@ -1,0 +1,92 @@
+"""Rigid bodies that hit the floor with a corner leave it as stiff ones do."""
+
+from __future__ import annotations
+
+import functools
+from typing import Literal
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+DURATION = 0.012
+HALF = np.array([0.12, 0.08, 0.05])
+CORNERS = HALF * [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+
+
+def after_hit(
+    seed: int,
+    timestep: float,
+    material: dashpot.Material,
+    microsteps: int | Literal["auto"] = "auto",
+) -> np.ndarray:
+    """Return velocity (m/s) and angular momentum (N m s, world) of a brick, once it has left.
+
+    It comes down at 2 m/s with up to 15 rad/s, its lowest corner 2 mm above the floor.
+    """
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}" gravity="0 0 0"/><worldbody>
+        <geom name="floor" type="plane" size="9 9 .1"/>
+        <body><freejoint/><geom name="brick" type="box" size=".12 .08 .05" mass="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model, microsteps=microsteps)
+    engine.set_pair_material("brick", "floor", material)
+    data = engine.make_data()
+    rng = np.random.default_rng(seed)
+    attitude = rng.normal(size=4)
+    data.qpos[3:7] = attitude / np.linalg.norm(attitude)
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
+    data.qpos[2] = 0.002 - (CORNERS @ rotation.reshape(3, 3).T)[:, 2].min()
+    data.qvel[:3] = (*rng.normal(size=2), -2.0)
+    data.qvel[3:] = 5.0 * rng.normal(size=3)
+    engine.step(data, nstep=round(DURATION / timestep))
+    mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
+    momentum = rotation.reshape(3, 3) @ (engine.model.body_inertia[1] * data.qvel[3:])
+    return np.concatenate([data.qvel[:3], momentum])
+
+
+@functools.cache
+def converged(seed: int, friction: float, restitution: float) -> np.ndarray:
+    """Return the same of a brick of 1e9 N/m in steps of 10 us."""
+    stiff = dashpot.Material(1e9, restitution=restitution, friction=friction)
+    return after_hit(seed, 1e-5, stiff)
+
+
+def errors(
+    friction: float, restitution: float, timestep: float, microsteps: int | Literal["auto"]
+) -> np.ndarray:
+    """Return the error of velocity and momentum (SEEDS, 2), relative to what they are."""
+    rigid = dashpot.Material(restitution=restitution, friction=friction)
+    found = []
+    for seed in range(16):
+        expected = converged(seed, friction, restitution)
+        error = after_hit(seed, timestep, rigid, microsteps) - expected
+        found.append(
+            [
+                np.linalg.norm(error[part]) / np.linalg.norm(expected[part])
+                for part in (slice(0, 3), slice(3, 6))
+            ]
+        )
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("timestep", "microsteps"), [(0.001, "auto"), (0.001, 16), (0.002, 39), (0.005, "auto")]
+)
+@pytest.mark.parametrize(("friction", "restitution"), [(0.3, 0.8), (0.3, 1.0), (0.6, 0.5)])
+def test_a_rigid_corner_leaves_with_friction_as_stiff_ones_do(
+    friction, restitution, timestep, microsteps
+):
+    """Springs along the floor went by their own apparent mass, not by the normal's: 2 to 6 % off.
+
+    With a fixed number of micro-steps hits lasted three of them: 8 to 24 % off.
+    """
+    error = errors(friction, restitution, timestep, microsteps)
+    # Friction follows a hit in some ten micro-steps, to second order: a percent. Where it slips and
+    # sticks by turns, more.
+    assert np.median(error) < 0.01
+    assert np.quantile(error, 0.9) < 0.04
