@@ -284,8 +284,8 @@ def print_energy(count: int) -> None:
             for seed in range(1, count + 1)
         ]
         print(
-            f"elastic boxes, impact={impact}, stiffness {stiffness}, dt {timestep}: largest gain in "
-            f"a step {max(gain for gain, _ in results):.1e}, left after 1 s "
+            f"elastic boxes, impact={impact}, stiffness {stiffness}, dt {timestep}: largest gain "
+            f"in a step {max(gain for gain, _ in results):.1e}, left after 1 s "
             f"{min(left for _, left in results):.4f} to {max(left for _, left in results):.4f}"
         )
 

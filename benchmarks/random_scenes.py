@@ -42,8 +42,9 @@ def random_scene(seed: int, *, steps: int = 400) -> RandomScene:
     """Return 1 to 8 free bodies thrown at a floor and at each other.
 
     Masses 1 g to 1 t, stiffness 1e3 to 1e9 N/m (one geom in five rigid, half of these with a
-    restitution of 0 to 1), damping ratio 0 to 2, friction 0 to 2, time step 0.1 to 20 ms, speeds to 3 m/s and 20 rad/s. Nothing overlaps at the
-    start, so what the bodies hold then bounds their energy for ever.
+    restitution of 0 to 1), damping ratio 0 to 2, friction 0 to 2, time step 0.1 to 20 ms, speeds to
+    3 m/s and 20 rad/s. Nothing overlaps at the start, so what the bodies hold then bounds their
+    energy for ever.
     """
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 9))
