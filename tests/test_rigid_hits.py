@@ -59,7 +59,7 @@ def converged(seed: int, friction: float, restitution: float) -> np.ndarray:
 def errors(
     friction: float, restitution: float, timestep: float, microsteps: int | Literal["auto"]
 ) -> np.ndarray:
-    """Return the error of velocity and momentum (SEEDS, 2), relative to what they are."""
+    """Return the error of velocity and momentum (16, 2), relative to what they are."""
     rigid = dashpot.Material(restitution=restitution, friction=friction)
     found = []
     for seed in range(16):

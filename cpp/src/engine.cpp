@@ -208,15 +208,18 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time, team);
   find_hits(rows, islands.all(), contacts, constraints, length, data);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
-  // Cuts at impacts let springs be resolved more finely.
-  const double resolved = parameters.options.impact == Impact::kCut ? length : whole;
-  islands.plan(rows, motion.trees(), materials, sag_time, data, length, resolved,
+  islands.plan(rows, motion.trees(), materials, sag_time, data, length, resolved_length(),
                parameters.options, team);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
               team);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
   leapfrog.fall_back(model, view, motion, rows, data);
+}
+
+// Length (s) of the step that stiffness is resolved for: cuts at impacts let it be finer.
+double Stepper::Impl::resolved_length() const {
+  return parameters.options.impact == Impact::kCut ? length : whole;
 }
 
 void Stepper::Impl::run_islands() {

@@ -43,7 +43,7 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
 void Stepper::Impl::take_turning_contacts_to_middle(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   const auto frequency = [this](const ContactInput& contact, double inverse_mass) {
-    return hit_frequency(model, parameters, contact, inverse_mass, length);
+    return hit_frequency(model, parameters, contact, inverse_mass, resolved_length());
   };
   host::take_to_middle(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
                        detection.workplaces, frequency, contacts, turned, team);

@@ -6,6 +6,7 @@
 #include "dashpot/instruction_sets.hpp"
 #include "dashpot/lane_blocks.hpp"
 #include "dashpot/lanes.hpp"
+#include "dashpot/mass_weighted.hpp"
 
 namespace dashpot {
 
@@ -30,32 +31,17 @@ int held_side(const RowGroup& c, const Trees& trees) {
 DASHPOT_VECTOR_CLONES
 double product(const double* a, const double* b, int count) { return dot(a, b, count); }
 
-// Takes from x (count) its share of every combination: `probe` is what finds the share, `part` what
-// goes, the ones of a combination `stride` after those of another. All shares are found first, so
-// that none waits for another.
+// Takes from x (count) its share of every one of `rows`, which are orthonormal and `count` apart.
+// All shares are found first, so that none waits for another.
 DASHPOT_VECTOR_CLONES
-void remove_shares(const double* probe, const double* part, int combinations, int stride, int count,
-                   double* share, double* x) {
-  for (int c = 0; c < combinations; ++c) share[c] = dot(x, probe + c * stride, count);
+void remove_shares(const double* rows, int number, int count, double* share, double* x) {
+  for (int c = 0; c < number; ++c) share[c] = dot(x, rows + c * count, count);
   for_each_block(
       count, [=](int first, auto width) __attribute__((always_inline)) {
         Lanes rest[width()];
         load_block(x + first, rest);
-        for (int c = 0; c < combinations; ++c)
-          add_scaled(part + c * stride + first, -share[c], rest);
+        for (int c = 0; c < number; ++c) add_scaled(rows + c * count + first, -share[c], rest);
         store_block(rest, x + first);
-      });
-}
-
-// response = inverse force, columns `count` apart.
-DASHPOT_VECTOR_CLONES
-void respond(const double* inverse, const double* force, int n, int count, double* response) {
-  for_each_block(
-      count, [=](int first, auto width) __attribute__((always_inline)) {
-        Lanes sum[width()] = {};
-        for (int j = 0; j < n; ++j)
-          if (force[j] != 0.0) add_scaled(inverse + j * count + first, force[j], sum);
-        store_block(sum, response + first);
       });
 }
 
@@ -72,7 +58,7 @@ void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintIn
   reset(trees);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact && matches[i].nearest >= 0) {
+    if (c.kind == RowKind::kContact && matches[i].nearest >= 0 && !matches[i].apart) {
       const RememberedContact before = memory.contact(matches[i].nearest);
       add(rows, trees, i, before.stiffness, before.sticking != 0.0, length);
     } else if (c.kind == RowKind::kUnilateral) {
@@ -98,54 +84,58 @@ void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, double
   const int side = held_side(c, trees);
   if (side < 0 || stiffness * rows.inverse_mass[c.row] * length * length <= 1.0) return;
   const Tree& t = trees.tree[c.tree[side]];
-  const int offset = side == 0 ? 0 : c.columns[0];
   for (int i = 0; i < (sticks ? c.dim : 1); ++i) {
     row_.assign(t.count, 0.0);
-    const double* value = rows.value.data() + c.value + i * c.width() + offset;
-    for (int k = 0; k < c.columns[side]; ++k)
-      row_[rows.column[c.column + offset + k] - t.begin] = value[k];
-    add_row(trees, c.tree[side], rows.inverse_mass[c.row + i]);
+    if (c.is_of_one_coordinate(side)) {
+      const int at = side == 0 ? 0 : c.columns[0];
+      row_[rows.column[c.column + at] - t.begin] = rows.value[c.value + at];
+      weight_row(trees, c.tree[side], row_.data());
+    } else {
+      const MassWeighted& y = c.weighted[side];
+      const double* value = rows.weighted_value.data() + y.value + i * padded(y.count);
+      for (int k = 0; k < y.count; ++k)
+        row_[rows.weighted_column[y.column + k] - t.begin] = value[k];
+    }
+    add_row(c.tree[side], rows.inverse_mass[c.row + i]);
   }
 }
 
-// Gram and Schmidt, in the product of inv(H).
-void HoldingRows::add_row(const Trees& trees, int tree, double inverse_mass) {
-  const Tree& t = trees.tree[tree];
-  const int n = t.count;
-  AlignedDoubles& basis = basis_[tree];
-  const size_t begin = static_cast<size_t>(2 * n) * count_[tree];
-  basis.resize(std::max(basis.size(), begin + 2 * n));
-  remove(tree, n, basis.data() + n, basis.data(), row_.data());
-  double* row = basis.data() + begin;
-  double* way = row + n;
-  respond(trees.inverse.data() + t.inverse, row_.data(), t.dof_count, n, way);
-  const double w = product(row_.data(), way, n);
+// Gram and Schmidt.
+void HoldingRows::add_row(int tree, double inverse_mass) {
+  const int n = static_cast<int>(row_.size());
+  remove(tree, n, row_.data());
+  const double w = product(row_.data(), row_.data(), n);
   if (!(w > kNew * inverse_mass)) return;
+  AlignedDoubles& basis = basis_[tree];
+  const size_t begin = static_cast<size_t>(n) * count_[tree];
+  basis.resize(std::max(basis.size(), begin + n));
   const double scale = 1.0 / std::sqrt(w);
-  for (int i = 0; i < n; ++i) {
-    row[i] = scale * row_[i];
-    way[i] *= scale;
-  }
+  for (int i = 0; i < n; ++i) basis[begin + i] = scale * row_[i];
   ++count_[tree];
 }
 
 void HoldingRows::bar(const Trees& trees, int tree, double* change) {
   if (!hold(tree)) return;
-  const int n = trees.tree[tree].count;
-  remove(tree, n, basis_[tree].data(), basis_[tree].data() + n, change);
+  weight_motion(trees, tree, change);
+  remove(tree, trees.tree[tree].count, change);
+  unweight_motion(trees, tree, change);
 }
 
-void HoldingRows::remove(int tree, int n, const double* probe, const double* part, double* x) {
+void HoldingRows::remove(int tree, int n, double* x) {
   share_.resize(count_[tree]);
-  remove_shares(probe, part, count_[tree], 2 * n, n, share_.data(), x);
+  remove_shares(basis_[tree].data(), count_[tree], n, share_.data(), x);
 }
 
 double HoldingRows::barred_inverse_mass(const Trees& trees, int tree, int i) const {
   const int n = trees.tree[tree].count;
+  thread_local AlignedDoubles own;  // kept by the thread: no allocation in a step
+  own.assign(n, 0.0);
+  own[i] = 1.0;
+  weight_row(trees, tree, own.data());
   double sum = 0.0;
   for (int c = 0; c < count_[tree]; ++c) {
-    const double way = basis_[tree][(2 * c + 1) * n + i];
-    sum += way * way;
+    const double share = product(own.data(), basis_[tree].data() + c * n, n);
+    sum += share * share;
   }
   return sum;
 }

@@ -148,6 +148,43 @@ void weight_by_mass(Rows& rows, const RowGroup& c, int side, const Trees& trees,
               inverse_mass);
 }
 
+void weight_row(const Trees& trees, int tree, double* row) {
+  const Tree& t = trees.tree[tree];
+  const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
+  for (int k = n - 1; k >= 0; --k) {
+    if (row[k] == 0.0) continue;
+    const double* entry = trees.factor.data() + t.inverse + k * n;
+    for (int dof = above[first + k]; dof >= 0; dof = above[dof])
+      row[dof - first] -= entry[dof - first] * row[k];
+    row[k] *= trees.inverse_root[t.begin + k];
+  }
+}
+
+void weight_motion(const Trees& trees, int tree, double* motion) {
+  const Tree& t = trees.tree[tree];
+  const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
+  // What is above comes later, and is as it was.
+  for (int k = n - 1; k >= 0; --k) {
+    const double* entry = trees.factor.data() + t.inverse + k * n;
+    double sum = motion[k];
+    for (int dof = above[first + k]; dof >= 0; dof = above[dof])
+      sum += entry[dof - first] * motion[dof - first];
+    motion[k] = sum / trees.inverse_root[t.begin + k];
+  }
+}
+
+void unweight_motion(const Trees& trees, int tree, double* motion) {
+  const Tree& t = trees.tree[tree];
+  const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
+  for (int k = 0; k < n; ++k) {
+    const double* entry = trees.factor.data() + t.inverse + k * n;
+    double sum = motion[k] * trees.inverse_root[t.begin + k];
+    for (int dof = above[first + k]; dof >= 0; dof = above[dof])
+      sum -= entry[dof - first] * motion[dof - first];
+    motion[k] = sum;
+  }
+}
+
 double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,
                            int side_b) {
   const MassWeighted &of_a = a.weighted[side_a], &of_b = b.weighted[side_b];

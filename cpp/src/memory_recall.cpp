@@ -28,12 +28,12 @@ double along(const double* local, const std::array<double, 9>& rotation, const d
 double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
 // Factor on what a row remembers of a deformation under another stiffness. The force goes on,
-// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J), but of what is
-// hit, whose spring keeps its energy: it must not lose what it is about to give back. A falling one
+// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J); a falling one
 // may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but no
 // more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does not
 // lose force each time that the stiffness falls and rises, and stiffness that changes with the
-// configuration cannot pump a mechanism.
+// configuration cannot pump a mechanism. The spring of what is hit keeps its energy: it must not
+// lose what it is about to give back.
 double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
                     double recovery_speed, bool hit, double& credit) {
   if (deformation == 0.0) return 0.0;
@@ -43,8 +43,8 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   if (std::isinf(recovery_speed)) return same_force;
   const double stored = 0.5 * old_stiffness * deformation * deformation;
   const auto added_by = [&](double scale) { return stored * (scale * scale / same_force - 1.0); };
+  if (hit) return std::sqrt(same_force);
   if (same_force <= 1.0) {
-    if (hit) return std::sqrt(same_force);
     credit -= added_by(same_force);
     return same_force;
   }
@@ -175,11 +175,12 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     const int nearest = matches[index].nearest;
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
-    double& credit = data.credit[index];
-    credit = old.credit;
     const double force = old.stiffness * old.compression;
     const bool hit = data.is_of_lone_pair[index] && (data.hit[index] || old.hit) &&
                      goes_on_as_hit(force, rows, c, length, data);
+    if (input.gap >= 0.0 && !hit) return;
+    double& credit = data.credit[index];
+    credit = old.credit;
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] =
           nearest < 0

@@ -32,9 +32,9 @@ constexpr double kFarPoint = 0.5;
 constexpr double kEarly = 0.25;
 // Part of the step up to which two times see one geometry.
 constexpr double kSameTime = 0.03;
-// Cosine between the normals of one contact at the start and in the middle, short of 1; the angle
-// goes with the time.
-constexpr double kSame = 0.15;
+// 1 - cos of the angle between the normals of one contact at the start and in the middle, at most;
+// at other times it goes with the square of the time.
+constexpr double kMostTurnOfNormal = 0.15;
 constexpr int kContactsAtOnce = 16;  // by a thread
 
 // What pairs of geoms have in common over a step of `length` (s).
@@ -70,10 +70,10 @@ class TurningPair {
     if (at_rest_) return false;
     is_far_ = way > kFarWay * size_ && !on_plane;
     if (is_far_ && motion_.side_with_faces() < 0) return false;
-    if (motion_.are_round() && !are_alone() && parts_early()) return false;
+    if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
-      return c.gap <= to_middle || onset(c, -motion_.gap_rate(c), 0.0) < step_.length;
+      return c.gap <= to_middle || hit_frequency(c) > 0.0;
     });
   }
 
@@ -86,11 +86,11 @@ class TurningPair {
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       if (contact->gap > 0.0) continue;
       const std::array<double, 3> start = motion_.point_rate(*contact, When::kStart),
-                                  middle = motion_.point_rate(*contact, When::kThen);
+                                  then = motion_.point_rate(*contact, When::kThen);
       mjtNum change[3];
-      mju_sub3(change, middle.data(), start.data());
+      mju_sub3(change, then.data(), start.data());
       if (step_.length * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
-      contact->ahead = this->middle();
+      contact->ahead = middle();
       for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / contact->ahead;
     }
   }
@@ -101,18 +101,17 @@ class TurningPair {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
       const double frequency = hit_frequency(*contact);
-      const bool comes = frequency > 0.0 && contact->gap > 0.0;
-      const double closing = -motion_.gap_rate(*contact);
-      look(faces, comes ? hit_time(*contact, frequency, closing, 0.0) : middle());
-      if (!find_then(*contact)) continue;
+      if (!see(faces, *contact, frequency > 0.0 ? hit_time(*contact, frequency, 0.0) : middle()))
+        continue;
       if (frequency > 0.0) {
         // As it turns, its gap closes at another rate; what rolls closes all gaps by turning.
         const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
-        const bool rolls = std::abs(rate) < std::max(kHitSpeed, step_.length * std::abs(turning));
-        look(faces, rolls ? middle() : hit_time(*contact, frequency, -rate, turning));
-        if (!find_then(*contact)) continue;
+        const bool rolls =
+            std::abs(rate) < std::max(kHitSpeed, 2.0 * step_.length * std::abs(turning));
+        if (!see(faces, *contact, rolls ? middle() : hit_time(*contact, frequency, turning)))
+          continue;
       }
-      *contact = then_;
+      freeze(then_, *contact);
       mju_copy(data_->contact[contact->source].frame, contact->frame.data(), 9);
     }
   }
@@ -154,23 +153,27 @@ class TurningPair {
                        [&](int tree) { return tree < 0 || step_.pairs[tree] == 1; });
   }
 
-  // When the force of a hit acts: elsewhere it does work on what the turn of its geometry adds to
-  // the rate.
-  double hit_time(const ContactInput& contact, double frequency, double closing,
-                  double acceleration) const {
+  // When the force of a hit acts, whose gap has an acceleration (m/s^2): elsewhere it does work on
+  // what the turn of its geometry adds to the rate.
+  double hit_time(const ContactInput& contact, double frequency, double acceleration) const {
+    const double closing = -motion_.gap_rate(contact);
     const double begins = onset(contact, closing, acceleration), left = step_.length - begins;
     if (left == 0.0) return seen_at_;
     return begins + centre_of_hit(frequency, std::max(0.0, -contact.gap),
                                   closing - acceleration * begins, left);
   }
 
-  // Asks for the contacts of the pair at a time (s), unless they are known of about then.
-  void look(FaceBuffers& faces, double time) {
-    if (std::abs(time - seen_at_) <= kSameTime * step_.length) return;
-    seen_at_ = time;
-    way_ = motion_.way_in(time);
-    found_.find(model_, data_, time, first_->margin + way_, faces);
-    motion_.find_twists(time);
+  // Finds what a contact is at a time (s), unless that is about the start, as which it stays.
+  bool see(FaceBuffers& faces, const ContactInput& contact, double time) {
+    const double same = kSameTime * step_.length;
+    if (time <= same) return false;
+    if (std::abs(time - seen_at_) > same) {
+      seen_at_ = time;
+      way_ = motion_.way_in(time);
+      found_.find(model_, data_, time, first_->margin + way_, faces);
+      motion_.find_twists(time);
+    }
+    return find_then(contact);
   }
 
   // Finds what a contact is then, if it is there.
@@ -182,7 +185,8 @@ class TurningPair {
     const double part = std::min(1.0, seen_at_ / middle());
     const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
     if (squared_distance(contact, *same) > far * far) return false;
-    if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kSame) return false;
+    if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
+      return false;
     if (is_far_ && !stays_on_face(contact, *same)) return false;
     then_ = seen_in(*same, contact);
     return true;
@@ -217,11 +221,21 @@ class TurningPair {
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
     const std::array<double, 3> rate = motion_.point_rate(contact, When::kThen);
-    contact.is_in_middle = true;
     contact.ahead = seen_at_;
     for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / seen_at_;
     std::copy_n(found_.rotation(), 9, contact.rotation.begin());
     return contact;
+  }
+
+  // Gives a contact the geometry that it has then; threads read its geoms meanwhile.
+  static void freeze(const ContactInput& then, ContactInput& contact) {
+    contact.position = then.position;
+    contact.apart = then.apart;
+    contact.frame = then.frame;
+    contact.rotation = then.rotation;
+    contact.is_frozen_ahead = true;
+    contact.ahead = then.ahead;
+    contact.turning = then.turning;
   }
 
   mjModel* model_;
@@ -272,7 +286,7 @@ void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
   });
   workplaces.close();
   for (const ContactInput& contact : contacts)
-    if (contact.is_in_middle)
+    if (contact.is_frozen_ahead)
       for (int tree : contact.tree)
         if (tree >= 0)
           taken[tree] =

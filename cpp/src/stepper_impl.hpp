@@ -64,6 +64,7 @@ struct Stepper::Impl {
   void remember(mjData_* d, const host::MocapMotion& mocap);
 
   bool is_rough(const host::StepParts& parts) const;
+  double resolved_length() const;
   bool shorten(double shorter, host::StepParts& parts);
   void find_touched_trees();
   void find_unpaid(mjData_* d);

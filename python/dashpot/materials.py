@@ -73,7 +73,8 @@ class Material:
     friction_load : float
         Normal force at one contact point, N, > 0, at which half of that loss is reached.
     tangential_ratio : float
-        Tangential over normal stiffness, > 0.
+        Tangential over normal stiffness, > 0. Of rigid contacts only while they, or contacts of
+        the same few bodies, are hit; else both are as stiff as micro-steps resolve.
     tangential_damping_ratio : float
         Damping ratio of the friction springs, >= 0.
 

@@ -11,7 +11,7 @@ namespace dashpot {
 // Energies since the data was made or reset, J. `elastic` is the present store.
 struct EnergyLedger {
   double elastic = 0.0;
-  double dissipated_normal = 0.0;
+  double dissipated_normal = 0.0;  // and what frozen inertia takes (or, negative, gives) in hits
   double dissipated_friction = 0.0;
   double dissipated_constraint = 0.0;
   double dissipated_recovery = 0.0;  // negative when recovery has put energy in

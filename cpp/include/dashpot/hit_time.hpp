@@ -30,9 +30,9 @@ inline constexpr double kShortHit = 3.14159265358979323846;
 // not 0 where `compression` is).
 double centre_of_hit(double frequency, double compression, double closing_speed, double time);
 
-// sqrt(k w) (rad/s) that a contact of the apparent inverse mass w (1/kg) will have in a step of
-// `length` (s): of a rigid one what the micro-steps resolve of a contact alone, which others of its
-// body leave it less of.
+// sqrt(k w) (rad/s) that a contact of the apparent inverse mass w (1/kg) will have where stiffness
+// is resolved for a step of `length` (s): of a rigid one what micro-steps resolve of a contact
+// alone; several on one body are softer.
 double hit_frequency(const mjModel_* model, const Parameters& parameters,
                      const ContactInput& contact, double inverse_mass, double length);
 

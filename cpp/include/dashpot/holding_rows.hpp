@@ -7,7 +7,8 @@
 //
 //     k  -  inv(H) J' inv(J inv(H) J') J k .
 //
-// Rows that say the same, as corners of one sole do, count once.
+// In coordinates z in which H is 1 it is what is orthogonal to all rows. Rows that say the same, as
+// corners of one sole do, count once.
 //
 // A row holds if it is compressed at the end of a step, its friction if it sticks, and if its
 // spring is too stiff for the step to see it swing, K w H^2 > 1. Rows between two trees hold
@@ -45,11 +46,11 @@ class HoldingRows {
   void reset(const Trees& trees);
   void add(const Rows& rows, const Trees& trees, size_t group, double stiffness, bool sticks,
            double length);
-  void add_row(const Trees& trees, int tree, double inverse_mass);
-  void remove(int tree, int n, const double* probe, const double* part, double* x);
+  void add_row(int tree, double inverse_mass);
+  void remove(int tree, int n, double* x);
 
-  // By tree, combinations of its rows of which J inv(H) J' is 1: how many there are, and each
-  // followed by its inv(H) J', over all coordinates of the tree.
+  // By tree, combinations of its rows that are orthonormal in the coordinates in which H is 1
+  // (MassWeighted): how many there are, and each over all coordinates of the tree.
   std::vector<int> count_;
   std::vector<AlignedDoubles> basis_;
   AlignedDoubles row_;

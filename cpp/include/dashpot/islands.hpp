@@ -27,20 +27,21 @@ inline constexpr double kResolution = 0.6;  // theta
 // Of "auto": with 10, boxes that are pushed creep while they are rocked.
 inline constexpr int kMinimumMicrosteps = 13;
 // Rigid contacts last some three micro-steps when they are hit, too few for what friction and other
-// contacts do meanwhile: a foot that came down off-centre rebounded along the floor. In an island
-// of few groups with a hit rigid rows are no stiffer than micro-steps so many times as long would
-// resolve, which a step has a few of; "auto" takes as many more where it may.
+// contacts do meanwhile: a foot that came down off-centre rebounded along the floor. An island of
+// few groups that is hit takes so many times as many micro-steps with "auto", at most
+// max_microsteps, and its rigid rows get no stiffer for it. Where two geoms hit each other alone
+// they are only as stiff as a third of its micro-steps resolves, but at least kFewestOfHits.
 inline constexpr int kMicrostepsOfHits = 3;
 inline constexpr double kFewestOfHits = 4.0;  // a hit then lasts two thirds of the step
-// Of a step in which two bodies hit each other and nothing else, that has `of_step` micro-steps
-// without: how many it has, and how many longer ones rigid rows are as stiff for.
+inline constexpr int kFewGroups = 24;         // of an island
+
+// Of an island that is hit and would take `of_step` micro-steps otherwise: how many it takes, and
+// how many longer ones its rigid rows are as stiff for if two geoms hit each other alone.
 struct HitMicrosteps {
   int count = 0;
   double stiff_for = 0.0;
 };
 HitMicrosteps microsteps_of_hit(int of_step, const Options& options);
-
-inline constexpr int kFewGroups = 24;
 
 // A range of indices.
 struct Indices {
@@ -80,10 +81,10 @@ class Islands {
 
   // Chooses the number of micro-steps of every island over `part` (s) of a step of length `step`
   // (s) and fills the stiffness and damping of its rows from `materials` and `sag_time` (one per
-  // group), and what `data` says is hit. They are those of the whole step, so that what rests does
-  // not feel its parts. A rigid material becomes as stiff as h resolves, one of a model's own
-  // solref no stiffer than that says. Where h does not resolve an island's SI values, all its rows
-  // are rigid, those no stiffer than given. What is lowered is counted as clipped.
+  // group), and what `data` says is hit. Stiffness and damping are those of the whole step, so that
+  // what rests does not feel its parts. A rigid material becomes as stiff as h resolves, one of a
+  // model's own solref no stiffer than that says. Where h does not resolve an island's SI values,
+  // all its rows are rigid, those no stiffer than given. What is lowered is counted as clipped.
   void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
             const std::vector<SagTime>& sag_time, const RowData& data, double part, double step,
             const Options& options, Team& team);

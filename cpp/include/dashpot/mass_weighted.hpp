@@ -20,4 +20,10 @@ void weight_by_mass(Rows& rows, const RowGroup& group, int side, const Trees& tr
 double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,
                            int side_b);
 
+// In place, over the degrees of freedom of a tree whose factor is known: y = j inv(D^1/2 L) of a
+// row j, z = D^1/2 L x of a motion x, for which y z = j x and z'z = x'H x, and x of such a z.
+void weight_row(const Trees& trees, int tree, double* row);
+void weight_motion(const Trees& trees, int tree, double* motion);
+void unweight_motion(const Trees& trees, int tree, double* motion);
+
 }  // namespace dashpot

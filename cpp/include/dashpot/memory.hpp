@@ -4,10 +4,12 @@
 //
 // At the start of a step a contact takes the smaller of the overlap that collision reports and the
 // compression remembered at the nearest point of the same geom pair, unless another contact is
-// nearer to that point; what geometry reports beyond that is an unstressed offset. Limits and
-// equalities do the same with their position. In the first step of all a contact of SI stiffness
-// takes what its spring bears, and so does a contact or limit whose solref the model sets; an
-// equality with one does whenever nothing is remembered of it, as where it is switched on.
+// nearer to that point; what geometry reports beyond that is an unstressed offset. Where two bodies
+// hit each other alone, in less than a step, it keeps all of its compression, also across a gap
+// that is smaller than that: frozen rows lead too deep there. Limits and equalities do the same
+// with their position. In the first step of all a contact of SI stiffness takes what its spring
+// bears, and so does a contact or limit whose solref the model sets; an equality with one does
+// whenever nothing is remembered of it, as where it is switched on.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
@@ -41,8 +43,8 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
-  double hit;  // 1 if it was hit in that step, or came to touch in it as a hit, while nothing else
-               // touched the two bodies
+  double hit;  // 1 if it was hit in that step, or came to touch in it as a hit, and its island had
+               // contacts of its two geoms alone
   SolrefLoad solref;
 };
 
@@ -54,11 +56,12 @@ struct RememberedConstraint {
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
-// What memory has of a contact: the nearest remembered point of its pair, where it overlaps and is
-// itself the nearest to that point, else -1; and the force (N) that all points of its pair bore at
-// the end of the last step.
+// What memory has of a contact: the nearest remembered point of its pair, where it overlaps, or
+// goes on as a hit, and is itself the nearest to that point, else -1; and the force (N) that all
+// points of its pair bore at the end of the last step.
 struct Match {
   int nearest = -1;
+  bool apart = false;  // was hit, and has a gap now, see Memory::parted_hit
   double load = 0.0;
 };
 

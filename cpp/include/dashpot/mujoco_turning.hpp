@@ -1,4 +1,5 @@
-// Contacts of bodies that turn, frozen in the middle of a step. Part of the mujoco_host room.
+// Contacts of bodies that turn, frozen in the middle of a step, or where they are when the force of
+// a hit acts. Part of the mujoco_host room.
 //
 // Rows freeze the geometry over a step of length H. Frozen at its start, the force does not follow
 // the contact as it moves on, and the gap misses what curves it, g'' H^2 / 2, which recovery of
@@ -16,7 +17,9 @@
 //
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
 // where the force of that has its centre (hit_time.hpp): in the middle of the step it would do work
-// on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s.
+// on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s. That
+// is known of two bodies that nothing else may touch in the step. Of others a blow between round
+// ones that begins or ends early keeps the geometry of the start.
 //
 // Of links the axes of the joints go to the middle (mujoco_moved_axes), also where they turn above
 // a foot that stands: of its own motion the floor sees none, but a trunk that swung above it gained

@@ -43,7 +43,7 @@ struct RowData {
   std::vector<double> credit;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;
-  // Per group: work (J) that a contact frozen in the middle would have done on bodies because its
+  // Per group: work (J) that a contact frozen within the step would have done on bodies because its
   // normal and arms turn.
   std::vector<double> turning_work;
 

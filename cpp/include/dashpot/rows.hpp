@@ -40,8 +40,8 @@ struct ContactInput {
   // From the point of geom 1 on which the contact acts to that of geom 2, about `position`: where
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
-  bool is_at_impact = false;  // frozen where bodies that fly meet, see flight_contacts.hpp
-  bool is_in_middle = false;  // frozen where bodies that touch are then, see mujoco_turning.hpp
+  bool is_at_impact = false;     // frozen where bodies that fly meet, see flight_contacts.hpp
+  bool is_frozen_ahead = false;  // where the bodies are after `ahead`, see mujoco_turning.hpp
   // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;

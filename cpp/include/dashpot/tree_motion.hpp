@@ -31,10 +31,11 @@ class HeldStages;
 
 // What rows did to a tree in a step.
 struct RowsOnTree {
-  bool touched = false;      // moved it
-  bool joined = false;       // as they moved another tree against it
-  bool held = false;         // so did rows that have a position, which dry friction has not
-  bool from_middle = false;  // in the geometry of the middle of the part
+  bool touched = false;  // moved it
+  bool joined = false;   // as they moved another tree against it
+  bool held = false;     // so did rows that have a position, which dry friction has not
+  bool from_middle =
+      false;  // in the geometry of a time within the part, its middle or that of a hit
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
@@ -75,8 +76,9 @@ class TreeMotion {
   void to_generalized_force(int tree, const double* coordinates, double* force) const;
 
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
-  // Returns the energy (J) that rows gave the tree and that it does not have then. Threads may
-  // advance accurate trees at once.
+  // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
+  // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
+  // Threads may advance accurate trees at once.
   double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
   // By tree, of the last step: it has its velocity from MuJoCo's integrator.
   const std::vector<char>& integrated() const { return integrated_; }
