@@ -101,10 +101,11 @@ class TurningPair {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
       const double frequency = hit_frequency(*contact);
-      if (!see(faces, *contact, frequency > 0.0 ? hit_time(*contact, frequency, 0.0) : middle()))
-        continue;
+      const bool comes = frequency > 0.0 && contact->gap > 0.0;
+      if (!see(faces, *contact, comes ? hit_time(*contact, frequency, 0.0) : middle())) continue;
       if (frequency > 0.0) {
-        // As it turns, its gap closes at another rate; what rolls closes all gaps by turning.
+        // As it turns, its gap closes at another rate; what rolls closes all gaps by turning, and
+        // is no hit.
         const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
         const bool rolls =
             std::abs(rate) < std::max(kHitSpeed, 2.0 * step_.length * std::abs(turning));
