@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import dashpot
+from piles import random_quat
 
 DURATION = 0.012
 HALF = np.array([0.12, 0.08, 0.05])
@@ -36,8 +37,7 @@ def after_hit(
     engine.set_pair_material("brick", "floor", material)
     data = engine.make_data()
     rng = np.random.default_rng(seed)
-    attitude = rng.normal(size=4)
-    data.qpos[3:7] = attitude / np.linalg.norm(attitude)
+    data.qpos[3:7] = random_quat(rng)
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, data.qpos[3:7])
     data.qpos[2] = 0.002 - (CORNERS @ rotation.reshape(3, 3).T)[:, 2].min()

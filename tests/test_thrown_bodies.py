@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dashpot
+from piles import random_quat
 
 FLOORS = {
     "plane": '<geom name="floor" type="plane" size="9 9 .1"/>',
@@ -35,8 +36,7 @@ def test_no_hit_of_a_spinning_body_creates_energy(floor: str, shape: str, timest
     for seed in range(30):
         data = engine.make_data()
         rng = np.random.default_rng(seed)
-        attitude = rng.normal(size=4)
-        data.qpos[3:7] = attitude / np.linalg.norm(attitude)
+        data.qpos[3:7] = random_quat(rng)
         data.qvel[2] = -2.0
         data.qvel[3:] = 4.0 * rng.normal(size=3)
         thrown = before = engine.energy(data).mechanical
@@ -67,8 +67,7 @@ def test_spinning_bodies_that_hit_each_other_keep_their_momentum() -> None:
         data = engine.make_data()
         rng = np.random.default_rng(seed)
         for quat in (3, 10):
-            attitude = rng.normal(size=4)
-            data.qpos[quat : quat + 4] = attitude / np.linalg.norm(attitude)
+            data.qpos[quat : quat + 4] = random_quat(rng)
         data.qvel[2] = -2.0
         for spin in (3, 9):
             data.qvel[spin : spin + 3] = 30.0 * rng.normal(size=3)

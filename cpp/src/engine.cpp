@@ -147,7 +147,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
     build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
   } else {
-    take_turning_contacts_to_middle(d);
+    freeze_turning_contacts(d);
     build_rows(d);
   }
   if (parameters.options.law == Law::kComFree) {

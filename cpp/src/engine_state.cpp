@@ -51,7 +51,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   by_rows.touched = touched[tree];
   by_rows.joined = joined[tree];
   by_rows.held = held[tree];
-  by_rows.from_middle = geometry_of_middle || turned[tree] > 0.0;
+  by_rows.frozen_ahead = geometry_of_middle || turned[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);
   by_rows.unpaid = unpaid[tree];
   by_rows.added_velocity = trapezoid.added_velocity();

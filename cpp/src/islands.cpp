@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/hit_time.hpp"
+
 namespace dashpot {
 
 namespace {

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/islands.hpp"
+#include "dashpot/hit_time.hpp"
 
 namespace dashpot {
 

@@ -7,9 +7,8 @@
 #include <cmath>
 
 #include "dashpot/hit_time.hpp"
-#include "dashpot/islands.hpp"
 #include "dashpot/mujoco_contact_motion.hpp"
-#include "dashpot/mujoco_middle_contacts.hpp"
+#include "dashpot/mujoco_seen_contacts.hpp"
 #include "dashpot/mujoco_workplaces.hpp"
 
 namespace dashpot::host {
@@ -57,7 +56,7 @@ class TurningPair {
         first_(first),
         last_(last),
         motion_(m, d, step.length),
-        found_(motion_) {}
+        found_(motion_, step.length) {}
 
   // Finds how the pair moves; whether it does, and may touch up to the middle or is hit.
   bool moves() {
@@ -179,7 +178,7 @@ class TurningPair {
 
   // Finds what a contact is then, if it is there.
   bool find_then(const ContactInput& contact) {
-    const MiddleContact* const same = found_.continuation(contact);
+    const SeenContact* const same = found_.continuation(contact);
     if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
     const bool corners =
         has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
@@ -193,23 +192,23 @@ class TurningPair {
     return true;
   }
 
-  bool stays_on_face(const ContactInput& contact, const MiddleContact& middle) const {
-    if (std::abs(middle.distance - contact.margin - contact.gap) > 0.5 * kFarWay * size_)
+  bool stays_on_face(const ContactInput& contact, const SeenContact& seen) const {
+    if (std::abs(seen.distance - contact.margin - contact.gap) > 0.5 * kFarWay * size_)
       return false;
     const int side = motion_.side_with_faces();
     mjtNum normal[3];
     mju_mulMatTVec3(normal, data_->geom_xmat + 9 * motion_.geom(side), contact.frame.data());
-    return mju_dot3(normal, middle.local_normal[side]) > kOfFace;
+    return mju_dot3(normal, seen.local_normal[side]) > kOfFace;
   }
 
   // A contact as it is seen then: each free body sees the point from where its centre of mass is at
   // the start; axes of joints and twists go there themselves.
-  ContactInput seen_in(const MiddleContact& middle, ContactInput contact) const {
+  ContactInput seen_in(const SeenContact& seen, ContactInput contact) const {
     const std::array<double, 3> start_rate = motion_.point_rate(contact, When::kStart);
-    const double apart = std::max(0.0, middle.distance - contact.margin);
+    const double apart = std::max(0.0, seen.distance - contact.margin);
     mjtNum point[2][3];
     for (int i = 0; i < 2; ++i) {
-      mju_addScl3(point[i], middle.position, middle.normal, (i == 0 ? -0.5 : 0.5) * apart);
+      mju_addScl3(point[i], seen.position, seen.normal, (i == 0 ? -0.5 : 0.5) * apart);
       if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -seen_at_);
     }
     for (int i = 0; i < 3; ++i) {
@@ -217,7 +216,7 @@ class TurningPair {
       contact.apart[i] = point[1][i] - point[0][i];
     }
     mjtNum* const frame = contact.frame.data();
-    mju_copy3(frame, middle.normal);
+    mju_copy3(frame, seen.normal);
     mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
     mju_normalize3(frame + 3);
     mju_cross(frame + 6, frame, frame + 3);
@@ -249,16 +248,16 @@ class TurningPair {
   bool is_far_ = false;   // they may come to another face up to the middle
   // What was found at a time (s), up to which the pair moves by way_ (m), and a contact then.
   double seen_at_ = 0.0, way_ = 0.0;
-  MiddleContacts found_;
+  SeenContacts found_;
   ContactInput then_;
 };
 
 }  // namespace
 
-void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, FaceBuffers& faces, Workplaces& workplaces,
-                    const HitFrequency& frequency, std::vector<ContactInput>& contacts,
-                    std::vector<double>& taken, Team& team) {
+void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
+                     std::vector<double>& taken, Team& team) {
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);

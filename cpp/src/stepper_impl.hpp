@@ -48,7 +48,7 @@ struct Stepper::Impl {
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
-  void take_turning_contacts_to_middle(mjData_* d);
+  void freeze_turning_contacts(mjData_* d);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
   void build_rows(mjData_* d);

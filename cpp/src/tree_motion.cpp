@@ -282,7 +282,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
   double lost = 0.0;
   const double turn =
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm());
-  const bool turns_far = turn > kFarTurn, is_braked = by_rows.from_middle || turns_far;
+  const bool turns_far = turn > kFarTurn, is_braked = by_rows.frozen_ahead || turns_far;
   if (by_rows.touched && turn > kStillTurn && (is_braked || !by_rows.trapezoidal)) {
     const bool counts = turns_far || by_rows.unpaid > kMostUnpaid * kinetic_energy(end);
     const double unpaid = counts ? by_rows.unpaid : 0.0;

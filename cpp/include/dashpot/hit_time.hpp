@@ -1,4 +1,4 @@
-// When within a step the force of a hit acts.
+// What is a hit, and when within a step its force acts.
 //
 // A body that comes with the closing speed c upon an undamped spring of the frequency
 // omega = sqrt(k w), which it has compressed by x, swings through the phase
@@ -21,6 +21,9 @@ struct mjModel_;
 
 namespace dashpot {
 
+// Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
+// is more than smooth forces, or the turn of its geometry, make in two steps.
+inline constexpr double kHitSpeed = 0.05;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the
 // step. Longer ones go by the geometry of every step, whose errors are of second order.
 inline constexpr double kShortHit = 3.14159265358979323846;

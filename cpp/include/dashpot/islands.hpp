@@ -64,9 +64,6 @@ struct Island {
   bool has_few_groups() const { return group_count() <= kFewGroups; }
 };
 
-// Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
-// is more than smooth forces make in two steps.
-inline constexpr double kHitSpeed = 0.05;
 // Fills in what is hit, and lone pairs, in `data`: of islands of few groups contacts and limits
 // that touch in a step of `step` (s) and are hit, or fly off.
 void find_hits(const Rows& rows, const std::vector<Island>& islands,

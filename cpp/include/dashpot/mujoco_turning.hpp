@@ -53,9 +53,9 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 // tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
 // `faces` are kept from step to step. Contacts without a counterpart
 // in the middle stay as they are.
-void take_to_middle(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                    const double* motion, FaceBuffers& faces, Workplaces& workplaces,
-                    const HitFrequency& frequency, std::vector<ContactInput>& contacts,
-                    std::vector<double>& taken, Team& team);
+void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
+                     std::vector<double>& taken, Team& team);
 
 }  // namespace dashpot::host

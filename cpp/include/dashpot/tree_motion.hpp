@@ -34,7 +34,7 @@ struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
   bool held = false;     // so did rows that have a position, which dry friction has not
-  bool from_middle =
+  bool frozen_ahead =
       false;  // in the geometry of a time within the part, its middle or that of a hit
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for

@@ -1,4 +1,4 @@
-// The contacts of a pair of geoms in the middle of a step, and which of those at its start they
+// The contacts of a pair of geoms at a time within a step, and which of those at its start they
 // continue. Part of the mujoco_host room.
 
 #pragma once
@@ -14,8 +14,8 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// A contact that the collision of a pair finds in the middle, and its place on the two geoms.
-struct MiddleContact {
+// A contact that the collision of a pair finds then, and its place on the two geoms.
+struct SeenContact {
   mjtNum distance, position[3], normal[3];
   mjtNum local_normal[2][3];  // in the frames of the geoms
   std::array<double, 3> local[2];
@@ -24,33 +24,33 @@ struct MiddleContact {
 
 // Squared distance (m^2) of the places of two contacts on the geom on which they are nearer: on a
 // wheel, the place as it turns with it, or stays.
-double squared_distance(const ContactInput& start, const MiddleContact& middle);
+double squared_distance(const ContactInput& start, const SeenContact& seen);
 
 // All of a pair.
-class MiddleContacts {
+class SeenContacts {
  public:
-  explicit MiddleContacts(const ContactMotion& motion) : motion_(motion) {}
+  // In a step of `length` (s).
+  SeenContacts(const ContactMotion& motion, double length) : motion_(motion), length_(length) {}
 
   // Asks for collision with the geoms where they are after `time` (s), out to the distance `reach`
   // (m). The poses in `d` are those of the start again afterwards.
   void find(mjModel* m, mjData* d, double time, double reach, FaceBuffers& faces);
 
   // The nearest that may continue a contact of the start, null if none may.
-  const MiddleContact* continuation(const ContactInput& contact) const;
+  const SeenContact* continuation(const ContactInput& contact) const;
   // Of the contacts of the start from `first` to `last` the nearest that it may continue.
-  ContactInput* start_of(const MiddleContact& middle, ContactInput* first,
-                         ContactInput* last) const;
+  ContactInput* start_of(const SeenContact& seen, ContactInput* first, ContactInput* last) const;
 
-  // Rotation of the first geom in the middle, row-major, local to world.
+  // Rotation of the first geom then, row-major, local to world.
   const mjtNum* rotation() const { return rotation_; }
 
  private:
-  double distance_of(const ContactInput& contact, const MiddleContact& middle) const;
-  bool is_across_groove(const ContactInput& contact, const MiddleContact& middle) const;
+  double distance_of(const ContactInput& contact, const SeenContact& seen) const;
+  bool is_across_groove(const ContactInput& contact, const SeenContact& seen) const;
 
   const ContactMotion& motion_;
-  double step_ = 0.0;  // s, twice the time that leads to the middle
-  std::array<MiddleContact, mjMAXCONPAIR> contact_;
+  double length_;
+  std::array<SeenContact, mjMAXCONPAIR> contact_;
   int count_ = 0;
   mjtNum rotation_[9]{};
 };
