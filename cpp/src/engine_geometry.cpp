@@ -38,8 +38,8 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   if (shorten(part.length, parts)) ++cuts;
 }
 
-// The inertia of a free body goes there too, unless constraints hold it, which are those of the
-// start.
+// Contacts of bodies that turn are frozen where their forces act. The inertia of a free body goes
+// there too, unless constraints hold it, which are those of the start.
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   const auto frequency = [this](const ContactInput& contact, double inverse_mass) {

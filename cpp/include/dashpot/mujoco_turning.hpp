@@ -51,8 +51,8 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 // hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from
 // where its centre of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by
 // tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
-// `faces` are kept from step to step. Contacts without a counterpart
-// in the middle stay as they are.
+// `frequency` is asked of contacts that may be hit. `faces` are kept from step to step. Contacts
+// without a counterpart then stay as they are.
 void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
                      const double* motion, FaceBuffers& faces, Workplaces& workplaces,
                      const HitFrequency& frequency, std::vector<ContactInput>& contacts,

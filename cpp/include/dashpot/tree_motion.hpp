@@ -34,8 +34,8 @@ struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
   bool held = false;     // so did rows that have a position, which dry friction has not
-  bool frozen_ahead =
-      false;  // in the geometry of a time within the part, its middle or that of a hit
+  // In the geometry of a time within the part, its middle or that of a hit.
+  bool frozen_ahead = false;
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
