@@ -1,5 +1,7 @@
 """Edits of the engine's model between steps."""
 
+import operator
+
 import mujoco
 import numpy as np
 import pytest
@@ -123,6 +125,48 @@ def test_masses_and_sizes_that_are_none_name_what_has_them(field, entry, value, 
     with pytest.raises(ValueError, match=message):
         engine.step(data)
     assert np.array_equal(data.qpos, before)
+
+
+HELD = """<mujoco><worldbody>
+  <body name="box"><joint name="slide" type="slide" range="-1 1" limited="true"/>
+    <geom name="crate" size=".1"/></body>
+  <body name="ball" pos="1 0 0"><freejoint/><geom size=".1"/></body></worldbody>
+<equality><weld name="glue" body1="box" body2="ball"/></equality></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("field", "entry", "message"),
+    [
+        ("body_pos", (2, 1), "model.body_pos of body 'ball' holds nan; it must be finite"),
+        ("body_quat", (1, 0), "model.body_quat of body 'box' holds nan; it must be finite"),
+        ("geom_pos", (0, 2), "model.geom_pos of geom 'crate' holds nan; it must be finite"),
+        ("geom_quat", (0, 3), "model.geom_quat of geom 'crate' holds nan; it must be finite"),
+        ("eq_data", (0, 4), "model.eq_data of equality 'glue' holds nan; it must be finite"),
+        ("jnt_range", (0, 1), "model.jnt_range of joint 'slide' holds nan; it must be a number"),
+        ("opt.gravity", 2, "model.opt.gravity holds nan; it must be finite"),
+        ("opt.wind", 0, "model.opt.wind holds nan; it must be finite"),
+    ],
+)
+def test_what_is_no_number_is_named(field, entry, message):
+    engine = Engine(mujoco.MjModel.from_xml_string(HELD))
+    data = engine.make_data()
+    engine.step(data)
+    before = data.qpos.copy()
+    operator.attrgetter(field)(engine.model)[entry] = np.nan
+    with pytest.raises(ValueError, match=message):
+        engine.step(data)
+    assert np.array_equal(data.qpos, before)
+    with pytest.raises(ValueError, match=message):
+        Engine(engine.model)
+
+
+@pytest.mark.parametrize("field", ["density", "viscosity"])
+def test_a_medium_that_is_none_is_named(field):
+    engine = Engine(mujoco.MjModel.from_xml_string(HELD))
+    data = engine.make_data()
+    setattr(engine.model.opt, field, np.inf)
+    with pytest.raises(ValueError, match=f"model.opt.{field} holds inf; it must be finite"):
+        engine.step(data)
 
 
 CUBE = " ".join(f"{x} {y} {z}" for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (-0.1, 0.1))

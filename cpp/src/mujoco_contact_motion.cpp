@@ -10,6 +10,17 @@
 
 namespace dashpot::host {
 
+namespace {
+
+// Cosine of the angle of a normal to a cylinder's axis up to which it is one of its side.
+constexpr double kOnSide = 1e-6;
+
+bool is_round_all_over(int type) {
+  return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
+}
+
+}  // namespace
+
 bool has_corners(const mjModel* m, int geom) {
   const int type = m->geom_type[geom];
   return type == mjGEOM_PLANE || type == mjGEOM_BOX || type == mjGEOM_MESH;
@@ -53,10 +64,12 @@ bool ContactMotion::is_free_ball(int side) const {
 }
 
 bool ContactMotion::are_round() const {
-  return std::all_of(side_.begin(), side_.end(), [&](const Side& side) {
-    const int type = model_->geom_type[side.geom];
-    return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
-  });
+  return is_round_all_over(geom_type(0)) && is_round_all_over(geom_type(1));
+}
+
+bool ContactMotion::is_round_along(int side, const mjtNum* local) const {
+  const int type = geom_type(side);
+  return is_round_all_over(type) || (type == mjGEOM_CYLINDER && std::abs(local[2]) < kOnSide);
 }
 
 int ContactMotion::side_with_faces() const {

@@ -3,11 +3,11 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_constraints.hpp"
+#include "dashpot/mujoco_model_checks.hpp"
 #include "dashpot/mujoco_names.hpp"
 #include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/mujoco_trees.hpp"
@@ -220,68 +220,11 @@ void report_constraints(const mjModel* m, Report& report) {
                  "pulls along the normals of the contacts at the start of a step");
 }
 
-// `each` coefficients for each of `count` objects.
-void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* friction,
-                    mjtSize count, int each) {
-  for (int i = 0; i < each * count; ++i)
-    if (!(std::isfinite(friction[i]) && friction[i] >= 0.0))
-      throw std::invalid_argument("model." + std::string(kind) + "_friction of " + kind + " " +
-                                  named(m, type, i / each) + " holds " +
-                                  std::to_string(friction[i]) + "; it must be finite and >= 0");
-}
-
-void check_sizes(const mjModel* m) {
-  for (int i = 0; i < 3 * m->ngeom; ++i)
-    if (!(std::isfinite(m->geom_size[i]) && m->geom_size[i] >= 0.0))
-      throw std::invalid_argument("model.geom_size of geom " + named(m, mjOBJ_GEOM, i / 3) +
-                                  " holds " + std::to_string(m->geom_size[i]) +
-                                  "; it must be finite and >= 0");
-}
-
-// MuJoCo stops the process, or writes beyond its rows, at others.
-void check_condim(const mjModel* m, const char* field, int type, const int* condim, mjtSize count) {
-  for (int i = 0; i < count; ++i)
-    if (condim[i] != 1 && condim[i] != 3 && condim[i] != 4 && condim[i] != 6)
-      throw std::invalid_argument("model." + std::string(field) + " of " + named(m, type, i) +
-                                  " is " + std::to_string(condim[i]) + "; it must be 1, 3, 4 or 6");
-}
-
-void check_condim(const mjModel* m) {
-  check_condim(m, "geom_condim", mjOBJ_GEOM, m->geom_condim, m->ngeom);
-  check_condim(m, "pair_dim", mjOBJ_PAIR, m->pair_dim, m->npair);
-  check_condim(m, "flex_condim", mjOBJ_FLEX, m->flex_condim, m->nflex);
-}
-
-void check_friction(const mjModel* m) {
-  check_friction(m, "geom", mjOBJ_GEOM, m->geom_friction, m->ngeom, 3);
-  check_friction(m, "pair", mjOBJ_PAIR, m->pair_friction, m->npair, 5);
-  check_friction(m, "flex", mjOBJ_FLEX, m->flex_friction, m->nflex, 3);
-}
-
-void check_heights(const mjModel* m) {
-  for (int field = 0; field < m->nhfield; ++field) {
-    const int columns = m->hfield_ncol[field], count = m->hfield_nrow[field] * columns;
-    const float* const heights = m->hfield_data + m->hfield_adr[field];
-    for (int i = 0; i < count; ++i)
-      if (!std::isfinite(heights[i]))
-        throw std::invalid_argument("model.hfield_data of hfield " + named(m, mjOBJ_HFIELD, field) +
-                                    " holds " + std::to_string(heights[i]) + " in row " +
-                                    std::to_string(i / columns) + ", column " +
-                                    std::to_string(i % columns) + "; heights must be finite");
-  }
-}
-
 }  // namespace
 
 void check_options(const mjModel_* m, Law law) {
-  check_friction(m);
-  check_condim(m);
-  check_masses(m);
-  check_sizes(m);
+  check_values(m);
   const mjOption& o = m->opt;
-  if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
-    throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
-                                "; it must be finite and > 0 s");
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
   if (!is_known_integrator(m) || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
@@ -299,10 +242,7 @@ std::vector<Feature> features(const mjModel_* m, Law law) {
 }
 
 void check_supported(const mjModel_* m, Law law) {
-  check_friction(m);
-  check_condim(m);
-  check_masses(m);
-  check_sizes(m);
+  check_values(m);
   check_heights(m);
   std::string refused;
   for (const Feature& feature : features(m, law))

@@ -8,6 +8,7 @@
 
 #include "dashpot/hit_time.hpp"
 #include "dashpot/mujoco_contact_motion.hpp"
+#include "dashpot/mujoco_far_pair.hpp"
 #include "dashpot/mujoco_seen_contacts.hpp"
 #include "dashpot/mujoco_workplaces.hpp"
 
@@ -17,15 +18,9 @@ namespace {
 
 // Turn in a step (rad) up to which a pair is at rest, as kStillWay is for its way.
 constexpr double kStillTurn = 1e-5;
-// Way in a step, relative to the size of the smaller geom, up to which a pair meets where it did: a
-// ball that slides off a tile meets its edge in the middle, though it is on the next tile by then.
-// Planes have no edges; beyond, what is round is still on a face whose normal it meets, but for
-// blows, which are over or to come by then.
-constexpr double kFarWay = 0.1;
-// Cosine between the normals, in the frame of a geom, of contacts on one of its faces.
-constexpr double kOfFace = 0.999999;
-// How far, relative to the same, a contact point moves on along a rim or a surface up to the
-// middle: that of a disc that has almost come to rest runs around it faster than steps can follow.
+// How far, relative to the size of the smaller geom, a contact point moves on along a rim or a
+// surface up to the middle: that of a disc that has almost come to rest runs around it faster than
+// steps can follow.
 constexpr double kFarPoint = 0.5;
 // Part of the step within which a gap or an overlap that closes at its present rate is gone early.
 constexpr double kEarly = 0.25;
@@ -56,6 +51,7 @@ class TurningPair {
         first_(first),
         last_(last),
         motion_(m, d, step.length),
+        far_(motion_),
         found_(motion_, step.length) {}
 
   // Finds how the pair moves; whether it does, and may touch up to the middle or is hit.
@@ -64,11 +60,9 @@ class TurningPair {
     const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
     if (on_plane && motion_.is_free_ball(1)) return false;
     size_ = motion_.size();
-    const double way = motion_.way();
-    at_rest_ = motion_.turn() <= kStillTurn && way <= kStillWay * size_;
+    at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
-    is_far_ = way > kFarWay * size_ && !on_plane;
-    if (is_far_ && motion_.side_with_faces() < 0) return false;
+    if (!far_.find(data_, *first_, are_alone())) return false;
     if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
@@ -123,7 +117,8 @@ class TurningPair {
 
   // Whether a blow begins or ends early in the step, by how fast the gap changes.
   bool parts_early() const {
-    return std::abs(first_->gap) < kEarly * step_.length * std::abs(motion_.gap_rate(*first_));
+    const double rate = std::abs(motion_.gap_rate(*first_));
+    return rate >= kHitSpeed && std::abs(first_->gap) < kEarly * step_.length * rate;
   }
 
   // When a gap that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the length
@@ -187,18 +182,9 @@ class TurningPair {
     if (squared_distance(contact, *same) > far * far) return false;
     if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
       return false;
-    if (is_far_ && !stays_on_face(contact, *same)) return false;
+    if (!far_.follows(data_, contact, *same)) return false;
     then_ = seen_in(*same, contact);
     return true;
-  }
-
-  bool stays_on_face(const ContactInput& contact, const SeenContact& seen) const {
-    if (std::abs(seen.distance - contact.margin - contact.gap) > 0.5 * kFarWay * size_)
-      return false;
-    const int side = motion_.side_with_faces();
-    mjtNum normal[3];
-    mju_mulMatTVec3(normal, data_->geom_xmat + 9 * motion_.geom(side), contact.frame.data());
-    return mju_dot3(normal, seen.local_normal[side]) > kOfFace;
   }
 
   // A contact as it is seen then: each free body sees the point from where its centre of mass is at
@@ -243,9 +229,9 @@ class TurningPair {
   const Step& step_;
   ContactInput *first_, *last_;
   ContactMotion motion_;
+  FarPair far_;
   double size_ = 0.0;     // m, radius about the smaller geom
   bool at_rest_ = false;  // its geoms, on each other
-  bool is_far_ = false;   // they may come to another face up to the middle
   // What was found at a time (s), up to which the pair moves by way_ (m), and a contact then.
   double seen_at_ = 0.0, way_ = 0.0;
   SeenContacts found_;

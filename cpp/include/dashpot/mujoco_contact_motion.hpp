@@ -44,6 +44,9 @@ class ContactMotion {
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;
+  // Whether a geom is round where it touches along a unit direction of its own frame: also the side
+  // of a cylinder.
+  bool is_round_along(int side, const mjtNum* local) const;
   // Which of the two has faces, -1 where both or neither have.
   int side_with_faces() const;
   // Radius (m) about the smaller geom; planes have none.

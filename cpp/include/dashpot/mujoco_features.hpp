@@ -20,12 +20,11 @@ struct Feature {
 };
 std::vector<Feature> features(const mjModel_* m, Law law);
 
-// Throws std::invalid_argument naming every refused feature, a geom, pair or flex whose friction is
-// negative or not finite, a body whose mass or a geom whose size is, or a height of a field that is
-// not finite.
+// Throws std::invalid_argument naming every refused feature, or what check_values() and
+// check_heights() name (mujoco_model_checks.hpp).
 void check_supported(const mjModel_* m, Law law);
-// The same for options, friction, masses and sizes alone, which may be edited between steps. Also
-// requires the elliptic cone, whose row layout force reports rely on, and a positive time step.
+// The same for options and values alone, which may be edited between steps. Also requires the
+// elliptic cone, whose row layout force reports rely on.
 void check_options(const mjModel_* m, Law law);
 
 }  // namespace dashpot::host

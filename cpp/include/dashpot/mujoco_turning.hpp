@@ -12,8 +12,7 @@
 // in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
 // ContactInput::turning, without which dampers would take from every turn what the next step finds.
 //
-// What goes on far in the step may be past an edge by the middle: contacts of round shapes follow
-// that roll or slide on along one face, all others stay.
+// What goes on far in the step may be past an edge by the middle (mujoco_far_pair.hpp).
 //
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
 // where the force of that has its centre (hit_time.hpp): in the middle of the step it would do work

@@ -1,0 +1,61 @@
+#include "dashpot/mujoco_far_pair.hpp"
+
+#include <cmath>
+
+#include "dashpot/hit_time.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Way in a step, relative to the size of the smaller geom, up to which a pair meets where it did.
+constexpr double kFarWay = 0.1;
+// How far off, relative to the same, what rolls or slides along still is.
+constexpr double kNear = 0.5 * kFarWay;
+// Cosine between the normals, in the frame of a geom, of contacts on one of its faces.
+constexpr double kOfFace = 0.999999;
+
+void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local) {
+  mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);
+}
+
+}  // namespace
+
+bool FarPair::find(const mjData* d, const ContactInput& contact, bool alone) {
+  size_ = motion_.size();
+  is_far_ = motion_.geom_type(0) != mjGEOM_PLANE && motion_.way() > kFarWay * size_;
+  if (!is_far_) return true;
+  alone_ = alone;
+  mjtNum normal[2][3];
+  for (int side = 0; side < 2; ++side)
+    to_local(d, motion_.geom(side), contact.frame.data(), normal[side]);
+  on_round_ = runs_along(contact) && touches_round(normal[0], normal[1]);
+  return on_round_ || motion_.side_with_faces() >= 0;
+}
+
+bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen) const {
+  if (!is_far_) return true;
+  if (on_round_ && touches_round(seen.local_normal[0], seen.local_normal[1])) return true;
+  if (stays_on_face(d, start, seen)) return true;
+  return alone_ && start.gap <= kNear * size_ && runs_along(start);
+}
+
+// Not into or out of each other.
+bool FarPair::runs_along(const ContactInput& contact) const {
+  return std::abs(motion_.gap_rate(contact)) < kHitSpeed;
+}
+
+bool FarPair::touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const {
+  return motion_.is_round_along(0, local_normal1) && motion_.is_round_along(1, local_normal2);
+}
+
+bool FarPair::stays_on_face(const mjData* d, const ContactInput& start,
+                            const SeenContact& seen) const {
+  const int side = motion_.side_with_faces();
+  if (side < 0 || std::abs(seen.distance - start.margin - start.gap) > kNear * size_) return false;
+  mjtNum normal[3];
+  to_local(d, motion_.geom(side), start.frame.data(), normal);
+  return mju_dot3(normal, seen.local_normal[side]) > kOfFace;
+}
+
+}  // namespace dashpot::host
