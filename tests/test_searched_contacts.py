@@ -320,12 +320,13 @@ def test_coin_rolls_on_a_box_as_on_a_plane(lean_angle, timestep):
 @pytest.mark.parametrize("turn", [0.4, 1.0])  # in a step, rad
 @pytest.mark.parametrize("shape", ["cylinder", "capsule"])
 def test_round_side_rolls_fast_on_a_box(shape, turn):
-    # Half a radius further on there was another contact: three quarters were lost in 2 s.
+    # Half a radius further on there was another contact: three quarters were lost in 2 s. Shorter
+    # cylinders, of half-lengths below 0.75 radii, begin to wobble from 0.93 rad a step on.
     radius, timestep = 0.03, 0.005
     speed = turn * radius / timestep
     xml = f"""<mujoco><option timestep="{timestep}"/><worldbody>
       <geom type="box" size="50 50 0.1" pos="0 0 -0.1"/><body pos="0 0 {radius}"><freejoint/>
-        <geom type="{shape}" size="{radius} 0.02" mass="1"/></body></worldbody></mujoco>"""
+        <geom type="{shape}" size="{radius} 0.025" mass="1"/></body></worldbody></mujoco>"""
     engine = Engine(mujoco.MjModel.from_xml_string(xml))
     data = engine.make_data()
     data.qpos[3:5] = np.sqrt(0.5)
