@@ -19,19 +19,31 @@ STIFF = dashpot.Material(1e7, restitution=1.0, friction=0.0)
 THROWS = 60
 
 
-def throws(shape: str, timestep: float, material: dashpot.Material) -> np.ndarray:
+PLANE = '<geom type="plane" size="9 9 .1"/>'
+TILE = 0.15  # m
+TILES = "".join(
+    f'<geom type="box" size="{TILE / 2} {TILE / 2} .1" pos="{x * TILE} {y * TILE} -.1"/>'
+    for x in np.arange(-5.7, 7)
+    for y in np.arange(-5.8, 7)
+)
+
+
+def throws(
+    shape: str, timestep: float, material: dashpot.Material, floor: str = PLANE
+) -> np.ndarray:
     """Return what every throw gained (THROWS, 2): mechanical energy, and the ledger's total.
 
     Both over the energy above that at rest on the floor, after some three hits.
     """
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}"/><worldbody>
-        <geom name="floor" type="plane" size="9 9 .1"/>
-        <body pos="0 0 .4"><freejoint/><geom name="thrown" {SHAPES[shape]} mass="1"/></body>
+        {floor}<body pos="0 0 .4"><freejoint/><geom {SHAPES[shape]} mass="1"/></body>
         </worldbody></mujoco>"""
     )
     engine = dashpot.Engine(model)
-    engine.set_pair_material("thrown", "floor", material)
+    thrown = model.ngeom - 1
+    for geom in range(thrown):
+        engine.set_pair_material(thrown, geom, material)
     gains = []
     for seed in range(THROWS):
         data = engine.make_data()
@@ -61,6 +73,17 @@ def test_no_elastic_hit_loses_energy(shape, timestep, material):
     assert np.abs(gains[:, 0]).max() < 0.03
     assert np.abs(gains[:, 0]).mean() < 0.006
     assert np.abs(gains[:, 1]).max() < 1e-4  # what bodies lack of the work of rows is booked
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_tiles_beside_the_one_that_is_hit_take_no_energy(shape, timestep):
+    """They are found ahead: what hits was then not alone, and a third of all throws lost by it.
+
+    On seams, within millimetres, other points or sides of edges touch first, and some are lost.
+    """
+    gains = np.abs(throws(shape, timestep, RIGID, TILES)[:, 0])
+    assert np.quantile(gains, 0.8) < 0.018
 
 
 def test_the_error_of_elastic_hits_falls_with_the_step():

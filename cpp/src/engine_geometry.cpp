@@ -38,15 +38,18 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   if (shorten(part.length, parts)) ++cuts;
 }
 
+HitFrequency Stepper::Impl::hit_frequency() const {
+  return [this](const ContactInput& contact, double inverse_mass) {
+    return dashpot::hit_frequency(model, parameters, contact, inverse_mass, resolved_length());
+  };
+}
+
 // Contacts of bodies that turn are frozen where their forces act. The inertia of a free body goes
 // there too, unless constraints hold it, which are those of the start.
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  const auto frequency = [this](const ContactInput& contact, double inverse_mass) {
-    return hit_frequency(model, parameters, contact, inverse_mass, resolved_length());
-  };
   host::freeze_contacts(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
-                        detection.workplaces, frequency, contacts, turned, team);
+                        detection.workplaces, hit_frequency(), contacts, turned, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) turned[tree] = 0.0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "dashpot/group_material.hpp"
 #include "dashpot/islands.hpp"
@@ -13,6 +14,8 @@ namespace dashpot {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
+// Cosine of the angle between pushes up to which they come from one side.
+constexpr double kOneSide = 0.5;
 
 // 1 - s cot s
 double one_less_cotangent(double s) {
@@ -35,6 +38,22 @@ double centre_of_hit(double frequency, double compression, double closing_speed,
   const double phase = std::atan2(frequency * compression, closing_speed);
   const double s = 0.5 * std::min(kPi - phase, frequency * time);
   return (s + one_less_cotangent(s) / std::tan(phase + s)) / frequency;
+}
+
+double onset_in(double length, double gap, double closing_speed) {
+  if (gap <= 0.0) return 0.0;
+  return gap < length * closing_speed ? gap / closing_speed
+                                      : std::numeric_limits<double>::infinity();
+}
+
+double deepest_of_hit(double onset, double frequency) { return onset + 0.5 * kPi / frequency; }
+
+bool disturbs_hit(double onset, const std::array<double, 3>& normal,
+                  const std::array<double, 3>& normal_of_hit, double deepest) {
+  if (onset <= deepest) return true;
+  double cosine = 0.0;
+  for (int i = 0; i < 3; ++i) cosine += normal[i] * normal_of_hit[i];
+  return !std::isinf(onset) && cosine < kOneSide;
 }
 
 double hit_frequency(const mjModel_* model, const Parameters& parameters,

@@ -46,15 +46,6 @@ bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
   });
 }
 
-bool is_of_one_pair(const Island& island, const Rows& rows,
-                    const std::vector<ContactInput>& contacts) {
-  const RowGroup& first = rows.group[*island.group.first];
-  return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
-    const RowGroup& c = rows.group[index];
-    return c.kind == RowKind::kContact && contacts[c.input].is_of_pair(contacts[first.input].geom);
-  });
-}
-
 // The last bit of a quotient must not add a micro-step.
 int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - kRounding))); }
 
@@ -68,35 +59,6 @@ HitMicrosteps microsteps_of_hit(int of_step, const Options& options) {
   const double stiff_for = double(hit.count) / kMicrostepsOfHits;
   hit.stiff_for = std::min<double>(of_step, std::max(kFewestOfHits, stiff_for));
   return hit;
-}
-
-void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts,
-               const std::vector<ConstraintInput>& constraints, double step, RowData& data) {
-  // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
-  const auto is_hit = [&](const RowGroup& c, bool alone) {
-    if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
-    const double gap =
-        c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
-    double rate[kMaxRows], load[kMaxRows];
-    gather(rows, c, data.velocity.data(), rate);
-    gather(rows, c, data.smooth_acceleration.data(), load);
-    const double change = load[0] * step;
-    const double way = step * std::min(rate[0], rate[0] + 0.5 * change);
-    return gap + std::min(way, 0.0) < 0.0 &&
-           std::abs(rate[0]) > std::max(kHitSpeed, 2.0 * std::abs(change));
-  };
-  for (const Island& island : islands) {
-    const int count = island.group_count();
-    const bool alone =
-        count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
-    if (!island.has_few_groups()) continue;
-    const bool lone_pair = is_of_one_pair(island, rows, contacts);
-    for (int index : island.group) {
-      data.hit[index] = is_hit(rows.group[index], alone);
-      data.is_of_lone_pair[index] = lone_pair;
-    }
-  }
 }
 
 void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,

@@ -9,6 +9,7 @@
 #include "dashpot/hit_time.hpp"
 #include "dashpot/mujoco_contact_motion.hpp"
 #include "dashpot/mujoco_far_pair.hpp"
+#include "dashpot/mujoco_lone_pairs.hpp"
 #include "dashpot/mujoco_seen_contacts.hpp"
 #include "dashpot/mujoco_workplaces.hpp"
 
@@ -37,7 +38,7 @@ struct Step {
   const Trees& trees;
   const double* motion;  // velocities in motion coordinates
   const HitFrequency& frequency;
-  const std::vector<int>& pairs;  // by tree: how many may touch it
+  const LonePairs& pairs;
 };
 
 // The contacts of two geoms over a step.
@@ -62,7 +63,7 @@ class TurningPair {
     size_ = motion_.size();
     at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
-    if (!far_.find(data_, *first_, are_alone())) return false;
+    if (!far_.find(data_, *first_, step_.pairs.is_alone(*first_, step_.length))) return false;
     if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
@@ -134,18 +135,12 @@ class TurningPair {
   double hit_frequency(const ContactInput& contact) const {
     const double rate = motion_.gap_rate(contact);
     if (std::abs(rate) < kHitSpeed || onset(contact, -rate, 0.0) == step_.length) return 0.0;
-    if (!are_alone()) return 0.0;
     const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
     if (inverse_mass == 0.0) return 0.0;
     const double frequency = step_.frequency(contact, inverse_mass);
-    return frequency * step_.length < kShortHit ? 0.0 : frequency;
-  }
-
-  // Whether nothing else may touch the two, so that what they swing on is the spring between them:
-  // a light body between others is pressed for as long as those come together.
-  bool are_alone() const {
-    return std::all_of(first_->tree.begin(), first_->tree.end(),
-                       [&](int tree) { return tree < 0 || step_.pairs[tree] == 1; });
+    if (frequency * step_.length < kShortHit) return 0.0;
+    const double deepest = deepest_of_hit(onset(contact, -rate, 0.0), frequency);
+    return step_.pairs.is_alone(contact, deepest) ? frequency : 0.0;
   }
 
   // When the force of a hit acts, whose gap has an acceleration (m/s^2): elsewhere it does work on
@@ -248,11 +243,8 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
-  thread_local std::vector<int> pairs;  // kept by the thread: no allocation in a step
-  pairs.assign(trees.tree.size(), 0);
-  for (int i = 0; i < count; ++i)
-    for (int tree : contacts[i].tree)
-      if (tree >= 0) pairs[tree] += begins_pair(i);
+  thread_local LonePairs pairs;  // kept by the thread: no allocation in a step
+  pairs.find(m, d, length, trees, motion, contacts);
   const Step step{length, trees, motion, frequency, pairs};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {

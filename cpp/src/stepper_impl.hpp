@@ -12,7 +12,9 @@
 #include "dashpot/engine.hpp"
 #include "dashpot/flight_contacts.hpp"
 #include "dashpot/held_stages.hpp"
+#include "dashpot/hit_time.hpp"
 #include "dashpot/impact.hpp"
+#include "dashpot/island_hits.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/knock_on.hpp"
 #include "dashpot/leapfrog.hpp"
@@ -65,6 +67,7 @@ struct Stepper::Impl {
 
   bool is_rough(const host::StepParts& parts) const;
   double resolved_length() const;
+  HitFrequency hit_frequency() const;
   bool shorten(double shorter, host::StepParts& parts);
   void find_touched_trees();
   void find_unpaid(mjData_* d);

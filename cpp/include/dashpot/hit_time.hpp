@@ -14,12 +14,18 @@
 
 #pragma once
 
+#include <array>
+#include <functional>
+
 #include "dashpot/parameters.hpp"
 #include "dashpot/rows.hpp"
 
 struct mjModel_;
 
 namespace dashpot {
+
+// sqrt(k w) (rad/s) of a contact of the apparent inverse mass w (1/kg).
+using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
 // is more than smooth forces, or the turn of its geometry, make in two steps.
@@ -32,6 +38,19 @@ inline constexpr double kShortHit = 3.14159265358979323846;
 // `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
 // not 0 where `compression` is).
 double centre_of_hit(double frequency, double compression, double closing_speed, double time);
+
+// When a gap (m) that closes at a speed (m/s) is closed: 0 if it is, infinite if it is not within
+// `length` (s).
+double onset_in(double length, double gap, double closing_speed);
+
+// When a hit that begins at `onset` (s) is at its deepest: a quarter of a period later.
+double deepest_of_hit(double onset, double frequency);
+
+// Whether a contact that begins at `onset` (s, infinite if not in the step) touches a body that
+// another one hits, deepest at `deepest` (s): before that, or from another side. What comes later
+// from the same side finds that the body has turned back. Normals out of what pushes the body.
+bool disturbs_hit(double onset, const std::array<double, 3>& normal,
+                  const std::array<double, 3>& normal_of_hit, double deepest);
 
 // sqrt(k w) (rad/s) that a contact of the apparent inverse mass w (1/kg) will have where stiffness
 // is resolved for a step of `length` (s): of a rigid one what micro-steps resolve of a contact

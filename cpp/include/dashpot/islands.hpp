@@ -29,14 +29,14 @@ inline constexpr int kMinimumMicrosteps = 13;
 // Rigid contacts last some three micro-steps when they are hit, too few for what friction and other
 // contacts do meanwhile: a foot that came down off-centre rebounded along the floor. An island of
 // few groups that is hit takes so many times as many micro-steps with "auto", at most
-// max_microsteps, and its rigid rows get no stiffer for it. Where two geoms hit each other alone
+// max_microsteps, and its rigid rows get no stiffer for it. Where two bodies hit each other alone
 // they are only as stiff as a third of its micro-steps resolves, but at least kFewestOfHits.
 inline constexpr int kMicrostepsOfHits = 3;
 inline constexpr double kFewestOfHits = 4.0;  // a hit then lasts two thirds of the step
 inline constexpr int kFewGroups = 24;         // of an island
 
 // Of an island that is hit and would take `of_step` micro-steps otherwise: how many it takes, and
-// how many longer ones its rigid rows are as stiff for if two geoms hit each other alone.
+// how many longer ones its rigid rows are as stiff for if two bodies hit each other alone.
 struct HitMicrosteps {
   int count = 0;
   double stiff_for = 0.0;
@@ -63,12 +63,6 @@ struct Island {
   int group_count() const { return static_cast<int>(group.last - group.first); }
   bool has_few_groups() const { return group_count() <= kFewGroups; }
 };
-
-// Fills in what is hit, and lone pairs, in `data`: of islands of few groups contacts and limits
-// that touch in a step of `step` (s) and are hit, or fly off.
-void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts,
-               const std::vector<ConstraintInput>& constraints, double step, RowData& data);
 
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.
 class Islands {

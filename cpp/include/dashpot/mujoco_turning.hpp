@@ -28,9 +28,9 @@
 
 #pragma once
 
-#include <functional>
 #include <vector>
 
+#include "dashpot/hit_time.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/team.hpp"
 #include "dashpot/trees.hpp"
@@ -42,9 +42,6 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 class Workplaces;
-
-// sqrt(k w) (rad/s) of a contact of the apparent inverse mass w (1/kg).
-using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
 
 // Takes contacts of bodies that touch and turn to the middle of a step of `length` (s), or of the
 // hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from

@@ -1,0 +1,46 @@
+// Which pairs of geoms hit each other alone in a step. Part of the mujoco_host room.
+//
+// Contacts are found ahead, as far as bodies go in the step by any path: of a corner that falls on
+// one tile of a floor those with the tiles beside it, too. Other pairs matter to a hit only if
+// their gap closes at the rate that it has, before the hit is at its deepest, or from another side:
+// what comes later from the same side is met by a body that has turned back. A light body between
+// two heavy ones is pressed for as long as those come together.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/rows.hpp"
+#include "dashpot/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Keeps its arrays from step to step.
+class LonePairs {
+ public:
+  // Of a step of `length` (s). `motion`: velocities in motion coordinates; contacts of a pair
+  // follow each other.
+  void find(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
+            const double* motion, const std::vector<ContactInput>& contacts);
+
+  // Whether nothing else touches the two trees of a contact whose hit is deepest at `deepest` (s).
+  bool is_alone(const ContactInput& contact, double deepest) const;
+
+ private:
+  // A pair of geoms, when its first gap closes (s, infinite if none does in the step), and the next
+  // pair of either tree.
+  struct Pair {
+    std::array<int, 2> geom, tree, next{-1, -1};
+    std::array<double, 3> normal;  // from the first geom to the second
+    double onset;
+  };
+
+  std::vector<Pair> pairs_;
+  std::vector<int> first_of_tree_;
+};
+
+}  // namespace dashpot::host
