@@ -303,7 +303,15 @@ def test_a_geom_at_no_place_is_named(ground: str) -> None:
     engine = ball(ground)
     data = engine.make_data()
     engine.model.geom("ground").pos[0] = np.nan
-    with pytest.raises(RuntimeError, match="geom 'ground' has no finite place"):
+    with pytest.raises(ValueError, match="geom_pos of geom 'ground' holds nan"):
+        engine.step(data)
+
+
+def test_a_margin_that_is_no_number_is_named() -> None:
+    engine = ball('<geom name="ground" type="box" size="1 1 .1" pos="0 0 -.1"/>')
+    data = engine.make_data()
+    engine.model.geom("ground").margin = np.nan
+    with pytest.raises(RuntimeError, match=r"geom 'ground' has no finite place.*margin"):
         engine.step(data)
 
 

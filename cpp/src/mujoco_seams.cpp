@@ -65,7 +65,7 @@ class Seams {
     buffers.next.resize(2 * contacts.size());
     for (size_t i = 0; i < contacts.size(); ++i)
       for (int side = 0; side < 2; ++side)
-        if (!contacts[i].is_of_flex() && contacts[i].gap <= tolerance(contacts[i])) {
+        if (bears(contacts[i])) {
           int& first = buffers.first[body_of(contacts[i], side)];
           buffers.next[2 * i + side] = first;
           first = static_cast<int>(2 * i + side);
@@ -75,6 +75,18 @@ class Seams {
   double tolerance(const ContactInput& contact) const {
     const double radius = contact_radius(m_, contact);
     return std::isinf(radius) ? 0.0 : kTolerance * radius;
+  }
+
+  // Whether a body rests on something by a contact, or comes near it in the step.
+  bool bears(const ContactInput& contact) const {
+    return !contact.is_of_flex() &&
+           contact.gap <= std::max(tolerance(contact),
+                                   start_reach_[contact.geom[0]] + start_reach_[contact.geom[1]]);
+  }
+
+  // Speed (m/s) at which a gap closes, or an overlap grows.
+  double closing(const ContactInput& contact) const {
+    return std::max(0.0, -contact_velocity(m_, d_, contact)[0]);
   }
 
   // The contact that a round geom has in the place of this one, but deeper, with another geom of
@@ -98,8 +110,6 @@ class Seams {
   bool is_at_seam(const ContactInput& contact) {
     const bool may_pass[2] = {may_pass_over(contact, 0), may_pass_over(contact, 1)};
     if (!may_pass[0] && !may_pass[1]) return false;
-    const double way = -m_->opt.timestep * contact_velocity(m_, d_, contact)[0];
-    if (way <= std::max(contact.gap, kMotion * contact_radius(m_, contact))) return false;
     for (int side = 0; side < 2; ++side) {
       if (!may_pass[side]) continue;
       const int body = body_of(contact, side), other = body_of(contact, 1 - side);
@@ -191,7 +201,9 @@ class Seams {
         (rest_side ? 1.0 : -1.0) * Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
     const Eigen::Map<const Eigen::Vector3d> normal(contact.frame.data());
     if ((side ? 1.0 : -1.0) * normal.dot(up) > kSameNormal) return false;
-    const double allowed = kDepths * std::max(0.0, -rest.gap) + tolerance(contact);
+    const double depth =
+        rest.gap > tolerance(rest) ? -rest.gap : kDepths * std::max(0.0, -rest.gap);
+    const double allowed = depth + tolerance(contact);
     if (-contact.gap > allowed) return false;
     // Most pairs overlap by more, as their centres tell.
     const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
@@ -201,7 +213,7 @@ class Seams {
     const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
     const double overlap = up.dot(highest - lowest);
     const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
-    return overlap + m_->opt.timestep * std::max(0.0, rate) <= allowed;
+    return overlap + m_->opt.timestep * std::max(0.0, rate - closing(rest)) <= allowed;
   }
 
   const mjModel* m_;

@@ -2,13 +2,17 @@
 //
 // A body that slides from one tile of a floor to the next is pressed into the first a hair's
 // breadth deeper than the edge of the second begins, and detection ahead finds its front about to
-// run into the second one's side. MuJoCo looks once they overlap, by far the least along the normal
-// of the floor, and lets it pass. So where a geom's body rests on something with the normal m (into
-// it), depth s deep, a contact of the geom with another one that has a face along m is left out,
-// unless its normal is m, while both overlap along m by no more than the body is pressed in:
+// run into the second one's side; so it does of what falls onto a tile beside its edge, or passes
+// low over it. MuJoCo looks once they overlap, by far the least along the normal of the floor, and
+// lets it pass, but for what falls. So where a geom's body touches something along the normal m
+// (into it), s deep or -s above it, or may in the step, a contact of the geom with another one that
+// has a face along m is left out, unless its normal is m, while both overlap along m by no more
+// than the body is pressed in, or keep apart as far:
 //
 //     o = max of m x over the other - min of m x over the geom,
-//     o + H max(0, rate at which o grows) <= 1.5 s + tolerance .
+//     o + H max(0, rate at which o grows - rate at which s does) <= s + s+ / 2 + tolerance ,
+//
+// s+ = max(0, s): what it touches ends its fall.
 //
 // What rolls over a seam is for a while in touch with the face of one tile and the edge of the
 // other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
