@@ -72,11 +72,6 @@ bool ContactMotion::is_round_along(int side, const mjtNum* local) const {
   return is_round_all_over(type) || (type == mjGEOM_CYLINDER && std::abs(local[2]) < kOnSide);
 }
 
-int ContactMotion::side_with_faces() const {
-  const bool faces[2] = {has_corners(model_, side_[0].geom), has_corners(model_, side_[1].geom)};
-  return faces[0] == faces[1] ? -1 : (faces[0] ? 0 : 1);
-}
-
 double ContactMotion::size() const {
   double least = std::numeric_limits<double>::infinity();
   for (const Side& side : side_)

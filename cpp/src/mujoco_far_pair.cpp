@@ -19,6 +19,23 @@ void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local)
   mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);
 }
 
+// Which of two geoms has the face that they touch on: what has corners, else the ground, else what
+// is touched on a flat end.
+int flatness(int type, const mjtNum* local_normal) {
+  switch (type) {
+    case mjGEOM_PLANE:
+    case mjGEOM_BOX:
+    case mjGEOM_MESH:
+      return 3;
+    case mjGEOM_HFIELD:
+      return 2;
+    case mjGEOM_CYLINDER:
+      return std::abs(local_normal[2]) > kOfFace ? 1 : 0;
+    default:
+      return 0;
+  }
+}
+
 }  // namespace
 
 bool FarPair::find(const mjData* d, const ContactInput& contact, bool alone) {
@@ -30,7 +47,10 @@ bool FarPair::find(const mjData* d, const ContactInput& contact, bool alone) {
   for (int side = 0; side < 2; ++side)
     to_local(d, motion_.geom(side), contact.frame.data(), normal[side]);
   on_round_ = runs_along(contact) && touches_round(normal[0], normal[1]);
-  return on_round_ || motion_.side_with_faces() >= 0;
+  const int flat1 = flatness(motion_.geom_type(0), normal[0]);
+  const int flat2 = flatness(motion_.geom_type(1), normal[1]);
+  side_with_face_ = flat1 == flat2 ? -1 : flat2 > flat1;
+  return on_round_ || side_with_face_ >= 0;
 }
 
 bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen) const {
@@ -51,7 +71,7 @@ bool FarPair::touches_round(const mjtNum* local_normal1, const mjtNum* local_nor
 
 bool FarPair::stays_on_face(const mjData* d, const ContactInput& start,
                             const SeenContact& seen) const {
-  const int side = motion_.side_with_faces();
+  const int side = side_with_face_;
   if (side < 0 || std::abs(seen.distance - start.margin - start.gap) > kNear * size_) return false;
   mjtNum normal[3];
   to_local(d, motion_.geom(side), start.frame.data(), normal);

@@ -31,7 +31,7 @@ void add(const GeomOnTerrain& geom, const TerrainTriangle& triangle, const Vecto
 // Halves of a cell may have one plane.
 void add_round(const GeomOnTerrain& geom, const TerrainTriangle& triangle, const Vector3d& point,
                int surface, TerrainContacts& found) {
-  if (!found.has_on_plane(triangle, point)) add(geom, triangle, point, found, surface);
+  if (!found.has_on_plane(triangle, point, surface)) add(geom, triangle, point, found, surface);
 }
 
 // A corner, over the triangle beneath it, and over one beside that rises where the corner comes
@@ -66,6 +66,22 @@ void add_vertices(const GeomOnTerrain& geom, TerrainContacts& found) {
   }
 }
 
+// Both ends of the lowest line of a cylinder's side: in a groove one for each side of that.
+void add_side(const GeomOnTerrain& geom, TerrainContacts& found) {
+  const mjtNum* const size = geom.model->geom_size + 3 * geom.id;
+  for (int end = 0; end < 2; ++end) {
+    const auto lowest = [&](const Vector3d& normal) {
+      return place_side(size[0], size[1], false, geom.pose, normal).corner[end];
+    };
+    if (const auto triangle = triangle_beneath(geom.terrain, lowest, geom.up))
+      for_each_touched(geom.terrain, *triangle, lowest, [&](const TerrainTriangle& t) {
+        add_round(geom, t, lowest(t.normal), end, found);
+      });
+    else
+      add_corner(geom, lowest(geom.up), found);
+  }
+}
+
 }  // namespace
 
 void add_own_points(const GeomOnTerrain& geom, TerrainContacts& found) {
@@ -81,7 +97,7 @@ void add_own_points(const GeomOnTerrain& geom, TerrainContacts& found) {
       break;
     case mjGEOM_CYLINDER:
       if (geom.on_side) {
-        add_corners(geom, place_side(size[0], size[1], false, geom.pose, geom.up), found);
+        add_side(geom, found);
         break;
       }
       for (double side : {-1.0, 1.0})

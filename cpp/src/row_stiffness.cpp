@@ -59,6 +59,14 @@ double damping_ratio(const RowGroup& c, const Material& material) {
   return ratio / std::sqrt(c.pressed);
 }
 
+// Of a material in SI units whose restitution is 0 the force of a hit is over in so short a time
+// that friction has to be as quick.
+double sliding_damping_ratio(const Material& material) {
+  const bool inelastic =
+      !material.rigid && material.form == DampingForm::kRestitution && material.damping == 0.0;
+  return material.tangential_damping_ratio * (inelastic ? kInelastic : 1.0);
+}
+
 // Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
 // heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `sag_time` is that of g;
 // the result is that of a.
@@ -132,8 +140,7 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
     const double k =
         i < 3 || largest == 0.0 ? tangential : tangential * sliding_inverse_mass / largest;
     rows.stiffness[n + i] = k;
-    rows.damping[n + i] =
-        w == 0.0 ? 0.0 : 2.0 * material.tangential_damping_ratio * std::sqrt(k / w);
+    rows.damping[n + i] = w == 0.0 ? 0.0 : 2.0 * sliding_damping_ratio(material) * std::sqrt(k / w);
   }
 }
 
@@ -198,7 +205,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
       as_given = as_given && fits(rows.stiffness[row] * w, sliding);
       sliding = std::min(sliding, rows.stiffness[row] * w);
     }
-    const double sliding_damping = 2.0 * material.tangential_damping_ratio * std::sqrt(sliding);
+    const double sliding_damping = 2.0 * sliding_damping_ratio(material) * std::sqrt(sliding);
     if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
     fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
   }

@@ -40,10 +40,11 @@ bool TerrainContacts::has(const Vector3d& position, const Vector3d& normal, doub
   });
 }
 
-bool TerrainContacts::has_on_plane(const TerrainTriangle& triangle, const Vector3d& point) const {
+bool TerrainContacts::has_on_plane(const TerrainTriangle& triangle, const Vector3d& point,
+                                   int surface) const {
   const double distance = triangle.height_of(point);
   return std::any_of(begin(), end(), [&](const TerrainContact& c) {
-    return c.normal.cross(triangle.normal).norm() <= kFlatBend &&
+    return c.surface == surface && c.normal.cross(triangle.normal).norm() <= kFlatBend &&
            std::abs(c.distance - distance) <= kAsDeep * radius_ &&
            (c.position - point).norm() < radius_;
   });

@@ -27,7 +27,7 @@ struct Material {
   double loaded_friction = 1.0;   // share of friction left under heavy load, in (0, 1]
   double friction_load = 10.0;    // N, > 0, where half of the loss is reached (friction.hpp)
   double tangential_ratio = 1.0;  // tangential over normal stiffness, > 0
-  double tangential_damping_ratio = 1.0;  // zeta of the friction springs, >= 0
+  double tangential_damping_ratio = 1.0;  // zeta of the friction springs, >= 0 (row_stiffness.hpp)
 };
 
 // Rules by which two materials make one contact.

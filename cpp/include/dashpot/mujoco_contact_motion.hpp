@@ -47,8 +47,6 @@ class ContactMotion {
   // Whether a geom is round where it touches along a unit direction of its own frame: also the side
   // of a cylinder.
   bool is_round_along(int side, const mjtNum* local) const;
-  // Which of the two has faces, -1 where both or neither have.
-  int side_with_faces() const;
   // Radius (m) about the smaller geom; planes have none.
   double size() const;
 

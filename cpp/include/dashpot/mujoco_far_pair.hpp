@@ -33,7 +33,8 @@ class FarPair {
 
   const ContactMotion& motion_;
   bool is_far_ = false, on_round_ = false, alone_ = false;
-  double size_ = 0.0;  // m, radius about the smaller geom
+  int side_with_face_ = -1;  // where they touch, -1 where both or neither have one
+  double size_ = 0.0;        // m, radius about the smaller geom
 };
 
 }  // namespace dashpot::host

@@ -17,8 +17,8 @@
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
 // where the force of that has its centre (hit_time.hpp): in the middle of the step it would do work
 // on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s. That
-// is known of two bodies that nothing else may touch in the step. Of others a blow between round
-// ones that begins or ends early keeps the geometry of the start.
+// is known of two bodies that hit each other alone (mujoco_lone_pairs.hpp). Of others a blow
+// between round ones that begins or ends early keeps the geometry of the start.
 //
 // Of links the axes of the joints go to the middle (mujoco_moved_axes), also where they turn above
 // a foot that stands: of its own motion the floor sees none, but a trunk that swung above it gained

@@ -44,8 +44,9 @@ class TerrainContacts {
   // Whether one that is as deep stands for one within `place` (m), of normals within `cosine`.
   bool has(const Eigen::Vector3d& position, const Eigen::Vector3d& normal, double distance,
            double place, double cosine) const;
-  // Whether one is on the plane of a triangle about a point of the geom.
-  bool has_on_plane(const TerrainTriangle& triangle, const Eigen::Vector3d& point) const;
+  // Whether one of a round surface is on the plane of a triangle about a point of the geom.
+  bool has_on_plane(const TerrainTriangle& triangle, const Eigen::Vector3d& point,
+                    int surface) const;
   double deepest() const;  // least distance (m), 0 where nothing overlaps
   // Of those of a round surface that are in one place the deepest stays; `way` (m) of the geom in
   // the step.
