@@ -6,10 +6,9 @@
 #include <atomic>
 #include <cstring>
 
-#include "dashpot/ellipsoids.hpp"
-#include "dashpot/geometry_host.hpp"
 #include "dashpot/mujoco_coming.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
+#include "dashpot/mujoco_ellipsoid_contacts.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_flat_cylinder.hpp"
 #include "dashpot/mujoco_narrowing.hpp"
@@ -36,8 +35,6 @@ constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM
 // Cosine between the normals of a face and of a contact on it.
 constexpr double kOfFace = 0.999999;
 constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search ends with
-// Cosine of the angle to the normal found beyond which ellipsoids have met elsewhere.
-constexpr double kSameNormal = 0.9;
 constexpr double kTwins =
     1e-9;  // parts of the radius between two points that are one but for rounding
 
@@ -166,21 +163,6 @@ int collide_moving(const mjModel* m, mjData* d, mjPreContact* contact, int geom1
   return room;
 }
 
-// Puts where two ellipsoids are nearest in place of what a search found.
-void meet_ellipsoids(const mjModel* m, const mjData* d, int geom1, int geom2,
-                     mjPreContact& contact) {
-  const auto half = [&](int geom) { return Eigen::Vector3d(m->geom_size + 3 * geom); };
-  const EllipsoidPair pair{half(geom1), half(geom2), unchecked_geom_pose(d, geom1),
-                           unchecked_geom_pose(d, geom2)};
-  EllipsoidContact nearest;
-  const Eigen::Vector3d found(contact.normal);
-  if (!find_contact(pair, found, nearest) || nearest.normal.dot(found) < kSameNormal) return;
-  contact.dist = nearest.distance;
-  Eigen::Map<Eigen::Vector3d>(contact.normal) = nearest.normal;
-  Eigen::Map<Eigen::Vector3d>(contact.pos) =
-      nearest.point + 0.5 * nearest.distance * nearest.normal;
-}
-
 // Ellipsoids meet in one point.
 int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                       mjtNum margin) {
@@ -190,8 +172,7 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
   };
   if (m != replaced || !face_buffers) return collide();
   const int count = in_one_point(kSearchTolerance, collide);
-  if (count > 0 && m->geom_type[geom2] == mjGEOM_ELLIPSOID)
-    meet_ellipsoids(m, d, geom1, geom2, *contact);
+  if (count > 0) improve_ellipsoid_contact(m, d, geom1, geom2, *contact);
   return count;
 }
 
