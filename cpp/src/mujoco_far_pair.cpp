@@ -38,11 +38,10 @@ int flatness(int type, const mjtNum* local_normal) {
 
 }  // namespace
 
-bool FarPair::find(const mjData* d, const ContactInput& contact, bool alone) {
+bool FarPair::find(const mjData* d, const ContactInput& contact) {
   size_ = motion_.size();
   is_far_ = motion_.geom_type(0) != mjGEOM_PLANE && motion_.way() > kFarWay * size_;
   if (!is_far_) return true;
-  alone_ = alone;
   mjtNum normal[2][3];
   for (int side = 0; side < 2; ++side)
     to_local(d, motion_.geom(side), contact.frame.data(), normal[side]);
@@ -53,11 +52,12 @@ bool FarPair::find(const mjData* d, const ContactInput& contact, bool alone) {
   return on_round_ || side_with_face_ >= 0;
 }
 
-bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen) const {
+bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
+                      const LonePairs& pairs, double length) const {
   if (!is_far_) return true;
   if (on_round_ && touches_round(seen.local_normal[0], seen.local_normal[1])) return true;
   if (stays_on_face(d, start, seen)) return true;
-  return alone_ && start.gap <= kNear * size_ && runs_along(start);
+  return start.gap <= kNear * size_ && runs_along(start) && pairs.is_alone(start, length);
 }
 
 // Not into or out of each other.

@@ -25,30 +25,29 @@ std::array<double, 3> into_side(const std::array<double, 3>& normal, int side) {
 
 }  // namespace
 
-void LonePairs::find(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
-                     const double* motion, const std::vector<ContactInput>& contacts) {
-  pairs_.clear();
-  first_of_tree_.assign(trees.tree.size(), -1);
-  ContactMotion of_pair(m, d, length);
-  for (auto first = contacts.begin(), last = first; first != contacts.end(); first = last) {
-    last = std::find_if(first, contacts.end(),
-                        [&](const ContactInput& c) { return !c.is_of_pair(first->geom); });
-    double onset = std::numeric_limits<double>::infinity();
-    if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
-        !of_pair.find(*first, trees, motion))
-      onset = 0.0;
-    else
-      for (auto c = first; c != last; ++c)
-        onset = std::min(onset, onset_in(length, c->gap, -of_pair.gap_rate(*c)));
-    Pair pair{first->geom, first->tree, {-1, -1}, {}, onset};
-    std::copy_n(first->frame.begin(), 3, pair.normal.begin());
+LonePairs::Chains& LonePairs::chains() {
+  thread_local Chains chains;
+  return chains;
+}
+
+LonePairs::LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
+                     const double* motion, const std::vector<ContactInput>& contacts)
+    : model_(m), data_(d), length_(length), trees_(trees), motion_(motion), chains_(chains()) {
+  auto& [pairs, first_of_tree] = chains();
+  pairs.clear();
+  first_of_tree.assign(trees.tree.size(), -1);
+  const ContactInput* const end = contacts.data() + contacts.size();
+  for (const ContactInput *first = contacts.data(), *last = first; first != end; first = last) {
+    last =
+        std::find_if(first, end, [&](const ContactInput& c) { return !c.is_of_pair(first->geom); });
+    Pair pair{first, last, {-1, -1}};
     for (int side = 0; side < 2; ++side) {
-      const int tree = pair.tree[side];
-      if (tree < 0 || (side == 0 && tree == pair.tree[1])) continue;
-      pair.next[side] = first_of_tree_[tree];
-      first_of_tree_[tree] = static_cast<int>(pairs_.size());
+      const int tree = first->tree[side];
+      if (tree < 0 || (side == 0 && tree == first->tree[1])) continue;
+      pair.next[side] = first_of_tree[tree];
+      first_of_tree[tree] = static_cast<int>(pairs.size());
     }
-    pairs_.push_back(pair);
+    pairs.push_back(pair);
   }
 }
 
@@ -57,17 +56,31 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
   for (int side = 0; side < 2; ++side) {
     const int tree = contact.tree[side];
     if (tree < 0) continue;
-    for (int i = first_of_tree_[tree]; i >= 0;) {
-      const Pair& pair = pairs_[i];
-      const int side_of_pair = pair.tree[1] == tree;
-      if (!joins_same(contact.tree, pair.tree) &&
-          disturbs_hit(pair.onset, into_side(pair.normal, side_of_pair), into_side(normal, side),
-                       deepest))
+    for (int i = chains_.first_of_tree[tree]; i >= 0;) {
+      const Pair& pair = chains_.pairs[i];
+      const ContactInput& other = *pair.first;
+      const int side_of_other = other.tree[1] == tree;
+      if (!joins_same(contact.tree, other.tree) &&
+          disturbs_hit(onset(pair),
+                       into_side({other.frame[0], other.frame[1], other.frame[2]}, side_of_other),
+                       into_side(normal, side), deepest))
         return false;
-      i = pair.next[side_of_pair];
+      i = pair.next[side_of_other];
     }
   }
   return true;
+}
+
+// When the first gap of a pair closes (s), infinite if none does in the step.
+double LonePairs::onset(const Pair& pair) const {
+  ContactMotion motion(model_, data_, length_);
+  if (std::any_of(pair.first, pair.last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
+      !motion.find(*pair.first, trees_, motion_))
+    return 0.0;
+  double least = std::numeric_limits<double>::infinity();
+  for (const ContactInput* c = pair.first; c != pair.last; ++c)
+    least = std::min(least, onset_in(length_, c->gap, -motion.gap_rate(*c)));
+  return least;
 }
 
 }  // namespace dashpot::host

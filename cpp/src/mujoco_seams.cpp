@@ -110,6 +110,10 @@ class Seams {
   bool is_at_seam(const ContactInput& contact) {
     const bool may_pass[2] = {may_pass_over(contact, 0), may_pass_over(contact, 1)};
     if (!may_pass[0] && !may_pass[1]) return false;
+    // What touches already does so at the rate of the start; what comes may be turned by others.
+    if (contact.gap <= 0.0 &&
+        m_->opt.timestep * closing(contact) <= kMotion * contact_radius(m_, contact))
+      return false;
     for (int side = 0; side < 2; ++side) {
       if (!may_pass[side]) continue;
       const int body = body_of(contact, side), other = body_of(contact, 1 - side);

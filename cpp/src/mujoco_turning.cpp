@@ -63,7 +63,7 @@ class TurningPair {
     size_ = motion_.size();
     at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
-    if (!far_.find(data_, *first_, step_.pairs.is_alone(*first_, step_.length))) return false;
+    if (!far_.find(data_, *first_)) return false;
     if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
@@ -177,7 +177,7 @@ class TurningPair {
     if (squared_distance(contact, *same) > far * far) return false;
     if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
       return false;
-    if (!far_.follows(data_, contact, *same)) return false;
+    if (!far_.follows(data_, contact, *same, step_.pairs, step_.length)) return false;
     then_ = seen_in(*same, contact);
     return true;
   }
@@ -243,8 +243,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
-  thread_local LonePairs pairs;  // kept by the thread: no allocation in a step
-  pairs.find(m, d, length, trees, motion, contacts);
+  const LonePairs pairs(m, d, length, trees, motion, contacts);
   const Step step{length, trees, motion, frequency, pairs};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include "dashpot/mujoco_contact_motion.hpp"
+#include "dashpot/mujoco_lone_pairs.hpp"
 #include "dashpot/mujoco_seen_contacts.hpp"
 #include "dashpot/rows.hpp"
 
@@ -19,12 +20,13 @@ class FarPair {
  public:
   explicit FarPair(const ContactMotion& motion) : motion_(motion) {}
 
-  // Of a pair whose first contact at the start is `contact`; `alone`: nothing else may touch the
-  // two. False: it goes far, and its contacts keep the geometry of the start.
-  bool find(const mjData* d, const ContactInput& contact, bool alone);
+  // Of a pair whose first contact at the start is `contact`. False: it goes far, and its contacts
+  // keep the geometry of the start.
+  bool find(const mjData* d, const ContactInput& contact);
 
-  // Whether a contact that is seen in the middle may be one of the start.
-  bool follows(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
+  // Whether a contact that is seen in the middle of a step of `length` (s) may be one of the start.
+  bool follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
+               const LonePairs& pairs, double length) const;
 
  private:
   bool runs_along(const ContactInput& contact) const;
@@ -32,7 +34,7 @@ class FarPair {
   bool stays_on_face(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
 
   const ContactMotion& motion_;
-  bool is_far_ = false, on_round_ = false, alone_ = false;
+  bool is_far_ = false, on_round_ = false;
   int side_with_face_ = -1;  // where they touch, -1 where both or neither have one
   double size_ = 0.0;        // m, radius about the smaller geom
 };

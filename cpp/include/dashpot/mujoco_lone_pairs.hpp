@@ -19,28 +19,37 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// Keeps its arrays from step to step.
+// Of one step of `length` (s). `motion`: velocities in motion coordinates. Contacts of a pair
+// follow each other, and stay where they are meanwhile.
 class LonePairs {
  public:
-  // Of a step of `length` (s). `motion`: velocities in motion coordinates; contacts of a pair
-  // follow each other.
-  void find(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
+  LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
             const double* motion, const std::vector<ContactInput>& contacts);
 
   // Whether nothing else touches the two trees of a contact whose hit is deepest at `deepest` (s).
   bool is_alone(const ContactInput& contact, double deepest) const;
 
  private:
-  // A pair of geoms, when its first gap closes (s, infinite if none does in the step), and the next
-  // pair of either tree.
+  // The contacts of a pair of geoms, and the next pair of either tree.
   struct Pair {
-    std::array<int, 2> geom, tree, next{-1, -1};
-    std::array<double, 3> normal;  // from the first geom to the second
-    double onset;
+    const ContactInput *first, *last;
+    std::array<int, 2> next;
+  };
+  // Kept by the thread from step to step: a step allocates nothing.
+  struct Chains {
+    std::vector<Pair> pairs;
+    std::vector<int> first_of_tree;
   };
 
-  std::vector<Pair> pairs_;
-  std::vector<int> first_of_tree_;
+  static Chains& chains();
+  double onset(const Pair& pair) const;
+
+  const mjModel_* model_;
+  const mjData_* data_;
+  double length_;
+  const Trees& trees_;
+  const double* motion_;
+  const Chains& chains_;
 };
 
 }  // namespace dashpot::host
