@@ -247,9 +247,11 @@ std::optional<std::array<Vector3d, 2>> edge_through(const mjModel_* m, const mjD
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count) {
   const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
-  // Of boxes MuJoCo gives all points but where it finds edges that cross.
+  // Of boxes MuJoCo gives all points but where it finds edges that cross, of a capsule on one both
+  // but where it finds one end.
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_PLANE) return 0;
-  if (type2 == mjGEOM_BOX && type1 == mjGEOM_BOX && count != 1) return 0;
+  if (type2 == mjGEOM_BOX && (type1 == mjGEOM_BOX || type1 == mjGEOM_CAPSULE) && count != 1)
+    return 0;
   if (count == 0) return 0;
   const FaceManifold faces = meet_geoms(m, d, geom1, geom2, *contact, margin, buffers);
   // A single one stays MuJoCo's, along its own normal.
