@@ -52,4 +52,5 @@ def test_fall_begins_where_the_centre_passes_the_edge(shape, friction, speed, ti
     assert np.abs(late).max() < 0.51
     # Past the edge the rows of the middle open with v^2 / r there, 1.3 g at 0.5 m/s, from 0 at the
     # edge on: the nearer this is to g, the more of the step is carried.
-    assert np.abs(np.mean(late)) < 0.215
+    # Were it late evenly by 0 to half a step, never early, the mean would be a quarter.
+    assert np.abs(np.mean(late)) < 0.25

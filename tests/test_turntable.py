@@ -42,7 +42,7 @@ def test_a_ball_circles_on_a_turntable_at_two_sevenths_of_its_rate(table, rate, 
         errors.append(np.hypot(data.qpos[1] - place[0], data.qpos[2] - place[1]))
     # Of second order in the turn in a step: an angle of (Omega H)^2 / 12 over the whole way.
     # And a micrometre for the weight that comes on in the first step.
-    assert max(errors) < 1e-6 + 0.6 * speed * 2.0 * (rate * timestep) ** 2 / 12.0
+    assert max(errors) < 1e-6 + speed * 2.0 * (rate * timestep) ** 2 / 12.0
 
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
@@ -69,7 +69,7 @@ def test_a_ball_with_an_eccentric_mass_keeps_its_energy(ground, friction):
     for _ in range(600):
         engine.step(data)
         mechanical.append(engine.energy(data).mechanical)
-    # It turns by 0.19 rad a step. On planes and boxes it gains at most 0.001 of its kinetic energy.
+    # Of second order in the turn in a step, 0.19 rad: 0.19^2 / 12. Slip takes some of it.
     assert max(mechanical) - start.mechanical < 0.003 * start.kinetic
     assert mechanical[-1] - start.mechanical > -0.02 * start.kinetic
 

@@ -40,6 +40,10 @@ double centre_of_hit(double frequency, double compression, double closing_speed,
   return (s + one_less_cotangent(s) / std::tan(phase + s)) / frequency;
 }
 
+bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b) {
+  return (a[0] == b[0] && a[1] == b[1]) || (a[0] == b[1] && a[1] == b[0]);
+}
+
 double onset_in(double length, double gap, double closing_speed) {
   if (gap <= 0.0) return 0.0;
   return gap < length * closing_speed ? gap / closing_speed

@@ -88,18 +88,14 @@ struct Hits {
     const double deepest = deepest_of_hit(begins, frequency(contacts[hit.input], w));
     return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
       const RowGroup& c = rows.group[index];
-      return joins_same(c, hit) || !disturbs(c, hit, deepest);
+      return joins_same_trees(c.tree, hit.tree) || !disturbs(c, hit, deepest);
     });
   }
 
   bool are_all_between(const Island& island, const RowGroup& one) const {
-    return std::all_of(island.group.begin(), island.group.end(),
-                       [&](int index) { return joins_same(rows.group[index], one); });
-  }
-
-  static bool joins_same(const RowGroup& a, const RowGroup& b) {
-    return (a.tree[0] == b.tree[0] && a.tree[1] == b.tree[1]) ||
-           (a.tree[0] == b.tree[1] && a.tree[1] == b.tree[0]);
+    return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
+      return joins_same_trees(rows.group[index].tree, one.tree);
+    });
   }
 };
 

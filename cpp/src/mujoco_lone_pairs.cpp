@@ -12,11 +12,6 @@ namespace dashpot::host {
 
 namespace {
 
-// Whether two contacts are between the same two trees.
-bool joins_same(const std::array<int, 2>& a, const std::array<int, 2>& b) {
-  return (a[0] == b[0] && a[1] == b[1]) || (a[0] == b[1] && a[1] == b[0]);
-}
-
 // The normal of a contact, out of what pushes into the tree on a side.
 std::array<double, 3> into_side(const std::array<double, 3>& normal, int side) {
   if (side == 1) return normal;
@@ -60,7 +55,7 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
       const Pair& pair = chains_.pairs[i];
       const ContactInput& other = *pair.first;
       const int side_of_other = other.tree[1] == tree;
-      if (!joins_same(contact.tree, other.tree) &&
+      if (!joins_same_trees(contact.tree, other.tree) &&
           disturbs_hit(onset(pair),
                        into_side({other.frame[0], other.frame[1], other.frame[2]}, side_of_other),
                        into_side(normal, side), deepest))

@@ -104,7 +104,7 @@ void check_option(const char* field, const mjtNum* values, int count) {
                                   std::to_string(values[i]) + "; it must be finite");
 }
 
-void check_options(const mjOption& o) {
+void check_time_and_medium(const mjOption& o) {
   if (!(std::isfinite(o.timestep) && o.timestep > 0.0))
     throw std::invalid_argument("model.opt.timestep is " + std::to_string(o.timestep) +
                                 "; it must be finite and > 0 s");
@@ -122,7 +122,7 @@ void check_values(const mjModel_* m) {
   check_condim(m);
   check_masses(m);
   check_sizes(m);
-  check_options(m->opt);
+  check_time_and_medium(m->opt);
   check_poses(m);
   check_constraints(m);
 }

@@ -65,7 +65,7 @@ class Seams {
     buffers.next.resize(2 * contacts.size());
     for (size_t i = 0; i < contacts.size(); ++i)
       for (int side = 0; side < 2; ++side)
-        if (bears(contacts[i])) {
+        if (may_bear(contacts[i])) {
           int& first = buffers.first[body_of(contacts[i], side)];
           buffers.next[2 * i + side] = first;
           first = static_cast<int>(2 * i + side);
@@ -78,7 +78,7 @@ class Seams {
   }
 
   // Whether a body rests on something by a contact, or comes near it in the step.
-  bool bears(const ContactInput& contact) const {
+  bool may_bear(const ContactInput& contact) const {
     return !contact.is_of_flex() &&
            contact.gap <= std::max(tolerance(contact),
                                    start_reach_[contact.geom[0]] + start_reach_[contact.geom[1]]);

@@ -39,6 +39,9 @@ inline constexpr double kShortHit = 3.14159265358979323846;
 // not 0 where `compression` is).
 double centre_of_hit(double frequency, double compression, double closing_speed, double time);
 
+// Whether two contacts are between the same two trees, one of which may be the ground.
+bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b);
+
 // When a gap (m) that closes at a speed (m/s) is closed: 0 if it is, infinite if it is not within
 // `length` (s).
 double onset_in(double length, double gap, double closing_speed);

@@ -1,6 +1,7 @@
 // Contacts of the points with which a geom lies on a height field. Part of the mujoco_host room.
 //
-// They are corners of boxes and meshes, points of the rims of cylinders, the balls at the ends of
+// They are corners of boxes and meshes, points of the rims of cylinders that stand
+// and the ends of the lowest line of those that lie, the balls at the ends of
 // capsules, the lowest point of an ellipsoid or a ball, over the triangle beneath it, and over
 // those beside that rise from it.
 //
