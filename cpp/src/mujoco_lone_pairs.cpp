@@ -35,7 +35,10 @@ LonePairs::LonePairs(const mjModel_* m, const mjData_* d, double length, const T
   for (const ContactInput *first = contacts.data(), *last = first; first != end; first = last) {
     last =
         std::find_if(first, end, [&](const ContactInput& c) { return !c.is_of_pair(first->geom); });
-    Pair pair{first, last, {-1, -1}};
+    Pair pair{first->tree,
+              {-1, -1},
+              {first->frame[0], first->frame[1], first->frame[2]},
+              onset(first, last)};
     for (int side = 0; side < 2; ++side) {
       const int tree = first->tree[side];
       if (tree < 0 || (side == 0 && tree == first->tree[1])) continue;
@@ -53,12 +56,10 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
     if (tree < 0) continue;
     for (int i = chains_.first_of_tree[tree]; i >= 0;) {
       const Pair& pair = chains_.pairs[i];
-      const ContactInput& other = *pair.first;
-      const int side_of_other = other.tree[1] == tree;
-      if (!joins_same_trees(contact.tree, other.tree) &&
-          disturbs_hit(onset(pair),
-                       into_side({other.frame[0], other.frame[1], other.frame[2]}, side_of_other),
-                       into_side(normal, side), deepest))
+      const int side_of_other = pair.tree[1] == tree;
+      if (!joins_same_trees(contact.tree, pair.tree) &&
+          disturbs_hit(pair.onset, into_side(pair.normal, side_of_other), into_side(normal, side),
+                       deepest))
         return false;
       i = pair.next[side_of_other];
     }
@@ -67,13 +68,13 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
 }
 
 // When the first gap of a pair closes (s), infinite if none does in the step.
-double LonePairs::onset(const Pair& pair) const {
+double LonePairs::onset(const ContactInput* first, const ContactInput* last) const {
   ContactMotion motion(model_, data_, length_);
-  if (std::any_of(pair.first, pair.last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
-      !motion.find(*pair.first, trees_, motion_))
+  if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
+      !motion.find(*first, trees_, motion_))
     return 0.0;
   double least = std::numeric_limits<double>::infinity();
-  for (const ContactInput* c = pair.first; c != pair.last; ++c)
+  for (const ContactInput* c = first; c != last; ++c)
     least = std::min(least, onset_in(length_, c->gap, -motion.gap_rate(*c)));
   return least;
 }

@@ -30,10 +30,11 @@ class LonePairs {
   bool is_alone(const ContactInput& contact, double deepest) const;
 
  private:
-  // The contacts of a pair of geoms, and the next pair of either tree.
+  // A pair of geoms, the next pair of either tree, its normal, and when its first gap closes.
   struct Pair {
-    const ContactInput *first, *last;
-    std::array<int, 2> next;
+    std::array<int, 2> tree, next;
+    std::array<double, 3> normal;
+    double onset;
   };
   // Kept by the thread from step to step: a step allocates nothing.
   struct Chains {
@@ -42,7 +43,7 @@ class LonePairs {
   };
 
   static Chains& chains();
-  double onset(const Pair& pair) const;
+  double onset(const ContactInput* first, const ContactInput* last) const;
 
   const mjModel_* model_;
   const mjData_* data_;
