@@ -205,10 +205,10 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   const Memory view = memory(d);
   read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
-  find_sag_times(model, rows, contacts, matches, data.velocity.data(), length, sag_time, team);
+  sag_times.find(model, rows, contacts, matches, data.velocity.data(), length, team);
   find_hits(rows, islands.all(), contacts, constraints, hit_frequency(), length, data);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
-  islands.plan(rows, motion.trees(), materials, sag_time, data, length, resolved_length(),
+  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, length, resolved_length(),
                parameters.options, team);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
               team);

@@ -132,24 +132,46 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   });
 }
 
-void find_sag_times(const mjModel_* model, const Rows& rows,
+void SagTimes::find_dry_friction(const Rows& rows) {
+  dry_friction_.clear();
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kSlider || !c.is_of_one_coordinate(0)) continue;
+    const int coordinate = rows.column[c.column];
+    if (static_cast<int>(dry_friction_.size()) <= coordinate) dry_friction_.resize(coordinate + 1);
+    dry_friction_[coordinate] = rows.friction[c.row] * std::sqrt(rows.inverse_mass[c.row]);
+  }
+}
+
+double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
+  if (dry_friction_.empty() || c.pair >= 0) return 0.0;
+  double sum = 0.0;
+  const int* const column = rows.column.data() + c.column;
+  for (int k = 0; k < c.columns[0] + c.columns[1]; ++k)
+    if (column[k] < static_cast<int>(dry_friction_.size())) sum += dry_friction_[column[k]];
+  return sum * std::sqrt(rows.inverse_mass[c.row]);
+}
+
+void SagTimes::find(const mjModel_* model, const Rows& rows,
                     const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    const double* velocity, double step, std::vector<SagTime>& sag_time,
-                    Team& team) {
+                    const double* velocity, double step, Team& team) {
   const double gravity = host::gravity(model);
-  sag_time.assign(rows.group.size(), SagTime());
-  if (gravity == 0.0) return;
+  of_group_.assign(rows.group.size(), SagTime());
+  find_dry_friction(rows);
+  if (gravity == 0.0 && dry_friction_.empty()) return;
   team.for_each(static_cast<int>(rows.group.size()), kLooksAtOnce, [&](int i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) return;
+    SagTime& time = of_group_[i];
     const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
-    sag_time[i].weight = std::sqrt(sag / gravity);
+    if (gravity > 0.0) time.weight = std::sqrt(sag / gravity);
+    if (const double held = held_acceleration(rows, c); held > 0.0)
+      time.dry_friction = std::sqrt(sag / held);
     if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
     double rate[kMaxRows];
     gather(rows, c, velocity, rate);
     if (std::abs(rate[0]) * step > kStillPart * sag) return;
     const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
-    sag_time[i].load = std::sqrt(sag / std::max(acceleration, gravity));
+    time.load = std::sqrt(sag / std::max(acceleration, gravity));
   });
 }
 

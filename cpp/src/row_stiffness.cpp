@@ -183,7 +183,9 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     if (keeps_restitution(given) && zeta > 0.0) {
       const double bearing =
           kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time.weight), 2);
-      kappa = std::min(kappa, std::max(std::pow(most_damped / (2.0 * zeta), 2), bearing));
+      const double holding = 1.0 / std::pow(sag_time.dry_friction, 2);
+      kappa =
+          std::min(kappa, std::max({std::pow(most_damped / (2.0 * zeta), 2), bearing, holding}));
     }
     delta = 2.0 * zeta * std::sqrt(kappa);
   }
@@ -218,8 +220,8 @@ double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupM
   const double sag = loaded_sag_time(rows, c, sag_time.weight);
   // h^2 <= kappa h^2 sag / a
   if (c.tree[0] >= 0 && c.tree[1] >= 0)
-    longest = std::min(
-        longest, std::max(sag, sag_time.load) * std::sqrt(stiffest_rigid(coupling.stiffness)));
+    longest = std::min(longest, std::max(std::min(sag, sag_time.dry_friction), sag_time.load) *
+                                    std::sqrt(stiffest_rigid(coupling.stiffness)));
   if (keeps_restitution(given))
     longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
   if (given.from_solref)

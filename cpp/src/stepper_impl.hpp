@@ -28,6 +28,7 @@
 #include "dashpot/pace.hpp"
 #include "dashpot/pressed_between.hpp"
 #include "dashpot/pressed_together.hpp"
+#include "dashpot/row_assembly.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/team.hpp"
@@ -108,7 +109,7 @@ struct Stepper::Impl {
   std::vector<ConstraintInput> constraints;
   std::vector<GroupMaterial> materials;  // per group
   std::vector<Match> matches;            // per group
-  std::vector<SagTime> sag_time;         // per group
+  SagTimes sag_times;
   ContactMatching matching;
   Rows rows;
   RowData data;

@@ -11,10 +11,10 @@
 // with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction, dry
 // friction too. A damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as
 // the bounds allow; for a restitution kappa gives way as far as a weight sags no further than
-// kInelasticSag. A model's own solref is a kappa and a delta, as far as the bounds allow; what they
-// leave out of a delta that is more than critical adds to kappa. A material in SI units that
-// micro-steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as far as
-// the bounds allow.
+// kInelasticSag, what dry friction holds no further than kRigidSag. A model's own solref is a kappa
+// and a delta, as far as the bounds allow; what they leave out of a delta that is more than
+// critical adds to kappa. A material in SI units that micro-steps do not resolve is rigid, no
+// stiffer than it says, and has its damping ratio as far as the bounds allow.
 
 #pragma once
 
@@ -37,11 +37,11 @@ inline constexpr double kRounding = 1.0e-12;       // relative, of quotients and
 // Whether a value is within a bound, but for the last bits.
 inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRounding); }
 
-// In which time (s) a weight, and in which the load that a contact bore in the last step, moves a
-// body by the sag that a rigid contact may have, sqrt(sag / acceleration). Infinite for groups that
-// bear no weight; 0 where no load is known.
+// In which time (s) a weight, the dry friction of joints, and the load that a contact bore in the
+// last step, move a body by the sag that a rigid contact may have, sqrt(sag / acceleration).
+// Infinite for groups that bear no weight or move no joint with friction; 0 where no load is known.
 struct SagTime {
-  double weight = std::numeric_limits<double>::infinity(), load = 0.0;
+  double weight = std::numeric_limits<double>::infinity(), dry_friction = weight, load = 0.0;
 };
 
 // Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, c, of the damping
@@ -71,8 +71,9 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& giv
                      const RigidMicrostep& microstep);
 
 // Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
-// light one and as damped as their restitution says at the stiffness that weights need. Rows of a
-// model's own solref need not be stiffer than it says.
+// light one, or for one that is driven against dry friction, and as damped as their restitution
+// says at the stiffness that weights need. Rows of a model's own solref need not be stiffer than it
+// says.
 double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
                                const RigidCoupling& coupling, const SagTime& sag_time);
 
