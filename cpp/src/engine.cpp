@@ -208,8 +208,8 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   sag_times.find(model, rows, contacts, matches, data.velocity.data(), length, team);
   find_hits(rows, islands.all(), contacts, constraints, hit_frequency(), length, data);
   pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
-  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, length, resolved_length(),
-               parameters.options, team);
+  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, length,
+               resolved_length(), parameters.options, team);
   view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
               team);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
