@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/finite.hpp"
 #include "dashpot/mujoco_names.hpp"
 #include "dashpot/mujoco_owned.hpp"
 
@@ -23,6 +24,7 @@ void check_finite(const std::string& field, double value) {
 }
 
 void check_finite(const char* field, const mjtNum* values, mjtSize count) {
+  if (are_finite(values, count)) return;
   for (mjtSize i = 0; i < count; ++i)
     if (!std::isfinite(values[i]))
       check_finite(std::string(field) + "[" + std::to_string(i) + "]", values[i]);
@@ -51,7 +53,8 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
   check_finite("act", d->act, m->na);
   check_finite("ctrl", d->ctrl, m->nu);
   check_finite("qfrc_applied", d->qfrc_applied, m->nv);
-  for (int i = 0; i < 6 * m->nbody; ++i)
+  const bool forces_are_finite = are_finite(d->xfrc_applied, 6 * m->nbody);
+  for (int i = 0; i < 6 * m->nbody && !forces_are_finite; ++i)
     if (!std::isfinite(d->xfrc_applied[i]))
       check_finite("xfrc_applied[" + std::to_string(i / 6) + ", " + std::to_string(i % 6) +
                        "] (body " + named(m, mjOBJ_BODY, i / 6) + ")",

@@ -3,23 +3,21 @@
 #include <mujoco/mujoco.h>
 
 #include <cmath>
-#include <cstdint>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/finite.hpp"
 #include "dashpot/mujoco_names.hpp"
 #include "dashpot/mujoco_simple_inertia.hpp"
 
 namespace dashpot::host {
-
-static_assert(sizeof(mjtNum) == sizeof(std::uint64_t));
 
 namespace {
 
 // `each` coefficients for each of `count` objects.
 void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* friction,
                     mjtSize count, int each) {
+  if (are_finite_and_positive(friction, each * count)) return;
   for (int i = 0; i < each * count; ++i)
     if (!(std::isfinite(friction[i]) && friction[i] >= 0.0))
       throw std::invalid_argument("model." + std::string(kind) + "_friction of " + kind + " " +
@@ -28,6 +26,7 @@ void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* 
 }
 
 void check_sizes(const mjModel* m) {
+  if (are_finite_and_positive(m->geom_size, 3 * m->ngeom)) return;
   for (int i = 0; i < 3 * m->ngeom; ++i)
     if (!(std::isfinite(m->geom_size[i]) && m->geom_size[i] >= 0.0))
       throw std::invalid_argument("model.geom_size of geom " + named(m, mjOBJ_GEOM, i / 3) +
@@ -58,18 +57,6 @@ void check_friction(const mjModel* m) {
 // Of what is stepped with as it is: not a number, or infinite where that is `allowed`.
 bool is_bad(mjtNum value, bool infinite_allowed) {
   return infinite_allowed ? std::isnan(value) : !std::isfinite(value);
-}
-
-// What is not finite has all bits of its exponent set: one pass without branches, in vectors.
-bool are_finite(const mjtNum* values, mjtSize count) {
-  constexpr std::uint64_t kExponent = 0x7ff0000000000000;
-  bool all = true;
-  for (mjtSize i = 0; i < count; ++i) {
-    std::uint64_t bits;
-    std::memcpy(&bits, values + i, sizeof bits);
-    all &= (bits & kExponent) != kExponent;
-  }
-  return all;
 }
 
 // `each` numbers for each of `count` objects.

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/finite.hpp"
 #include "dashpot/mujoco_names.hpp"
 
 namespace dashpot::host {
@@ -44,9 +45,12 @@ void check(const mjModel* m, const char* field, int body, double value, bool pos
 }  // namespace
 
 void check_masses(const mjModel_* m) {
+  const bool none_negative = are_finite_and_positive(m->body_mass, m->nbody) &&
+                             are_finite_and_positive(m->body_inertia, 3 * m->nbody);
   for (int body = 0; body < m->nbody; ++body) {
     const int dofs = m->body_dofnum[body];
     const bool simple = dofs > 0 && m->dof_simplenum[m->body_dofadr[body]] > 0;
+    if (none_negative && !simple) continue;
     check(m, "body_mass", body, m->body_mass[body], simple);
     const bool turns = simple && m->body_simple[body] == 1;
     for (int axis = 0; axis < 3; ++axis)
