@@ -18,6 +18,11 @@ constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
 constexpr double kBoost = 0.03;
+// (omega H)^2 of springs up to which velocity Verlet is bounded.
+constexpr double kResolved = 4.0;
+// Part of the second half that something else may bring than springs: what turns fast lets velocity
+// Verlet gain energy. More of it is better than no second half.
+constexpr double kRest = 0.2, kRestWithoutRoot = 0.5;
 
 }  // namespace
 
@@ -29,8 +34,21 @@ CoupledEnergy CoupledEnergy::anew() const {
   return same;
 }
 
+bool CoupledEnergy::may_be_of_springs() const { return restoring > 0.0; }
+
+bool CoupledEnergy::is_of_springs(double most_rest) const {
+  return restoring > 0.0 && restoring <= kResolved * way &&
+         rest <= most_rest * most_rest * 2.0 * square;
+}
+
 double CoupledEnergy::find_scale() const {
-  if (!by_equalities && square > kLargestHalf * kLargestHalf * kinetic) return 0.0;
+  if (is_of_springs(kRest)) return 1.0;
+  const bool too_large = !by_equalities && square > kLargestHalf * kLargestHalf * kinetic;
+  const double root = too_large ? 0.0 : find_root();
+  return root == 0.0 && is_of_springs(kRestWithoutRoot) ? 1.0 : root;
+}
+
+double CoupledEnergy::find_root() const {
   const double first = linear + damped_linear, second = square + damped_square;
   const double root = std::sqrt(first * first - 4.0 * second * (kinetic - wanted));
   const double sum = first + std::copysign(root, first);  // without cancellation
@@ -48,12 +66,11 @@ double CoupledEnergy::find_brake() const {
   return excess < -kBoost ? 0.0 : excess;
 }
 
-bool find_scales(std::vector<CoupledEnergy>& all) {
+bool give_up_drives(std::vector<CoupledEnergy>& all) {
   bool again = false;
   for (CoupledEnergy& coupled : all) {
-    if (!coupled.left_half) continue;
-    coupled.scale = coupled.find_scale();
-    if (coupled.scale != 0.0 || !coupled.follows_drives || !coupled.drives_change) continue;
+    if (!coupled.left_half || coupled.scale != 0.0) continue;
+    if (!coupled.follows_drives || !coupled.drives_change) continue;
     coupled.follows_drives = false;
     again = true;
   }

@@ -22,6 +22,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
+  still_leads_.assign(motion.tree_count(), 0);
   const double* length = memory.leading_length();
   leapfrogs_.clear();
   if (!length) return;
@@ -69,6 +70,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
         barred = true;
         stay(motion.trees().tree[tree], data.shift);
         fell_back_[tree] = 0.0;
+        still_leads_[tree] = 1;
       }
     }
   }
@@ -136,7 +138,8 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
   ahead_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
-    for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
+    const bool goes = leads_[index] && !still_leads_[index];
+    for (int i = t.begin; i < t.begin + t.dof_count && goes; ++i)
       ahead_[i] = 0.5 * length * data.velocity[i];
   }
   // None into another row.

@@ -49,7 +49,7 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 3 * held_trees + 3 * held_dofs + 2 * held_coordinates;
+  return 3 * held_trees + 4 * held_dofs + 2 * held_coordinates;
 }
 
 int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
@@ -79,7 +79,8 @@ HeldMotion Memory::held_motion() const {
   motion.weight = motion.length + layout_.held_trees;
   motion.energy = motion.weight + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
-  motion.drive = motion.displacement + layout_.held_dofs;
+  motion.potential = motion.displacement + layout_.held_dofs;
+  motion.drive = motion.potential + layout_.held_dofs;
   motion.drive_change = motion.drive + layout_.held_dofs;
   motion.acceleration = motion.drive_change + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;

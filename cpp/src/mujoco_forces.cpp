@@ -22,6 +22,17 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
   return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
 }
 
+// What an actuator's force falls by with its length.
+double servo_stiffness(const mjModel* m, const mjData* d, int actuator) {
+  if (m->actuator_biastype[actuator] != mjBIAS_AFFINE) return 0.0;
+  if (m->actuator_forcelimited[actuator]) {
+    const mjtNum force = d->actuator_force[actuator];
+    const mjtNum* range = m->actuator_forcerange + 2 * actuator;
+    if (force <= range[0] || force >= range[1]) return 0.0;
+  }
+  return -m->actuator_biasprm[mjNBIAS * actuator + 1];
+}
+
 }  // namespace
 
 double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
@@ -56,6 +67,22 @@ void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velo
   if (!takes_derivatives(m)) return add_strong_damping(m, d, velocity.data(), force.data());
   for (int i = 0; i < m->nv; ++i) force[i] += damping_force(d, i);
   add_damping(m, d, velocity.data(), force.data());
+}
+
+void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
+                   std::vector<double>& change) {
+  change.assign(m->nv, 0.0);
+  if (m->opt.disableflags & mjDSBL_ACTUATION) return;
+  for (int i = 0; i < m->nu; ++i) {
+    const double stiffness = servo_stiffness(m, d, i);
+    if (stiffness == 0.0) continue;
+    const int first = d->moment_rowadr[i], last = first + d->moment_rownnz[i];
+    double length = 0.0;
+    for (int k = first; k < last; ++k)
+      length += d->actuator_moment[k] * displacement[d->moment_colind[k]];
+    for (int k = first; k < last; ++k)
+      change[d->moment_colind[k]] -= stiffness * length * d->actuator_moment[k];
+  }
 }
 
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {

@@ -58,7 +58,10 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
                      [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
       return;
     find_energies(model, d, length, motion);
-  } while (find_scales(coupled_));
+    find_springs(model, d, memory, motion);
+    for (CoupledEnergy& coupled : coupled_)
+      if (coupled.left_half) coupled.scale = coupled.find_scale();
+  } while (give_up_drives(coupled_));
   for (size_t first = 0; first < coupled_.size(); ++first) {
     CoupledEnergy& coupled = coupled_[first];
     if (!coupled.left_half) continue;

@@ -41,6 +41,7 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+  std::copy_n(potential_.begin() + t.dof_begin, t.dof_count, now.potential + t.dof_begin);
   std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
   std::copy_n(drive_change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
   double* acceleration = now.acceleration + t.begin;

@@ -57,11 +57,12 @@ class Leapfrog {
   bool is_led(const RowGroup& group) const;  // one of its trees leads, and it has a gap
   void stop(const RowGroup& group);          // its trees from leading
 
-  std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
-  std::vector<char> leads_;      // by tree: at the end of the step
-  std::vector<char> in_time_;    // by tree: as the last step left it
-  std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
-  std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
+  std::vector<char> leapfrogs_;    // by tree: MuJoCo's integrator moves it where no row does
+  std::vector<char> leads_;        // by tree: at the end of the step
+  std::vector<char> in_time_;      // by tree: as the last step left it
+  std::vector<char> still_leads_;  // by tree: a row bars its way back
+  std::vector<char> may_lead_;     // by tree: in time, and no row bars it from going ahead
+  std::vector<char> recovers_;     // by tree: from overlap, most of which no spring holds
   std::vector<double> fell_back_;
   std::vector<double> start_gap_;                       // of the deformations of rows
   AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate

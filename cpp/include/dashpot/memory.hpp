@@ -72,6 +72,7 @@ struct HeldMotion {
   double* weight = nullptr;        // by tree: w
   double* energy = nullptr;        // by tree, J
   double* displacement = nullptr;  // over the step, by degree of freedom
+  double* potential = nullptr;     // p, by degree of freedom
   double* drive = nullptr;         // e, by degree of freedom
   double* drive_change = nullptr;  // what e had changed by since the step before, by the same
   double* acceleration = nullptr;  // a, by motion coordinate

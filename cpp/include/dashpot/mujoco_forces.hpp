@@ -25,6 +25,11 @@ void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& fo
 // step. At the start of a step from `velocity`.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
+// What the forces of actuators (nv) change by, to first order, because joints move by a
+// `displacement` (nv): those of servos, whose bias is affine in the actuator's length, where their
+// force is not at the end of its range.
+void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
+                   std::vector<double>& change);
 // M x in generalized coordinates (nv), with the inertia last computed.
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
 

@@ -99,6 +99,9 @@ class Trapezoid {
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
                      const TreeMotion& motion);
+  // What tells whether springs and drives alone bring the second half.
+  void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
+                    const TreeMotion& motion);
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
@@ -119,6 +122,9 @@ class Trapezoid {
   // By the same: e of this step, its change since the last one, loads for what it goes on by;
   // forces that have a potential, of trees that rows may hold.
   std::vector<double> drive_, drive_change_, load_, potential_;
+  std::vector<double> servo_change_;  // by the same: of drive_, because joints moved
+  std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
+  std::vector<double> spring_half_;   // of one tree, by motion coordinate
 };
 
 }  // namespace dashpot
