@@ -188,6 +188,30 @@ def test_arm_pressing_on_a_table(timestep, integrator):
     np.testing.assert_allclose(generalised, data.qfrc_constraint, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("tilt", [5e-6, -5e-6])
+@pytest.mark.parametrize("gap", [1e-12, 1e-8])
+def test_links_that_turn_just_above_a_floor_go_on(gap, tilt):
+    """A contact that no joint can close stops nothing, however its normal speed is rounded."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+        <geom type="plane" size="1 1 .1"/>
+        <body pos="0 0 {0.05 + gap}" euler="{np.degrees(tilt)} 0 0"><joint axis="0 0 1"/>
+          <geom size=".01" mass=".1" pos=".1 0 .1" contype="0" conaffinity="0"/>
+          <body pos=".2 0 0"><joint axis="0 0 1"/><geom size=".05" pos=".2 0 0" mass="1"/></body>
+        </body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    ours, theirs = engine.make_data(), mujoco.MjData(model)
+    ours.qvel[:] = theirs.qvel[:] = [3.0, -2.0]
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    for _ in range(20):
+        engine.step(ours)
+        mujoco.mj_step(model, theirs)
+    # In contact positions are those of the time, and no longer lead by half a step.
+    half_a_step = 0.5 * model.opt.timestep * np.abs(theirs.qvel).max()
+    np.testing.assert_allclose(ours.qpos, theirs.qpos, atol=half_a_step)
+
+
 def test_pushed_cart_feels_contact_through_its_mechanism():
     """A cart pushed into a ball by a constant force: both accelerate at F / (m1 + m2)."""
     xml = """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>

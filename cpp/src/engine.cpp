@@ -224,6 +224,7 @@ double Stepper::Impl::resolved_length() const {
 
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data, team);
+  velocity_before = data.velocity;
   microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed, length,
                  data, team);
   check_velocities();

@@ -32,12 +32,12 @@ void Stepper::Impl::find_touched_trees() {
 
 // Where the semi-implicit update would take a tree into an overlap that its motion does not have,
 // it takes the motion of the micro-steps: otherwise a tree at rest is thrown back by the recovery
-// of that overlap, step after step.
+// of that overlap, step after step. No micro-steps move what only groups of no island reach.
 bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
-  if (parameters.options.law == Law::kComFree) return false;
+  if (parameters.options.law == Law::kComFree || !c.can_be_loaded) return false;
   const double gap =
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
-  return overlaps_semi_implicitly(rows, c, gap, data.start_motion.data(),
+  return overlaps_semi_implicitly(rows, c, gap, velocity_before.data(),
                                   data.smooth_acceleration.data(), length);
 }
 

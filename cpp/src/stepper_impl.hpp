@@ -113,6 +113,7 @@ struct Stepper::Impl {
   ContactMatching matching;
   Rows rows;
   RowData data;
+  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   PressedTogether pressed_together;
   PressedBetween pressed_between;
   Islands islands;
