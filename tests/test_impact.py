@@ -188,6 +188,34 @@ def test_a_struck_body_does_not_pass_what_lies_behind_it():
         assert data.qpos[9] > data.qpos[2]
 
 
+@pytest.mark.parametrize("other", [0.45, 0.51])
+def test_a_link_that_turns_far_hides_no_impact(other):
+    """It cuts the step, too: what is proven apart for its parts is not for all of the step."""
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody>
+        <geom type="box" size=".005 5 .5" friction="0"/>
+        <geom type="box" size=".005 1 .5" pos="0 20 0" friction="0"/>
+        <body pos="-.1 -1 0"><freejoint/><geom size=".01" mass=".1" friction="0"/></body>
+        <body pos="{-0.015 - other} 20 0"><freejoint/>
+          <geom size=".01" mass=".1" friction="0"/></body>
+        <body pos="0 9 0"><joint name="link" axis="0 0 1"/>
+          <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01" mass=".1" contype="0"
+            conaffinity="0"/></body></worldbody>
+        <actuator><motor joint="link"/></actuator></mujoco>"""
+    )
+    engine = dashpot.Engine(model, impact="cut")
+    results = []
+    for control in (0.0, 20.0):
+        data = engine.make_data()
+        data.qvel[[0, 1, 6]] = 20.0, 100.0, 100.0
+        data.ctrl[0] = control
+        engine.step(data)
+        results.append(data.qpos[[0, 7]].copy())
+    # The parts are others, and with them the micro-steps of hits: they last 10 us more or less.
+    difference = np.abs(results[1] - results[0])
+    assert (difference < 1e-5 * np.array([20.0, 100.0])).all()
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_a_struck_body_hits_what_it_had_been_proven_apart_from(seed):
     """One ball strikes another towards a plate, from which it kept away at first."""

@@ -85,7 +85,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   int taken = 0;
   whole = parts.whole();
   for (double remaining = whole; remaining > 0.0; remaining -= length) {
-    length = remaining;
+    length = rest = remaining;
     if (parts.cut()) parts.set_length(length);
     advance(d, parts, mocap);
     parts.end_part();

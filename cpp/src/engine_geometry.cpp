@@ -33,7 +33,7 @@ bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, parts.whole(), length, kMaxCuts - cuts, proven_apart);
+                            contacts, parts.whole(), rest, length, kMaxCuts - cuts, proven_apart);
   drop_pairs(part.apart, contacts);
   if (shorten(part.length, parts)) ++cuts;
 }

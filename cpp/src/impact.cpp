@@ -24,15 +24,16 @@ class ImpactSearch {
   ImpactSearch(const mjModel_* model, const mjData_* data, double remaining, FastPairs& fast)
       : model_(model), data_(data), remaining_(remaining), fast_(fast), pairs_(fast.pairs) {}
 
-  // Undisturbed pairs that an earlier part has proven apart need no look before that time.
-  void recall(const ProvenApart& proven) {
+  // Undisturbed pairs that an earlier part has proven apart need no look before that time. `rest`
+  // (s): of the step, which the part may end before.
+  void recall(const ProvenApart& proven, double rest) {
     for (FastPair& pair : pairs_)
-      if (pair.flies) pair.clear = proven.time_left(pair.geoms(), remaining_);
+      if (pair.flies) pair.clear = std::min(remaining_, proven.time_left(pair.geoms(), rest));
   }
-  void remember(ProvenApart& proven) const {
+  void remember(ProvenApart& proven, double rest) const {
     for (const FastPair& pair : pairs_)
       if (pair.flies && pair.apart)
-        proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, remaining_ - pair.clear);
+        proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, rest - pair.clear);
   }
 
   // The motion over a shorter part is nearer to its mean: a second look at the pairs that limit the
@@ -148,8 +149,8 @@ class ImpactSearch {
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, double whole, double remaining,
-                        int cuts_left, ProvenApart& proven) {
+                        const std::vector<ContactInput>& contacts, double whole, double rest,
+                        double remaining, int cuts_left, ProvenApart& proven) {
   Part part;
   part.length = remaining;
   if (contacts.empty()) return part;
@@ -157,9 +158,9 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
   fast.find(contacts);
   if (fast.pairs.empty()) return part;
   ImpactSearch search(model, data, remaining, fast);
-  search.recall(proven);
+  search.recall(proven, rest);
   const double length = search.find_part(cuts_left);
-  search.remember(proven);
+  search.remember(proven, rest);
   part.impact = search.pairs_in_touch();
   if (cuts_left == 0) return part;
   part.length = length;

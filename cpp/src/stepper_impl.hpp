@@ -96,6 +96,7 @@ struct Stepper::Impl {
 
   // Rebuilt in every step.
   double whole = 0.0;   // s, of the step
+  double rest = 0.0;    // s, of the step from the start of the part on
   double length = 0.0;  // H, s, of the step or the part of it
   int cuts = 0;
   Part part;

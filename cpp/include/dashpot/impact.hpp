@@ -39,13 +39,14 @@ struct Part {
 };
 
 // The next part of a step, at most `remaining`, which is its length where nothing is fast.
-// `acceleration` (nv) is the mean smooth acceleration over what remains. Without cuts left the part
-// is what remains, and no pair is proven apart.
+// `acceleration` (nv) is the mean smooth acceleration over what remains: the `rest` of the `whole`
+// step, or less where other reasons end the part; all in s. Without cuts left the part is what
+// remains, and no pair is proven apart.
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, double whole, double remaining,
-                        int cuts_left, ProvenApart& proven);
+                        const std::vector<ContactInput>& contacts, double whole, double rest,
+                        double remaining, int cuts_left, ProvenApart& proven);
 
 // Takes out the contacts of some sorted pairs.
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);
