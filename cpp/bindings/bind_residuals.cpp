@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/residuals.hpp"
 
 namespace py = pybind11;
@@ -27,10 +28,13 @@ std::vector<double> to_vector(const Array& array) {
   return std::vector<double>(array.data(), array.data() + array.size());
 }
 
+// Models follow their edits here, for the workers share their arrays.
 std::vector<Variant> to_variants(const std::vector<PyVariant>& variants) {
   std::vector<Variant> result;
   for (const auto& [address, parameters] : variants) {
-    result.push_back({reinterpret_cast<const mjModel_*>(address), parameters});
+    auto* const model = reinterpret_cast<mjModel_*>(address);
+    if (parameters) host::follow_edited_masses(model);
+    result.push_back({model, parameters});
   }
   return result;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "dashpot/finite.hpp"
 #include "dashpot/mujoco_names.hpp"
@@ -42,6 +43,19 @@ void check(const mjModel* m, const char* field, int body, double value, bool pos
                               (positive ? "> 0" : ">= 0"));
 }
 
+bool is_rounding(double value, double exact) {
+  return std::abs(value - exact) <= kRounding * exact;
+}
+
+void follow_in_subtrees(mjModel* m) {
+  thread_local std::vector<double> mass;  // kept by the thread: no allocation in a step
+  mass.assign(m->body_mass, m->body_mass + m->nbody);
+  for (int body = static_cast<int>(m->nbody) - 1; body > 0; --body)
+    mass[m->body_parentid[body]] += mass[body];
+  for (int body = 0; body < m->nbody; ++body)
+    if (!is_rounding(m->body_subtreemass[body], mass[body])) m->body_subtreemass[body] = mass[body];
+}
+
 }  // namespace
 
 void check_masses(const mjModel_* m) {
@@ -59,10 +73,11 @@ void check_masses(const mjModel_* m) {
 }
 
 void follow_edited_masses(mjModel_* m) {
+  follow_in_subtrees(m);
   for (int dof = 0; dof < m->nv; ++dof) {
     if (m->dof_simplenum[dof] == 0) continue;
     const double inertia = own_inertia(m, dof) + m->dof_armature[dof];
-    if (std::abs(m->dof_M0[dof] - inertia) > kRounding * inertia) m->dof_M0[dof] = inertia;
+    if (!is_rounding(m->dof_M0[dof], inertia)) m->dof_M0[dof] = inertia;
   }
 }
 

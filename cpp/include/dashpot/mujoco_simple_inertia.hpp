@@ -1,4 +1,5 @@
-// Inertia of the degrees of freedom that MuJoCo calls simple. Part of the mujoco_host room.
+// What MuJoCo derives from masses when it compiles a model: inertia of the degrees of freedom that
+// it calls simple, and masses of subtrees. Part of the mujoco_host room.
 //
 // A body without children whose inertial frame is its own frame, as most free boxes and balls are,
 // has a diagonal inertia that does not depend on its pose. MuJoCo reads it from a constant,
@@ -6,7 +7,8 @@
 //     dof_M0 = mass or principal moment + armature ,
 //
 // which mj_setConst computes, while weight comes from body_mass itself: where a mass was edited
-// alone, bodies would fall by the new weight on the old inertia.
+// alone, bodies would fall by the new weight on the old inertia. The work of gravity is that of the
+// weights of subtrees, body_subtreemass.
 
 #pragma once
 
@@ -18,8 +20,9 @@ namespace dashpot::host {
 // negative, or is 0 where simple degrees of freedom need it.
 void check_masses(const mjModel_* m);
 
-// Sets dof_M0 of simple degrees of freedom whose body_mass, body_inertia or dof_armature was edited
-// since. What differs in rounding alone stays.
+// Sets dof_M0 of simple degrees of freedom and body_subtreemass where body_mass, body_inertia or
+// dof_armature was edited since. What differs in rounding alone stays: once this was called,
+// threads that share a model's arrays and call it do not write to them.
 void follow_edited_masses(mjModel_* m);
 
 }  // namespace dashpot::host
