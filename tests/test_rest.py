@@ -148,3 +148,22 @@ def test_soft_ball_sinks_to_its_new_sag_when_its_stiffness_falls():
     engine.set_material("ball", dashpot.Material(1e3))
     engine.step(data, nstep=4000)
     assert 0.1 - data.qpos[2] == pytest.approx(GRAVITY / 1e3, rel=1e-9)
+
+
+def test_a_slack_tendon_over_light_bodies_leaves_a_soft_box_to_its_own_weight():
+    """The trees that it joins are heavy enough for what the box is pressed in by."""
+    light = """<body pos="{} 0 1"><joint name="{}" type="slide" axis="1 0 0"/>
+      <geom size=".1" mass=".001" contype="0" conaffinity="0"/></body>"""
+    tendon = """<tendon><fixed limited="true" range="-9 9"><joint joint="left" coef="1"/>
+      <joint joint="box" coef="1"/><joint joint="right" coef="1"/></fixed></tendon>"""
+    xml = f"""<mujoco><worldbody><geom type="plane" size="2 2 .1"/>{light.format(-1, "left")}
+      <body pos="0 0 .095"><joint name="box" type="slide" axis="0 0 1"/>
+        <geom name="box" type="box" size=".1 .1 .1" mass="10"/></body>{light.format(1, "right")}
+      </worldbody>{{}}</mujoco>"""
+    material = dashpot.Material(1e5, restitution=0.5)
+    heights = []
+    for joined in ("", tendon):
+        _, data = settle(xml.format(joined), {"box": material}, 0.002, time=0.06)
+        heights.append(data.joint("box").qpos[0])
+    # It leaps from 5 mm of overlap; the light bodies are 2e-4 of the mass.
+    assert heights[1] == pytest.approx(heights[0], rel=1e-3)

@@ -59,6 +59,18 @@ bool is_in_pair(const mjModel* m, int geom) {
          std::find(m->pair_geom2, m->pair_geom2 + m->npair, geom) != m->pair_geom2 + m->npair;
 }
 
+// Trees that tendons join have several roots.
+double tree_mass(const mjModel* m, int tree) {
+  double mass = 0.0;
+  int left = m->tree_bodynum[tree];
+  for (int body = m->tree_bodyadr[tree]; left > 0 && body < m->nbody; ++body) {
+    if (m->body_treeid[body] != tree) continue;
+    --left;
+    if (m->body_treeid[m->body_parentid[body]] != tree) mass += m->body_subtreemass[body];
+  }
+  return mass;
+}
+
 }  // namespace
 
 int geom_priority(const mjModel_* m, int geom) {
@@ -99,7 +111,7 @@ double contact_mass(const mjModel_* m, const ContactInput& input) {
   if (input.is_of_flex()) return mass;
   for (int geom : input.geom) {
     const int tree = m->body_treeid[m->geom_bodyid[geom]];
-    if (tree >= 0) mass = std::min(mass, m->body_subtreemass[m->tree_bodyadr[tree]]);
+    if (tree >= 0) mass = std::min(mass, tree_mass(m, tree));
   }
   return mass;
 }
