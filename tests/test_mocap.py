@@ -372,6 +372,56 @@ def test_control_callbacks_may_set_poses():
     assert data.qvel[2] == pytest.approx(0.5, rel=1e-6)
 
 
+# A link that a large torque turns far cuts the step into parts.
+HAND_AND_LINK = """<mujoco><option timestep="0.01" gravity="0 0 0"/><worldbody>
+  <body mocap="true" pos="0 0 1"><geom size="0.05"/></body>
+  <body pos="0 5 0"><joint name="link" axis="0 0 1"/>
+    <geom type="capsule" fromto="0 0 0 0.2 0 0" size="0.01" mass="0.1"/></body></worldbody>
+  <actuator><motor joint="link"/></actuator></mujoco>"""
+TORQUES = [0.0, 20.0]  # N m
+COMMAND = [0.05, 0.0, 1.0]
+
+
+@pytest.mark.parametrize("torque", TORQUES)
+def test_poses_that_a_callback_sets_outlast_the_parts_of_a_step(torque):
+    engine, data = make(HAND_AND_LINK)
+    engine.step(data)
+    data.ctrl[0] = torque
+
+    def command(_, d):
+        d.mocap_pos[0] = COMMAND
+
+    mujoco.set_mjcb_control(command)
+    try:
+        parts = engine.step(data).parts
+    finally:
+        mujoco.set_mjcb_control(None)
+    assert (parts > 1) == (torque > 0.0)
+    assert data.mocap_pos[0].tolist() == COMMAND
+
+
+@pytest.mark.parametrize("torque", TORQUES)
+def test_commands_outlast_a_step_that_fails(torque):
+    engine, data = make(HAND_AND_LINK)
+    engine.step(data)
+    data.mocap_pos[0] = COMMAND
+    data.ctrl[0] = torque
+    time, angle = data.time, data.qpos[0]
+
+    def fail(_, d):
+        if d.time > time or torque == 0.0:
+            raise RuntimeError("on the way")
+
+    mujoco.set_mjcb_passive(fail)
+    try:
+        with pytest.raises(RuntimeError, match="on the way"):
+            engine.step(data)
+    finally:
+        mujoco.set_mjcb_passive(None)
+    assert (data.time, data.qpos[0]) == (time, angle)
+    assert data.mocap_pos[0].tolist() == COMMAND
+
+
 @pytest.mark.parametrize("impact", ["none", "cut"])
 def test_motion_goes_on_from_a_saved_state_bit_for_bit(impact):
     engine, data = make(PLATE, impact=impact)

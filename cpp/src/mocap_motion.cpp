@@ -111,7 +111,7 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     MocapBody& body = buffers.body[index];
     body.now = memory.mocap(index);
     body.given = pose_in(d, index);
-    body.placed = body.given;
+    body.placed = body.left = body.given;
     Pose command = body.given;
     mju_normalize4(command.data() + 3);
     const bool knows = moves && is_pose(body.now.command) && is_pose(body.now.pose) &&
@@ -128,12 +128,19 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
 
 MocapMotion::~MocapMotion() {
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
-    MocapBody& body = buffers_.body[i];
-    if (pose_in(data_, i) == body.placed) place(i, body.given);
+    keep_what_was_set(i);
+    place(i, buffers_.body[i].left);
   }
 }
 
+// By a callback since the body was placed.
+void MocapMotion::keep_what_was_set(size_t index) {
+  MocapBody& body = buffers_.body[index];
+  if (const Pose now = pose_in(data_, index); now != body.placed) body.left = now;
+}
+
 void MocapMotion::place(size_t index, const Pose& pose) {
+  keep_what_was_set(index);
   buffers_.body[index].placed = pose;
   std::copy_n(pose.begin(), 3, data_->mocap_pos + 3 * index);
   std::copy_n(pose.begin() + 3, 4, data_->mocap_quat + 4 * index);

@@ -6,6 +6,13 @@
 
 namespace dashpot::host {
 
+namespace {
+
+// MocapMotion has moved mocap bodies, and puts them back.
+constexpr int kState = mjSTATE_INTEGRATION & ~(mjSTATE_MOCAP_POS | mjSTATE_MOCAP_QUAT);
+
+}  // namespace
+
 StepParts::StepParts(mjModel_* m, mjData_* d)
     : model_(m), data_(d), timestep_(m->opt.timestep), end_(d->time + m->opt.timestep) {}
 
@@ -15,13 +22,13 @@ StepParts::~StepParts() {
   if (finished_)
     data_->time = end_;
   else
-    mj_setState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+    mj_setState(model_, data_, start_.data(), kState);
 }
 
 void StepParts::set_length(double length) {
   if (!cut()) {
-    start_.resize(mj_stateSize(model_, mjSTATE_INTEGRATION));
-    mj_getState(model_, data_, start_.data(), mjSTATE_INTEGRATION);
+    start_.resize(mj_stateSize(model_, kState));
+    mj_getState(model_, data_, start_.data(), kState);
   }
   model_->opt.timestep = length;
 }

@@ -32,7 +32,8 @@ struct mjData_;
 namespace dashpot::host {
 
 struct MocapBody {
-  std::array<double, 7> given{}, placed{};  // poses that mjData had, and has meanwhile
+  // Poses that mjData had, has meanwhile, and gets in the end.
+  std::array<double, 7> given{}, placed{}, left{};
   RememberedMocap now{};
   bool jumps = false;   // far, and nobody has looked yet whether that is a motion
   bool starts = false;  // nothing is remembered, and nobody has looked yet where what it holds is
@@ -46,8 +47,8 @@ struct MocapBuffers {
   std::vector<ConstraintInput> constraints;
 };
 
-// The mocap bodies of `d` during a step. At its end `d` has the commanded poses again, or what a
-// callback has set meanwhile.
+// The mocap bodies of `d` during a step. At its end, also where it throws, `d` has the commanded
+// poses again, or what a callback has set in any part of the step.
 class MocapMotion {
  public:
   // `moves` false: bodies are at once where they are told to be, without motion, as in MuJoCo.
@@ -77,6 +78,7 @@ class MocapMotion {
 
  private:
   bool anything_moves() const;
+  void keep_what_was_set(size_t index);
   void place(size_t index, const std::array<double, 7>& pose);
   void settle_jump(size_t index);
   void settle_start(size_t index);

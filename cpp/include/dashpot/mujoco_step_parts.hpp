@@ -11,7 +11,7 @@ namespace dashpot::host {
 
 // A step that may be taken in parts of their own time step. Where it was, the model's time step is
 // restored at its end, and time has advanced by that step or, without finish(), the state at the
-// start is back.
+// start is back but for poses of mocap bodies (mocap_motion.hpp).
 class StepParts {
  public:
   StepParts(mjModel_* m, mjData_* d);
