@@ -103,6 +103,26 @@ def test_friction_gives_way_where_the_plate_accelerates_too_fast():
     assert data.qvel[0] == pytest.approx(0.1 * 9.81 * seconds, rel=2e-3)
 
 
+@pytest.mark.parametrize("height", [0.27, 0.2733, 0.2741])
+@pytest.mark.parametrize("kind", ['type="plane"', 'pos="0 0 -.1" type="box"'])
+def test_a_ramp_that_tilts_up_meets_a_ball_far_from_its_axis(kind, height):
+    engine, data = make(
+        f"""<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody>
+        <body name="ramp" mocap="true"><geom {kind} size="5 5 .1"/></body>
+        <body pos="4 0 {height}"><freejoint/><geom size=".05" mass="1"/></body>
+        </worldbody></mujoco>""",
+        mocap_timeconst=0.0,
+    )
+    speed = 2.0  # rad/s: at the ball the ramp rises by 4 cm in a step
+    deepest = 0.0
+    for step in range(40):
+        half = -0.5 * speed * 0.005 * (step + 1)
+        data.mocap_quat[0] = math.cos(half), 0.0, math.sin(half), 0.0
+        deepest = max(deepest, engine.step(data).max_penetration)
+    # Nor does it sink in at all: rigid contacts throw the ball off within the step.
+    assert deepest < 1e-6
+
+
 def test_pusher_pushes_at_its_speed_without_going_in():
     engine, data = make("""<mujoco><option timestep="0.002"/><worldbody>
       <geom type="plane" size="5 5 1"/>

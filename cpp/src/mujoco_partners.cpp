@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "dashpot/geometry_host.hpp"
@@ -31,7 +32,7 @@ void Partners::start(const mjModel_* m, const mjData_* d, const std::vector<doub
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return;
   for (int geom = 0; geom < m->ngeom; ++geom) {
     if (!may_collide(m, geom)) continue;
-    if (!moves_and_collides(m, geom)) {
+    if (!moves_and_collides(m, geom) || m->geom_type[geom] == mjGEOM_PLANE) {
       everywhere_.push_back(geom);
       continue;
     }
@@ -54,13 +55,17 @@ const std::vector<Partner>& Partners::of(int geom) {
         may_meet(model_, geom, other))
       add(other, margin);
   };
+  const bool everywhere = model_->geom_type[geom] == mjGEOM_PLANE;
   const double middle = data_->geom_xpos[3 * geom];
-  const double radius = model_->geom_rbound[geom] + model_->geom_margin[geom] + way_[geom];
+  const double radius = everywhere
+                            ? std::numeric_limits<double>::infinity()
+                            : model_->geom_rbound[geom] + model_->geom_margin[geom] + way_[geom];
   auto span = std::lower_bound(spans_.begin(), spans_.end(), middle - radius - widest_,
                                [](const Span& s, double low) { return s.low < low; });
   for (; span != spans_.end() && span->low <= middle + radius; ++span)
     if (span->geom != geom) add_unless_filtered(span->geom);
-  for (int other : everywhere_) add_unless_filtered(other);
+  for (int other : everywhere_)
+    if (other != geom) add_unless_filtered(other);
   for (int pair = 0; pair < model_->npair && !spans_.empty(); ++pair) {
     const int geom1 = model_->pair_geom1[pair], geom2 = model_->pair_geom2[pair];
     if (geom == geom1) add(geom2, model_->pair_margin[pair]);

@@ -50,11 +50,25 @@ double flex_speed(const mjModel* m, const mjData* d, int flex, const double* bod
   return speed;
 }
 
+// Distance (m) from `point` that no moving geom that may collide reaches beyond.
+double farthest_reach(const mjModel* m, const mjData* d, const mjtNum* point) {
+  double farthest = 0.0;
+  for (int geom = 0; geom < m->ngeom; ++geom)
+    if (moves_and_collides(m, geom))
+      farthest =
+          std::max(farthest, mju_dist3(d->geom_xpos + 3 * geom, point) + m->geom_rbound[geom]);
+  return farthest;
+}
+
 }  // namespace
 
 double geom_speed(const mjModel* m, const mjData* d, int geom, const double* body_velocity) {
-  return speed_about(m, d, m->geom_bodyid[geom], d->geom_xpos + 3 * geom, m->geom_rbound[geom],
-                     body_velocity);
+  const int body = m->geom_bodyid[geom];
+  const mjtNum* centre = d->geom_xpos + 3 * geom;
+  const bool turning_plane =
+      m->geom_type[geom] == mjGEOM_PLANE && !mju_isZero(body_velocity + 6 * body, 3);
+  const double radius = turning_plane ? farthest_reach(m, d, centre) : m->geom_rbound[geom];
+  return speed_about(m, d, body, centre, radius, body_velocity);
 }
 
 double relative_speed(const mjModel* m, const mjData* d, int geom1, int geom2,

@@ -41,7 +41,7 @@ class Partners {
   const mjModel_* model_ = nullptr;
   const mjData_* data_ = nullptr;
   const double *way_ = nullptr, *reach_ = nullptr;
-  std::vector<Span> spans_;  // of geoms that move, in ascending order
+  std::vector<Span> spans_;  // of geoms that move and have bounds, in ascending order
   double widest_ = 0.0;      // of them, m
   std::vector<int> everywhere_;
   std::vector<Partner> partners_;

@@ -30,7 +30,8 @@ struct ReachBuffers {
   double own_gap(const std::array<int, 2>& geom, int pair) const;
 };
 
-// Bound on the speed (m/s) of the points of a geom, from the spatial velocities of all bodies.
+// Bound on the speed (m/s) of the points of a geom, of a plane as far as other geoms that move are
+// from its centre, from the spatial velocities of all bodies.
 double geom_speed(const mjModel_* m, const mjData_* d, int geom, const double* body_velocity);
 // The same of the points of either geom against the other, which is that of the points where they
 // are nearest along their normal; infinity where neither has bounds.
