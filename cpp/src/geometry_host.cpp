@@ -28,7 +28,11 @@ Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
   return vertices;
 }
 
-void set_extent(const mjModel* model, int id, HeightField& field) {
+// All but its label.
+void set_field(const mjModel* model, int id, HeightField& field) {
+  field.rows = model->hfield_nrow[id];
+  field.columns = model->hfield_ncol[id];
+  field.heights = model->hfield_data + model->hfield_adr[id];
   const double* size = model->hfield_size + 4 * id;
   field.half_x = size[0];
   field.half_y = size[1];
@@ -40,10 +44,7 @@ void set_extent(const mjModel* model, int id, HeightField& field) {
 
 HeightField height_field(const mjModel* model, int id) {
   HeightField field;
-  field.rows = model->hfield_nrow[id];
-  field.columns = model->hfield_ncol[id];
-  set_extent(model, id, field);
-  field.heights = model->hfield_data + model->hfield_adr[id];
+  set_field(model, id, field);
   return field;
 }
 
@@ -135,7 +136,7 @@ const Shape& GeomShapes::of(const mjModel* model, int geom) {
   if (type != known.type || data != known.data) known = {geom_shape(model, geom), type, data};
   Shape& shape = known.shape;
   shape.size = Eigen::Map<const Eigen::Vector3d>(model->geom_size + 3 * geom);
-  if (type == mjGEOM_HFIELD) set_extent(model, data, shape.field);
+  if (type == mjGEOM_HFIELD) set_field(model, data, shape.field);
   return shape;
 }
 

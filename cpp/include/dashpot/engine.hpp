@@ -3,8 +3,9 @@
 // Parameters are fixed during a step, mjData changes, StepStats is the result. A Stepper is used
 // by one thread at a time and has the model to itself while it steps: during the step it widens
 // contact detection in the model and, where it cuts the step into parts, changes opt.timestep; both
-// are restored. Parallel work on many states gives every worker its own copy of the model and its
-// own Stepper; a Stepper of several threads shares the passes of a single step among them.
+// are restored. What MuJoCo derives from masses follows edits of these (mujoco_simple_inertia.hpp).
+// Parallel work on many states gives every worker its own view of the model (mujoco_model_view.hpp)
+// and its own Stepper; a Stepper of several threads shares the passes of a single step among them.
 
 #pragma once
 
@@ -32,6 +33,8 @@ struct StepStats {
   int parts = 0;                 // that a step was taken in (maximum over steps)
 };
 
+// Values of the model may be edited between steps, but for the vertices of meshes: what is known of
+// their hulls is kept.
 class Stepper {
  public:
   // `model` must outlive the stepper. Throws std::invalid_argument naming the feature that is

@@ -22,8 +22,8 @@ HeightField height_field(const mjModel_* model, int id);
 Shape geom_shape(const mjModel_* model, int geom);
 
 // Shapes of geoms, each made when it is first asked for, or has another type or mesh: a mesh's
-// vertices are copied once. Sizes are read anew, for they may be edited between steps. Throws as
-// geom_shape does.
+// vertices are copied once, and where they alone are edited later, that goes unseen. Sizes and
+// heights of fields are read anew, for they may be edited between steps. Throws as geom_shape does.
 class GeomShapes {
  public:
   const Shape& of(const mjModel_* model, int geom);

@@ -32,7 +32,8 @@ class Rollouts {
   // Rolls out and writes after every step `state` (nbatch, nstep, nstate by `record`) and
   // `sensordata` (nbatch, nstep, nsensordata). Full-physics states start without contact memory,
   // integration states carry it. `model`: the same in every call, or one of its sizes; its values
-  // are those of the call. `nthread` 0: one per core. Throws std::invalid_argument naming rollout
+  // are those of the call, but for the vertices of meshes, which stay those of the first one.
+  // `nthread` 0: one per core. Throws std::invalid_argument naming rollout
   // and step where one fails. One call at a time.
   void run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
            double* sensordata);

@@ -34,7 +34,8 @@ class Simulation {
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
-  // Goes on with the values that the model, or another of its sizes, has now.
+  // Goes on with the values that the model, or another of its sizes, has now; vertices of meshes
+  // stay those of the first.
   void update_model(const mjModel_* model);
   // s, > 0.
   void set_timestep(double timestep);
