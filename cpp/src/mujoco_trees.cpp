@@ -104,9 +104,10 @@ bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, in
       root[axis] += 1.0;
       continue;
     }
+    if (m->body_jntnum[body] < 3) return false;
     const mjtNum* slide = d->xaxis + 3 * joint;
     for (int i = 0; i < 3; ++i) {
-      if (i >= m->body_jntnum[body] || m->jnt_type[joint + i] != mjJNT_SLIDE) return false;
+      if (m->jnt_type[joint + i] != mjJNT_SLIDE) return false;
       const double cosine = mju_dot3(slide + 3 * i, slide + 3 * ((i + 1) % 3));
       if (std::abs(cosine) > kOrthogonal) return false;
       root[i] += slide[3 * i + axis];

@@ -39,7 +39,7 @@ double recover_positions(const Rows& rows, const Trees& trees, const Island& isl
   });
   // The strain may hold no more energy than bodies that move so far in this step, which leaves
   // less than the whole displacement where the iteration has not converged.
-  const double allowed = 0.5 * system.square() / (time * time);
+  const double allowed = 0.5 * std::max(0.0, system.square()) / (time * time);
   const double part = strain_energy > allowed ? std::sqrt(allowed / strain_energy) : 1.0;
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
