@@ -94,10 +94,16 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   for (size_t i = 0; i < islands_.size(); ++i) {
     Island& island = islands_[i];
     const double si_microstep = longest_si_microstep(island);
-    choose_microsteps(island, materials, data, part, step, options);
+    const bool enough_for_friction =
+        choose_microsteps(island, materials, data, part, step, options);
     resolves_[i] = fits(island.duration, si_microstep);
     if (!resolves_[i])
       measure(island.tree.first, island.tree.last, rows, trees, materials, true, team);
+    if (!enough_for_friction) continue;
+    for (int tree : island.tree) {  // nothing is taken from normals for it
+      RigidCoupling& own = bounds_[tree].coupling;
+      own = {own.stiffness, own.stiffness, own.stiffness};
+    }
   }
   lowered_.resize(count);
   team.for_each(count, kGroupsAtOnce, [&](int at) {
@@ -113,7 +119,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
 }
 
-void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
+bool Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
                                 const RowData& data, double part, double step,
                                 const Options& options) {
   double count = options.microsteps;
@@ -125,20 +131,17 @@ void Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>
   island.rigid_duration = step / of_step;
   island.microsteps = part == step ? of_step : rounded_up(part / island.rigid_duration);
   island.hit = is_hit(island, materials, data.hit);
+  bool enough_for_friction = false;
   if (island.hit) {
     HitMicrosteps of_hit = microsteps_of_hit(of_step, options);
     // What rests on others would sink in.
     if (!data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
     island.rigid_duration = step / of_hit.stiff_for;
     island.microsteps = part == step ? of_hit.count : rounded_up(part / step * of_hit.count);
-    // Enough for friction as for normals: nothing is taken from one for the other.
-    if (of_hit.count >= 2.0 * of_hit.stiff_for)
-      for (int tree : island.tree) {
-        RigidCoupling& own = bounds_[tree].coupling;
-        own = {own.stiffness, own.stiffness, own.stiffness};
-      }
+    enough_for_friction = of_hit.count >= 2.0 * of_hit.stiff_for;
   }
   island.duration = part / island.microsteps;
+  return enough_for_friction;
 }
 
 void Islands::measure(const int* first_tree, const int* last_tree, const Rows& rows,
