@@ -3,17 +3,13 @@
 #include <algorithm>
 #include <limits>
 
+#include "dashpot/squared_distance.hpp"
+
 namespace dashpot {
 
 namespace {
 
 constexpr int kContactsAtOnce = 64;  // by a thread
-
-double squared_distance(const double* a, const double* b) {
-  double sum = 0.0;
-  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-  return sum;
-}
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/constants.hpp"
 #include "dashpot/group_material.hpp"
 #include "dashpot/islands.hpp"
 #include "dashpot/mujoco_properties.hpp"
@@ -13,7 +14,6 @@ namespace dashpot {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 // Cosine of the angle between pushes up to which they come from one side.
 constexpr double kOneSide = 0.5;
 

@@ -18,10 +18,11 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/constants.hpp"
+
 namespace dashpot {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr double kRounding = std::numeric_limits<double>::epsilon();
 

@@ -26,21 +26,16 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include "dashpot/constants.hpp"
+#include "dashpot/text.hpp"
 
 namespace dashpot {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::string text(double value) {
-  std::ostringstream stream;
-  stream << value;
-  return stream.str();
-}
 
 double mean_of(double x, double y) { return x == y ? x : 0.5 * x + 0.5 * y; }
 

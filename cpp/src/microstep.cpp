@@ -200,7 +200,6 @@ struct MicrostepLoop::Impl {
 
 MicrostepLoop::MicrostepLoop(int threads) : impl_(std::make_unique<Impl>(threads)) {}
 MicrostepLoop::~MicrostepLoop() = default;
-MicrostepLoop::MicrostepLoop(MicrostepLoop&&) noexcept = default;
 
 void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
                         double recovery_speed, double time, RowData& data, Team& team) {

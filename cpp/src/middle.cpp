@@ -6,6 +6,7 @@
 #include <map>
 
 #include "dashpot/impact_spring.hpp"
+#include "dashpot/squared_distance.hpp"
 
 namespace dashpot {
 
@@ -14,14 +15,9 @@ namespace {
 // Squared distance of two points on that geom of the pair on which they are nearer.
 double squared_distance(const ContactInput& a, const ContactInput& b) {
   double nearest = std::numeric_limits<double>::infinity();
-  for (int side = 0; side < 2; ++side) {
-    double sum = 0.0;
-    for (int i = 0; i < 3; ++i) {
-      const double difference = a.local_position[side][i] - b.local_position[side][i];
-      sum += difference * difference;
-    }
-    nearest = std::min(nearest, sum);
-  }
+  for (int side = 0; side < 2; ++side)
+    nearest = std::min(nearest, dashpot::squared_distance(a.local_position[side].data(),
+                                                          b.local_position[side].data()));
   return nearest;
 }
 

@@ -32,8 +32,6 @@ constexpr double kFastReach = 0.05;
 constexpr double kFastReachOfMesh = 0.0005;
 // Types whose pairs meet in more than one point.
 constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
-// Cosine between the normals of a face and of a contact on it.
-constexpr double kOfFace = 0.999999;
 constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search ends with
 constexpr double kTwins =
     1e-9;  // parts of the radius between two points that are one but for rounding

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "dashpot/hit_time.hpp"
+#include "dashpot/mujoco_faces.hpp"
 
 namespace dashpot::host {
 
@@ -12,8 +13,6 @@ namespace {
 constexpr double kFarWay = 0.1;
 // How far off, relative to the same, what rolls or slides along still is.
 constexpr double kNear = 0.5 * kFarWay;
-// Cosine between the normals, in the frame of a geom, of contacts on one of its faces.
-constexpr double kOfFace = 0.999999;
 
 void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local) {
   mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);

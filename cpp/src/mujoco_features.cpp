@@ -9,7 +9,6 @@
 #include "dashpot/mujoco_constraints.hpp"
 #include "dashpot/mujoco_model_checks.hpp"
 #include "dashpot/mujoco_names.hpp"
-#include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/mujoco_trees.hpp"
 #include "dashpot/runge_kutta.hpp"
 

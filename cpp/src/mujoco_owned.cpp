@@ -6,15 +6,7 @@
 
 namespace dashpot::host {
 
-void ModelDeleter::operator()(mjModel_* m) const { mj_deleteModel(m); }
 void DataDeleter::operator()(mjData_* d) const { mj_deleteData(d); }
-
-OwnedModel copy_model(const mjModel_* m) {
-  const ErrorGuard guard;
-  OwnedModel copy(mj_copyModel(nullptr, m));
-  if (!copy) throw MujocoError("MuJoCo could not copy the model");
-  return copy;
-}
 
 OwnedData make_data(const mjModel_* m) {
   const ErrorGuard guard;

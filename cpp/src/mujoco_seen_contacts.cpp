@@ -7,19 +7,13 @@
 #include "dashpot/mujoco_collisions.hpp"
 #include "dashpot/mujoco_faces.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
-#include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_side_by_side.hpp"
+#include "dashpot/squared_distance.hpp"
 #include "dashpot/terrain_contacts.hpp"
 
 namespace dashpot::host {
 
 namespace {
-
-double squared_distance(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  double sum = 0.0;
-  for (int i = 0; i < 3; ++i) sum += (a[i] - b[i]) * (a[i] - b[i]);
-  return sum;
-}
 
 // A place in the frame of a geom, turned on by what the geom has spun about its own axis.
 std::array<double, 3> before_spin(const ContactMotion& motion, int side, const mjtNum* rotation,
@@ -36,8 +30,9 @@ std::array<double, 3> before_spin(const ContactMotion& motion, int side, const m
 double squared_distance(const ContactInput& start, const SeenContact& seen) {
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < 2; ++i)
-    least = std::min({least, squared_distance(start.local_position[i], seen.local[i]),
-                      squared_distance(start.local_position[i], seen.on_shape[i])});
+    least = std::min(
+        {least, dashpot::squared_distance(start.local_position[i].data(), seen.local[i].data()),
+         dashpot::squared_distance(start.local_position[i].data(), seen.on_shape[i].data())});
   return least;
 }
 

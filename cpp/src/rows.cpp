@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/instruction_sets.hpp"
-#include "dashpot/lanes.hpp"
 #include "dashpot/mass_weighted.hpp"
 
 namespace dashpot {

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+
+#include "dashpot/text.hpp"
 
 namespace dashpot {
 
@@ -18,12 +19,6 @@ constexpr double kMinimumValue = 1e-15;
 constexpr int kMaxRounds = 30;  // far more than it takes
 // Of the width, over which impedance changes by less than 1: it is right to about as much.
 constexpr double kResolved = 1e-10;
-
-std::string text(double value) {
-  std::ostringstream stream;
-  stream << value;
-  return stream.str();
-}
 
 double clip_impedance(double value) {
   return std::clamp(value, kMinimumImpedance, kMaximumImpedance);

@@ -94,7 +94,7 @@ struct Stepper::Impl {
   Leapfrog leapfrog;
   Trapezoid trapezoid;
 
-  // Rebuilt in every step.
+  // Found anew in every step or part of one, or kept from one to the next for their arrays.
   double whole = 0.0;   // s, of the step
   double rest = 0.0;    // s, of the step from the start of the part on
   double length = 0.0;  // H, s, of the step or the part of it

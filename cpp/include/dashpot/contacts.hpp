@@ -12,8 +12,10 @@ struct mjData_;
 
 namespace dashpot {
 
-// The contacts of the last step, one entry each. Geometry and velocity are those at the start of
-// the step, forces its mean, compression, displacement and sticking its end. Vectors are in the
+// The contacts of the last step, one entry each. Geometry is the one that rows had, of the
+// start of the step or, of what turns, of its middle; velocity that at the start, forces the mean
+// of the step, compression, displacement and sticking those at its end. Of a step in parts all are
+// of its last part. Vectors are in the
 // contact frame (normal from geom 1 to geom 2, two tangents), relative motion and force those of
 // geom 2 relative to, and exerted by, geom 1.
 struct ContactReport {

@@ -55,7 +55,6 @@ class MicrostepLoop {
  public:
   explicit MicrostepLoop(int threads);
   ~MicrostepLoop();
-  MicrostepLoop(MicrostepLoop&&) noexcept;
 
   // Of all islands in which a row may act within the `time` (s) of the step. Threads share large
   // ones, and have small ones each to itself; the team has no more than `threads`.

@@ -23,6 +23,9 @@ struct mjPreContact_;
 
 namespace dashpot::host {
 
+// Least cosine between the normals of a face and of a contact on it.
+inline constexpr double kOfFace = 0.999999;
+
 // A contact that MuJoCo has no room for.
 struct SurplusContact {
   std::array<int, 2> geom;

@@ -34,8 +34,8 @@ struct RowData {
 
   // Per group: deformation minus position, which is the unstressed part still to recover or, where
   // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
-  // whether any impulse acted in this step; whether it is hit, see find_hits in islands.hpp,
-  // and whether its island has contacts of its two geoms alone.
+  // whether any impulse acted in this step; whether it is hit, and whether
+  // contacts between two trees are all that counts in its island, see find_hits in island_hits.hpp.
   std::vector<double> offset;
   std::vector<char> sticking, touched, hit, is_of_lone_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
