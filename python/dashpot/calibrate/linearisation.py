@@ -41,6 +41,9 @@ _WIDEST = 0.1
 _NARROWER = 4.0
 # Correlated parameters whose eigenvalues are below this fraction count as dependent in a draw.
 _DEPENDENT = 1e-12
+# Unknowns of a larger variance (of parameters: a million e-folds or ranges) are as good as of an
+# infinite one.
+_UNKNOWN = 1e12
 _MOST_FAILURES = 3
 
 
@@ -114,7 +117,7 @@ def linearise(
 def _draw(region: Array, count: int, number: int, rng: np.random.Generator) -> Array:
     """Return normal draws (number, n) of the parameters, and of initial states given them."""
     parameters = region[0, :count, :count]
-    scale = np.sqrt(np.diag(parameters))
+    scale = np.sqrt(np.maximum(np.diag(parameters), 0.0))  # rounding may leave less
     scale[scale == 0.0] = 1.0
     values, vectors = np.linalg.eigh(parameters)
     shared = rng.normal(size=(number, count)) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
@@ -191,11 +194,11 @@ def over_its_region(
 def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Array:
     """Return the covariance of a region: wider than `estimated`, and neither too narrow nor wide.
 
-    Unknowns of infinite variance stay as they are. Others have at least the standard deviation
-    `floor`, initial states beyond their following of the parameters. Those of the first `count` are
-    at most `_WIDEST`, others then moving along as they would.
+    Unknowns of infinite variance, or one as good as that, stay as they are. Others have at least
+    the standard deviation `floor`, initial states beyond their following of the parameters. Those
+    of the first `count` are at most `_WIDEST`, others then moving along as they would.
     """
-    known = np.isfinite(_diagonal(estimated.blocks))
+    known = _diagonal(estimated.blocks) < _UNKNOWN
     both = known[:, :, None] & known[:, None, :]
     region = np.where(both, wider**2 * estimated.blocks, 0.0)
     for i in range(count):

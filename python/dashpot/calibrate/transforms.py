@@ -4,7 +4,10 @@ The search works in z, the parameter in x:
 
     log       z = log x                       bounds > 0; natural for stiffness, damping, mass
     linear    z = (x - lower) / (upper - lower)
-    logit     z = log((x - lower) / (upper - x))   no bound is ever reached
+    logit     z = log((s + e) / (1 - s + e)),  s = (x - lower) / (upper - lower),  e = 1e-4
+
+With e the logit reaches its bounds at z = -9.2 and 9.2, where the parameter still moves with z. A
+logit without it runs off to where nothing does, if an estimate lies at a bound.
 
 A difference of z is a relative change (log) or a fraction of the allowed range (linear; logit in
 the middle of the range counts a quarter).
@@ -17,6 +20,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 TransformName = Literal["log", "linear", "logit"]
+
+# Of the logit, e above.
+_EDGE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -33,11 +39,8 @@ class Transform:
             return math.log(x)
         if self.kind == "linear":
             return (x - self.lower) / (self.upper - self.lower)
-        if x <= self.lower:
-            return -math.inf
-        if x >= self.upper:
-            return math.inf
-        return math.log((x - self.lower) / (self.upper - x))
+        share = min(max((x - self.lower) / (self.upper - self.lower), 0.0), 1.0)
+        return math.log((share + _EDGE) / (1.0 - share + _EDGE))
 
     def to_value(self, z: float) -> float:
         """Map a search coordinate to the parameter, clipped to the bounds against rounding."""
@@ -49,8 +52,7 @@ class Transform:
         elif self.kind == "linear":
             x = self.lower + z * (self.upper - self.lower)
         else:
-            # Written so that neither end overflows.
-            share = 1.0 / (1.0 + math.exp(-z)) if z >= 0 else math.exp(z) / (1.0 + math.exp(z))
+            share = (1.0 + 2.0 * _EDGE) / (1.0 + math.exp(-z)) - _EDGE
             x = self.lower + share * (self.upper - self.lower)
         return min(max(x, self.lower), self.upper)
 
@@ -60,12 +62,13 @@ class Transform:
             return self.to_value(z)
         if self.kind == "linear":
             return self.upper - self.lower
-        x = self.to_value(z)
-        return (x - self.lower) * (self.upper - x) / (self.upper - self.lower)
+        z = min(max(z, self.search_bounds[0]), self.search_bounds[1])
+        share = 1.0 / (1.0 + math.exp(-z))
+        return (1.0 + 2.0 * _EDGE) * share * (1.0 - share) * (self.upper - self.lower)
 
     @property
     def search_bounds(self) -> tuple[float, float]:
-        """Bounds of the search coordinate; infinite for logit."""
+        """Bounds of the search coordinate, finite."""
         return self.to_search(self.lower), self.to_search(self.upper)
 
     @property
