@@ -154,6 +154,23 @@ def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(valu
     assert reason is None or f"the estimate lies at its {reason}" in found.statement
 
 
+@pytest.mark.parametrize(
+    ("options", "also"),
+    [
+        ({"standard_error": math.inf}, None),
+        ({"unfinished": "the search ended before it converged (why)"}, "ended before it converged"),
+        ({"unexplained": 40.0}, "whose variance is 40"),
+    ],
+)
+def test_an_estimate_at_a_bound_always_names_it(options, also):
+    found = statement(math.log(1000.0), 0.01, **options)
+    assert not found.identified
+    start = "not identified: the estimate lies at its upper bound 1000"
+    assert found.statement.startswith(start)
+    assert "does not depend" not in found.statement
+    assert found.statement == start if also is None else also in found.statement
+
+
 def test_statements_have_the_digits_that_they_need():
     good = statement(math.log(30.0), 1e-7)
     assert good.statement == "identified: 95% interval 29.999997 to 30.000003"

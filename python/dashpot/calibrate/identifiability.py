@@ -20,6 +20,8 @@ Clustered errors measure how estimates differ between trajectories, whatever the
 that they identify is one of the best model of its kind, and its sentence says where that does not
 explain the residuals.
 
+An estimate at a bound always names it, beside any other reason.
+
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
 combination of the two much better than each. So is noise that is somewhat larger than stated, and a
 cost so rough over the interval that this makes most of its width.
@@ -146,15 +148,19 @@ def judge(
     """
     coordinate = parameter.coordinate
     value = coordinate.to_value(z)
+    bound = _bound(parameter, z)
     if not math.isfinite(standard_error):
+        independent = (
+            "the observed motion does not depend on it, or only through a combination with other "
+            "parameters"
+        )
         return Estimate(
             parameter.name,
             value,
             math.inf,
             *parameter.bounds,
             identified=False,
-            statement="not identified: the observed motion does not depend on it, or only through "
-            "a combination with other parameters",
+            statement=f"not identified: {bound or independent}",
         )
     lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
     if unfinished is not None:
@@ -166,7 +172,9 @@ def judge(
             f"{' to '.join(interval_ends(lower, upper))}, is that of neither"
         )
     else:
-        reason = _reason(parameter, z, half_width, lower, upper, confidence)
+        reason = bound or _reason(parameter, z, half_width, lower, upper, confidence)
+    if bound is not None and reason is not None and reason != bound:
+        reason = f"{bound}, and {reason}"
     partner = _partner(parameter.name, correlation, names)
     if reason is None:
         ends = " to ".join(interval_ends(lower, upper))
@@ -203,11 +211,6 @@ def _reason(
     upper: float,
     confidence: float,
 ) -> str | None:
-    at_lower, at_upper = _at_bounds(parameter, z)
-    if at_lower:
-        return f"the estimate lies at its lower bound {parameter.bounds[0]:.4g}"
-    if at_upper:
-        return f"the estimate lies at its upper bound {parameter.bounds[1]:.4g}"
     share = _share(parameter, lower, upper)
     if share > MAX_RANGE_SHARE:
         return f"its {percent(confidence)} interval covers {share:.0%} of the allowed range"
@@ -227,10 +230,20 @@ def _reason(
     return None
 
 
+def _bound(parameter: Parameter, z: float) -> str | None:
+    """Say at which bound an estimate lies; None where at none."""
+    at_lower, at_upper = _at_bounds(parameter, z)
+    if at_lower:
+        return f"the estimate lies at its lower bound {parameter.bounds[0]:.4g}"
+    if at_upper:
+        return f"the estimate lies at its upper bound {parameter.bounds[1]:.4g}"
+    return None
+
+
 def _at_bounds(parameter: Parameter, z: float) -> tuple[bool, bool]:
     """Whether a search coordinate lies at the lower and at the upper bound, or beyond."""
     if parameter.transform == "logit":
-        # Its search coordinate has no bounds: the share is one of the range itself.
+        # Near its ends the search coordinate moves on with little of the range: a share of that.
         z, (low, high) = parameter.coordinate.to_value(z), parameter.bounds
     else:
         low, high = parameter.coordinate.search_bounds
