@@ -97,20 +97,11 @@ class ModelSetter:
     def __call__(self, system: System, value: float) -> None:
         """Set them in the model, or the model of an engine."""
         model = model_of(system)
-        array = _model_array(model, self.attribute)
+        array = _table(_model_array(model, self.attribute))
+        columns = self._checked_columns(array.shape[1])
         for element in self.elements:
             rows = _rows(model, self.attribute.split("_")[0], element)
-            if array.ndim == 1:
-                array[rows] = value
-            elif self.columns is None:
-                array[rows, :] = value
-            elif max(self.columns) < array.shape[1] and min(self.columns) >= 0:
-                array[rows, list(self.columns)] = value
-            else:
-                raise ValueError(
-                    f"index {self.columns} of {self.attribute} is out of range: rows have "
-                    f"{array.shape[1]} columns"
-                )
+            array[rows, columns] = value
             if self.attribute == "geom_size":
                 _update_extent(model, rows.start)
 
@@ -125,9 +116,23 @@ class ModelSetter:
         """Return what it sets in a model, in words."""
         kind = self.attribute.split("_")[0]
         names = [f"{self.attribute} of {_label(model, kind, e)}" for e in self.elements]
-        if self.columns is None:
+        width = _table(_model_array(model, self.attribute)).shape[1]
+        if width == 1:
             return tuple(names)
-        return tuple(f"{name}[{column}]" for name in names for column in self.columns)
+        columns = self._checked_columns(width)
+        return tuple(f"{name}[{column}]" for name in names for column in columns)
+
+    def _checked_columns(self, width: int) -> list[int]:
+        """Return the columns that it sets; raise ValueError where rows have no such."""
+        if self.columns is None:
+            return list(range(width))
+        absent = [column for column in self.columns if not 0 <= column < width]
+        if absent:
+            raise ValueError(
+                f"index {absent[0]} of {self.attribute} is out of range: its rows have "
+                f"{width} column{'s' if width > 1 else ''}"
+            )
+        return list(self.columns)
 
 
 def model_setter(
@@ -208,6 +213,11 @@ def _model_array(model: mujoco.MjModel, attribute: str) -> np.ndarray[Any, np.dt
         near = difflib.get_close_matches(attribute, known)
         raise ValueError(f"the model has no float array {attribute!r}; near: {', '.join(near)}")
     return array
+
+
+def _table(array: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Return a view of an array of the model with columns: one number a row is one column."""
+    return array if array.ndim == 2 else array[:, None]
 
 
 def _update_extent(model: mujoco.MjModel, geom: int) -> None:
