@@ -168,6 +168,29 @@ def test_friction_that_mujoco_cannot_say_is_refused():
         compare.run(engine, duration=0.01)
 
 
+def test_dashpot_diverging_spares_the_others():
+    stiff = """<mujoco><option timestep=".02"/><worldbody><body>
+      <joint type="slide" axis="0 0 1" stiffness="1e6"/><geom size=".1" mass=".1"/>
+      </body></worldbody><keyframe><key qpos="1"/></keyframe></mujoco>"""
+    settings = ("dashpot", "elliptic")
+    comparison = compare.run(stiff, duration=1.0, settings=settings)
+    for name in settings:
+        diverged = comparison[name]
+        assert diverged.unstable_at == diverged.time[-1] < 0.1
+        assert np.isfinite(diverged.energy).all()
+    (reason,) = comparison["dashpot"].warnings
+    assert reason.startswith("smooth acceleration of degree of freedom 0 diverged")
+
+
+def test_other_errors_of_dashpot_than_diverging_pass_through(monkeypatch):
+    def fail(*_):
+        raise RuntimeError("contacts exceed the memory")
+
+    monkeypatch.setattr(dashpot.Engine, "step", fail)
+    with pytest.raises(RuntimeError, match="contacts exceed the memory"):
+        compare.run(BALL.format(height=0.11), duration=0.01, settings=("dashpot",))
+
+
 def test_a_diverging_run_says_when_and_spares_the_others(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
 

@@ -62,7 +62,7 @@ class Run:
     unstable_at
         s, the time at which the run diverged, or None. Recording ends there.
     warnings
-        What MuJoCo warned of, kind by kind.
+        What MuJoCo warned of, kind by kind; of dashpot, what diverged.
     """
 
     name: str

@@ -186,6 +186,10 @@ def start(model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
+class _DivergedError(Exception):
+    """A step that diverged and was not taken."""
+
+
 class _Recorder:
     """Collects the measured series of one run."""
 
@@ -252,8 +256,12 @@ def _loop(
     for index in range(steps):
         before = data.time
         begin = time.perf_counter()
-        step()
-        wall_time += time.perf_counter() - begin
+        try:
+            step()
+        except _DivergedError:
+            return wall_time, before
+        finally:
+            wall_time += time.perf_counter() - begin
         if not recorder.record(data, elastic()):
             return wall_time, before
         if (index + 1) % max(1, steps // 100) == 0:
@@ -266,15 +274,21 @@ def _run_dashpot(
 ) -> Run:
     data = start(engine.model)
     recorder = _Recorder(observer)
+    reasons: list[str] = []
+
+    def step() -> None:
+        try:
+            engine.step(data)
+        except RuntimeError as error:
+            if "diverged" not in str(error):
+                raise
+            reasons.append(str(error))
+            raise _DivergedError from error
+
     wall_time, unstable_at = _loop(
-        recorder,
-        data,
-        steps,
-        lambda: engine.step(data),
-        lambda: engine.energy(data).elastic,
-        report,
+        recorder, data, steps, step, lambda: engine.energy(data).elastic, report
     )
-    return recorder.finish(DASHPOT, "dashpot", data, wall_time, unstable_at)
+    return recorder.finish(DASHPOT, "dashpot", data, wall_time, unstable_at, tuple(reasons))
 
 
 def _run_mujoco(
