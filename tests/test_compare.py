@@ -168,6 +168,21 @@ def test_friction_that_mujoco_cannot_say_is_refused():
         compare.run(engine, duration=0.01)
 
 
+def test_friction_that_falls_with_load_is_refused_beside_mujoco():
+    falling = dashpot.Material(friction=0.4, loaded_friction=0.5)
+    of_geom, of_pair = (
+        dashpot.Engine(mujoco.MjModel.from_xml_string(BALL.format(height=0.11))) for _ in range(2)
+    )
+    of_geom.set_material("ball", falling)
+    of_pair.set_pair_material("ball", "floor", falling)
+    for engine, what in ((of_geom, "geom 'ball'"), (of_pair, "pair 'floor', 'ball'")):
+        with pytest.raises(
+            ValueError, match=f"loaded_friction 0.5 of the {what} has no counterpart"
+        ):
+            compare.run(engine, duration=0.01)
+        assert compare.run(engine, duration=0.01, settings="dashpot").runs[0].unstable_at is None
+
+
 def test_dashpot_diverging_spares_the_others():
     stiff = """<mujoco><option timestep=".02"/><worldbody><body>
       <joint type="slide" axis="0 0 1" stiffness="1e6"/><geom size=".1" mass=".1"/>

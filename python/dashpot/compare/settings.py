@@ -172,8 +172,8 @@ def mujoco_model(setting: Setting, pristine: mujoco.MjModel, engine: Engine) -> 
     Raises
     ------
     ValueError
-        If the engine's friction cannot be said in MuJoCo: another rule than "max", or a friction
-        of a pair both of whose geoms may meet others.
+        If the engine's friction cannot be said in MuJoCo: another rule than "max", friction that
+        falls with load, or a friction of a pair both of whose geoms may meet others.
     """
     model = copy.deepcopy(pristine)
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
@@ -181,6 +181,7 @@ def mujoco_model(setting: Setting, pristine: mujoco.MjModel, engine: Engine) -> 
     model.opt.noslip_iterations = 0
     # A diverging run has to be seen, not silently started over.
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    _refuse_loaded_friction(engine)
     overridden = False
     for geom, material in engine.materials.items():
         if material.friction is not None:
@@ -204,6 +205,19 @@ def mujoco_model(setting: Setting, pristine: mujoco.MjModel, engine: Engine) -> 
             )
     setting.apply(model, engine)
     return model
+
+
+def _refuse_loaded_friction(engine: Engine) -> None:
+    """Raise ValueError where friction falls with load, which MuJoCo's does not."""
+    geoms = [((geom,), material) for geom, material in engine.materials.items()]
+    for ids, material in [*geoms, *engine.pair_materials.items()]:
+        if material.loaded_friction != 1.0:
+            names = ", ".join(repr(engine.model.geom(i).name or i) for i in ids)
+            what = f"the {'pair' if len(ids) > 1 else 'geom'} {names}"
+            raise ValueError(
+                f"loaded_friction {material.loaded_friction:g} of {what} has no counterpart in "
+                'MuJoCo: compare with settings=("dashpot",) only'
+            )
 
 
 def _give_pair_friction(
