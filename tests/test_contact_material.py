@@ -127,3 +127,19 @@ def test_asking_leaves_the_motion_as_it_is():
         engine.step(data)
         other.step(same)
     assert np.array_equal(data.qpos, same.qpos)
+
+
+@pytest.mark.parametrize(
+    ("rule", "named"), [("max", 1.0), ("min", 0.1), ("mean", 0.55), ("geometric_mean", 0.1**0.5)]
+)
+def test_a_friction_rule_acts_where_a_material_names_friction(rule, named):
+    """As `CombinationRules` says; elsewhere friction is MuJoCo's, the larger."""
+    xml = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1" friction="1"/>
+      <body><freejoint/><geom name="box" type="box" size=".1 .1 .1" friction=".1"/></body>
+      </worldbody></mujoco>"""
+    engine = Engine(mujoco.MjModel.from_xml_string(xml), rules=CombinationRules(friction=rule))
+    assert engine.contact_material("floor", "box").friction[0] == 1.0
+    engine.set_material("box", Material(1e4))
+    assert engine.contact_material("floor", "box").friction[0] == 1.0
+    engine.set_material("box", Material(1e4, friction=0.1))
+    assert engine.contact_material("floor", "box").friction[0] == pytest.approx(named, rel=1e-12)

@@ -110,7 +110,7 @@ class Engine:
         step. Controls and applied forces are held over the step; forces, accelerations, contacts
         and sensors are those of its last part.
     rules
-        How the materials of two geoms combine.
+        How the materials of two geoms combine; for friction where one of them names it.
     comfree_stiffness
         Stiffness k of law ``"comfree"`` in 1/s, > 0; 0.2 where None. A facet of effective mass m
         pushes with m k / timestep per metre of overlap. The options above belong to law

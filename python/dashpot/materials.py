@@ -42,6 +42,7 @@ class Material:
     Contacts combine the materials of both geoms by the engine's `CombinationRules`. By default the
     larger friction counts, as in MuJoCo, and geoms without one keep that of the MJCF (sliding 1 if
     it says nothing): lower friction has to be set for both geoms, or for the pair.
+    Where neither material names friction, rules for it have no effect.
 
     Parameters
     ----------
@@ -199,8 +200,11 @@ class CombinationRules:
         Against a rigid side the soft side's damping is taken whole under every rule, unless both
         are in N s/m. "min" and "max" need both in the same form.
     friction : {"max", "min", "mean", "geometric_mean"}
-        Element by element; "max" is MuJoCo's. Sliding friction under heavy load combines by the
-        same rule, and the load at which it falls is the mean of both, by how much of it each loses.
+        Element by element; "max" is MuJoCo's. It acts where a `Material` of at least one of the two
+        geoms names friction, the other's being its own or that of the MJCF; contacts of geoms
+        without such a material have MuJoCo's own friction, whatever the rule. Sliding friction
+        under heavy load combines by the same rule, and the load at which it falls is the mean of
+        both, by how much of it each loses.
 
     Raises
     ------
