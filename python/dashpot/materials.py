@@ -59,6 +59,10 @@ class Material:
         resolve (rigid boxes at 0.48 to 0.5 for 0.5, at 0.46 with steps of 10 ms). 0 means as much
         damping as the micro-step resolves, of rigid contacts a damping ratio of 3 (they rebound
         at 0.02, flat ones with steps of 10 ms at up to 0.1).
+        With a stiffness, 0 is not the limit of small restitution where there is friction, whose
+        springs are then damped as much as the normal (see `tangential_damping_ratio`), so that
+        friction acts within the impact: what slides loses as much speed as with 0.02 to 0.03. With
+        less than 0.01 the force of an impact is over before friction has grown, and it loses less.
     friction : float or (sliding, torsional, rolling), optional
         Friction coefficients, >= 0: sliding (dimensionless), torsional (m), rolling (m). A single
         number sets sliding only and leaves the other two as the MJCF says; None leaves all three.

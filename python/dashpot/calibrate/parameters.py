@@ -145,6 +145,10 @@ class Parameter:
             ``damping``. Motions show how much a bounce returns, which at one damping in N s/m
             depends on the stiffness too: data that a search fits with ease in restitution may end
             it in a bad valley in N s/m, from a start a third off.
+            Let bounds of a ``restitution`` begin at about 0.05: 0 is not the limit of smaller ones
+            where there is friction (see `Material`). Of motions with 0 a search that may go below
+            finds 0.03 with an interval that leaves 0 out; with this bound it says that it ends
+            there.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution).
