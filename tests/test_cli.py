@@ -360,7 +360,8 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
     ("change", "message"),
     [
         ({"modle": "x"}, "unknown key 'modle'; did you mean 'model'"),
-        ({"model": "nowhere.xml"}, "nowhere.xml"),
+        ({"model": "nowhere.xml"}, r"model: no file .*nowhere\.xml; it is an MJCF, URDF or .mjb"),
+        ({"model": "ball"}, r"model: no file .*ball; it is an MJCF, URDF or .mjb file"),
         ({"model": 3}, "model is 3, not of type str"),
         ({"parameters": None}, "parameters is None"),
         ({"parameters": [{"kind": "geom"}]}, r"parameters\[0\]: kind is 'geom'"),
@@ -373,8 +374,8 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
         ({"trajectories": [{"file": "bad.csv", "bodies": ["ball"]}]}, "no column 'qz'"),
         ({"trajectories": [{"file": "bad.npz", "bodies": ["ball"]}]}, "unknown key 'times'"),
         ({"trajectories": [{"file": "drop.npz", "bodies": ["bal"]}]}, "no body 'bal'"),
-        ({"materials": {"bal": {"stiffness": 1.0}}}, "did you mean 'ball'"),
-        ({"materials": {"ball": {"stiffness": -1.0}}}, "stiffness"),
+        ({"materials": {"bal": {"stiffness": 1.0}}}, r"materials\.bal: .*did you mean 'ball'"),
+        ({"materials": {"ball": {"stiffness": -1.0}}}, r"materials\.ball: .*stiffness"),
         ({"materials": {"ball": 3}}, r"materials\.ball is 3, not of type dict"),
         ({"fit": {"start": 3}}, "fit: unknown key 'start'; did you mean 'starts'"),
         ({"position_sigma": -1.0}, "position_sigma"),
@@ -388,9 +389,19 @@ def test_a_wrong_problem_file_is_named(capsys, scene, tmp_path, change, message)
     file = tmp_path / "problem.json"
     file.write_text(json.dumps(problem))
     line = fails(capsys, "calibrate", str(file))
+    assert line.startswith(f"dashpot: error: {file}: ")
     with pytest.raises((ValueError, FileNotFoundError), match=message):
         read_problem(file)
-    assert "Traceback" not in line
+    assert "shipped scenes" not in line
+
+
+@pytest.mark.parametrize("option", [{"max_evaluations": "a"}, {"confidence": 2}, {"loss": "l3"}])
+def test_a_wrong_option_of_the_fit_names_the_problem_file(capsys, scene, tmp_path, option):
+    np.savez(tmp_path / "drop.npz", initial_qvel=np.zeros(6), **drop(scene))
+    problem = {**PROBLEM, "trajectories": [{"file": "drop.npz", "bodies": ["ball"]}], "fit": option}
+    file = tmp_path / "problem.json"
+    file.write_text(json.dumps(problem))
+    assert f"{file}: {next(iter(option))} must be" in fails(capsys, "calibrate", str(file))
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,10 @@ def run(arguments: argparse.Namespace) -> int:
     from dashpot.cli.problem_file import read_problem
 
     problem, options = read_problem(arguments.problem)
-    result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
+    try:
+        result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{arguments.problem}: {error}") from error
     Console().print(result.table())
     for estimate in result.estimates:
         print(f"{estimate.name}: {estimate.statement}")

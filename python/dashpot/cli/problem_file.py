@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import mujoco
+
 from dashpot.calibrate import Parameter, Problem, Trajectory
 from dashpot.cli.recordings import check_keys, read_csv, read_npz
 from dashpot.compare.runner import load_model
@@ -53,9 +55,14 @@ def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]
     file = Path(path)
     try:
         content = _parse(file)
+    except ValueError as error:
+        raise ValueError(f"{file}: {error}") from error
+    try:
         return _problem(content, file.parent)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{file}: {error}") from error
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"{file}: {error}") from error
 
 
 def _parse(file: Path) -> dict[str, Any]:
@@ -75,11 +82,14 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
     optional = ("initial_state", "substeps", "window", "sensor_sigma", "materials", "fit")
     required = ("model", "position_sigma", "rotation_sigma", "parameters", "trajectories")
     check_keys("the problem", content, required, optional)
-    engine = Engine(load_model(folder / _typed("model", content["model"], str)))
+    engine = Engine(_model(folder / _typed("model", content["model"], str)))
     for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
         label = f"materials.{geom}"
         check_keys(label, _typed(label, fields, dict), (), tuple(Material.__dataclass_fields__))
-        engine.set_material(geom, Material(**fields))
+        try:
+            engine.set_material(geom, Material(**fields))
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{label}: {error}") from error
     options = _typed("fit", content.get("fit", {}), dict)
     check_keys("fit", options, (), _FIT_OPTIONS)
     chosen = {key: content[key] for key in optional[:4] if key in content}
@@ -100,6 +110,15 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
     return problem, dict(options)
 
 
+def _model(file: Path) -> mujoco.MjModel:
+    if not file.is_file():
+        raise FileNotFoundError(
+            f"model: no file {file}; it is an MJCF, URDF or .mjb file, seen from the folder of the "
+            "problem"
+        )
+    return load_model(file)
+
+
 def _parameter(label: str, entry: Any) -> Parameter:
     kind = _typed(label, entry, dict).get("kind")
     if kind not in _PARAMETER_KINDS:
@@ -109,11 +128,11 @@ def _parameter(label: str, entry: Any) -> Parameter:
     check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
     values = {key: value for key, value in entry.items() if key not in ("kind", *own)}
     values["bounds"] = tuple(_typed(f"{label}.bounds", entry["bounds"], list))
+    geoms = _names(f"{label}.geoms", entry["geoms"]) if "geoms" in own else ()
     try:
         if kind == "model":
             index = entry.get("index")
             return Parameter.model(entry["attribute"], entry["elements"], index=index, **values)
-        geoms = _names(f"{label}.geoms", entry["geoms"])
         if kind == "material":
             return Parameter.material(geoms, entry["quantity"], **values)
         if len(geoms) != 2:
