@@ -3,6 +3,7 @@
 import math
 import pickle
 from dataclasses import replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -12,6 +13,31 @@ import dashpot
 from ball_throws import BALL, IDENTITY, ball_engine, ball_parameters, make_trajectory
 from dashpot.calibrate import Parameter, Problem, fit
 from dashpot.calibrate.transforms import Transform
+
+
+def test_a_window_is_a_number():
+    for window in ("a", None, True):
+        with pytest.raises(TypeError, match=r"^trajectory 'throw 7': a window must be a number"):
+            make_trajectory().head(window)
+
+
+@pytest.mark.parametrize("joint", ["free", "ball"])
+@pytest.mark.parametrize(("scale", "said"), [(0.0, "0"), (5.0, "5"), (1.001, "1.001")])
+def test_quaternions_of_initial_positions_are_unit(joint, scale, said):
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><body name="body"><joint type="{joint}"/><geom size=".1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    first = 3 if joint == "free" else 0
+    qpos = [*([0.0] * first), scale, 0.0, 0.0, 0.0]
+    unknown = Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9))
+    problem = partial(Problem, model, [unknown], position_sigma=1e-3, rotation_sigma=1e-2)
+    velocity = np.zeros(model.nv)
+    where = rf"initial_qpos\[{first}:{first + 4}\], the quaternion of body 'body', has norm {said};"
+    with pytest.raises(ValueError, match=f"^trajectory 'throw 7': {where}"):
+        problem([make_trajectory(initial_qpos=qpos, initial_qvel=velocity)])
+    qpos[first] = 1.00001
+    problem([make_trajectory(initial_qpos=qpos, initial_qvel=velocity)])
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,13 @@ from collections.abc import Container, Iterable, Sequence
 from typing import TypeVar
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from dashpot.calibrate.observables import find_sensor
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter
-from dashpot.calibrate.trajectory import Trajectory
+from dashpot.calibrate.trajectory import UNIT_TOLERANCE, Trajectory
 
 Entry = TypeVar("Entry")
 
@@ -63,13 +65,32 @@ def check_sensors(trajectory: Trajectory, model: mujoco.MjModel, known: Containe
 
 
 def check_shapes(trajectory: Trajectory, model: mujoco.MjModel) -> None:
-    """Raise ValueError where states and controls are not of the model's size."""
+    """Raise ValueError where states and controls are not of the model's size, or not unit."""
     label = f"trajectory '{trajectory.name}'"
     for name, size in (("initial_qpos", model.nq), ("initial_qvel", model.nv)):
         value = getattr(trajectory, name)
         if value is not None and value.shape != (size,):
             raise ValueError(f"{label}: {name} must be ({size},), got {value.shape}")
+    if trajectory.initial_qpos is not None:
+        _check_quaternions(label, trajectory.initial_qpos, model)
     if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
         raise ValueError(
             f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
         )
+
+
+def _check_quaternions(label: str, qpos: NDArray[np.float64], model: mujoco.MjModel) -> None:
+    """Raise ValueError where a quaternion of a free or ball joint is not unit."""
+    for joint in range(model.njnt):
+        kind = mujoco.mjtJoint(model.jnt_type[joint])
+        if kind not in (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL):
+            continue
+        first = int(model.jnt_qposadr[joint]) + (3 if kind == mujoco.mjtJoint.mjJNT_FREE else 0)
+        norm = float(np.linalg.norm(qpos[first : first + 4]))
+        if abs(norm - 1.0) > UNIT_TOLERANCE:
+            body = int(model.jnt_bodyid[joint])
+            raise ValueError(
+                f"{label}: initial_qpos[{first}:{first + 4}], the quaternion of body "
+                f"'{model.body(body).name or body}', has norm {norm:.6g}; unit quaternions are "
+                "needed"
+            )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.frame_grid import check_grid, even_grid, frame_numbers
+from dashpot.checks import number
 
 Array = NDArray[np.float64]
 T = TypeVar("T", np.float64, np.bool_)
@@ -44,11 +45,11 @@ class Trajectory:
     bodies
         Names of the observed bodies in the order of the arrays.
     initial_qpos
-        (nq,) full position of the model at ``time[0]``. None: observed bodies with a free joint
-        start at their first observed pose and every other joint at the model's ``qpos0``. That
-        pose is as noisy as the others: where it is measured, estimate the start with
-        ``Problem(initial_state="pose_and_velocity")``. What is estimated starts from what is given:
-        of robots, whose joints no pose tells, give the first readings of encoders.
+        (nq,) full position of the model at ``time[0]``, its quaternions unit. None: observed bodies
+        with a free joint start at their first observed pose and every other joint at the model's
+        ``qpos0``. That pose is as noisy as the others: where it is measured, estimate the start
+        with ``Problem(initial_state="pose_and_velocity")``. What is estimated starts from what is
+        given: of robots, whose joints no pose tells, give the first readings of encoders.
     initial_qvel
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
@@ -230,7 +231,7 @@ class Trajectory:
 
     def head(self, duration: float) -> Trajectory:
         """Return the frames up to `duration` s after the first, at least two of them."""
-        if not duration > 0:
+        if not number(f"{self._label}: a window", duration) > 0:
             raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
         # Half a spacing of slack, so that a window of k spacings holds k + 1 frames.
         n = int(np.count_nonzero(self.time - self.time[0] <= duration + 0.5 * self.spacing))
