@@ -183,6 +183,20 @@ def test_friction_that_falls_with_load_is_refused_beside_mujoco():
         assert compare.run(engine, duration=0.01, settings="dashpot").runs[0].unstable_at is None
 
 
+def test_elastic_energy_that_mujoco_does_not_know_is_nan_from_the_start():
+    comparison = compare.run(
+        BALL.format(height=0.11), duration=0.01, settings=("dashpot", "elliptic")
+    )
+    assert np.isnan(comparison["elliptic"].elastic).all()
+    assert comparison["dashpot"].elastic[0] == 0.0
+
+
+@pytest.mark.parametrize("settings", [3, None])
+def test_settings_are_a_sequence(settings):
+    with pytest.raises(TypeError, match=f"settings must be a name, a Setting or .* got {settings}"):
+        compare.run(BALL.format(height=0.11), duration=0.01, settings=settings)
+
+
 def test_dashpot_diverging_spares_the_others():
     stiff = """<mujoco><option timestep=".02"/><worldbody><body>
       <joint type="slide" axis="0 0 1" stiffness="1e6"/><geom size=".1" mass=".1"/>

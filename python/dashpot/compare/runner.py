@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias
@@ -76,7 +76,8 @@ def run(
     Raises
     ------
     TypeError
-        If a number is none, `materials` maps nothing, or a material is none.
+        If a number is none, `settings` is no sequence, `materials` maps nothing, or a material is
+        none.
     ValueError
         If a number is out of range, a setting, geom or scene is unknown, the model cannot be
         compiled or uses what dashpot refuses; the message names it.
@@ -169,6 +170,10 @@ def _compile(xml: str) -> mujoco.MjModel:
 def _settings(settings: Sequence[str | Setting]) -> list[str | Setting]:
     if isinstance(settings, (str, Setting)):
         settings = (settings,)
+    if not isinstance(settings, Iterable):
+        raise TypeError(
+            f"settings must be a name, a Setting or a sequence of them, got {settings!r}"
+        )
     chosen = [find_setting(setting) for setting in settings]
     names = [s if isinstance(s, str) else s.name for s in chosen]
     if not names:
@@ -252,7 +257,7 @@ def _loop(
 ) -> tuple[float, float | None]:
     """Step and record; return the wall time of stepping and when the run diverged, if it did."""
     wall_time = 0.0
-    recorder.record(data, 0.0)
+    recorder.record(data, elastic())
     for index in range(steps):
         before = data.time
         begin = time.perf_counter()
