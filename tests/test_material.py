@@ -156,6 +156,13 @@ def test_bad_solref_is_refused(solref, width):
 # --- checks of values -----------------------------------------------------------------------------
 
 
+def test_arrays_for_one_number_are_named():
+    with pytest.raises(TypeError, match=r"^impedance_width must be one number, got \[0.9\]"):
+        law.solref_to_spring((0.02, 1.0), impedance_width=[0.9])
+    with pytest.raises(TypeError, match=r"^load must be one number, got \[1.0, 2.0\]"):
+        law.solref_to_spring_at_rest((0.02, 1.0), load=[1.0, 2.0])
+
+
 def test_defaults_are_rigid_and_critically_damped():
     core = Material()._to_core()
     assert (core.rigid, core.form, core.damping) == (True, _core.DampingForm.ratio, 1.0)

@@ -18,6 +18,13 @@ def _solref_pair(solref: ArrayLike) -> Any:
     return pair
 
 
+def _one_number(name: str, value: ArrayLike, **limits: Any) -> float:
+    array = real_array(name, value, **limits)
+    if array.shape != ():
+        raise TypeError(f"{name} must be one number, got {value!r}")
+    return float(array)
+
+
 def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tuple[float, float]:
     """Return mass-normalised stiffness (1/s^2) and damping (1/s) of a MuJoCo solref pair.
 
@@ -40,8 +47,8 @@ def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tupl
         An argument is not real, of a wrong shape or out of range.
     """
     pair = _solref_pair(solref)
-    width = real_array("impedance_width", impedance_width)
-    stiffness, damping = _core.solref_to_spring(pair[0], pair[1], float(width))
+    width = _one_number("impedance_width", impedance_width)
+    stiffness, damping = _core.solref_to_spring(pair[0], pair[1], width)
     return stiffness, damping
 
 
@@ -85,6 +92,6 @@ def solref_to_spring_at_rest(
     impedance = real_array("solimp", solimp, lower=0.0)
     if impedance.shape != (5,):
         raise ValueError(f"solimp must have shape (5,), got {impedance.shape}")
-    value = np.inf if load is None else float(real_array("load", load, lower=0.0, strict=True))
+    value = np.inf if load is None else _one_number("load", load, lower=0.0, strict=True)
     stiffness, damping = _core.solref_to_spring_at_rest(pair, impedance, value)
     return stiffness, damping
