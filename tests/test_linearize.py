@@ -159,6 +159,13 @@ def test_neither_threads_nor_memory_of_the_data_matter_and_data_stay():
     assert (one.B.shape, one.C.shape, one.D.shape) == ((12, 0), (0, 12), (0, 0))
 
 
+@pytest.mark.parametrize("centered", ["no", 1, None])
+def test_centered_is_true_or_false(centered):
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string("<mujoco/>"))
+    with pytest.raises(TypeError, match=f"centered must be True or False, got {centered!r}"):
+        dashpot.linearize(engine, engine.make_data(), centered=centered)
+
+
 @pytest.mark.parametrize("eps", [0.0, -1e-6, np.nan, np.inf])
 def test_eps_must_be_positive(eps):
     engine = engine_of(ARM.format("Euler"))

@@ -75,13 +75,16 @@ def linearize(
     Raises
     ------
     TypeError
-        If `engine` is no `Engine`, `data` no ``mujoco.MjData`` or `eps` no number.
+        If `engine` is no `Engine`, `data` no ``mujoco.MjData``, `eps` no number or
+        `centered` no bool.
     ValueError
         If `eps` is out of range, `data` was made from another model, or a step fails.
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
     eps = positive_number("eps", eps)
+    if not isinstance(centered, bool | np.bool_):
+        raise TypeError(f"centered must be True or False, got {centered!r}")
     engine._check_data(data)
     model = engine.model
     base = engine.make_data()
