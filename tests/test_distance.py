@@ -212,3 +212,18 @@ def test_distances_refuses_by_name(zoo, change, error, message):
         dashpot.distances(
             zoo, given["geom1"], given["geom2"], given["qpos"], nthread=given["nthread"]
         )
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "box", "cylinder", "ellipsoid"])
+def test_points_are_apart_by_the_distance_along_the_normal(kind):
+    """To what `Distance` says."""
+    size = {"sphere": ".1", "capsule": ".05 .1"}.get(kind, ".1 .05 .2")
+    shape = f'<body><freejoint/><geom name="{{}}" type="{kind}" size="{size}"/></body>'
+    xml = f"<mujoco><worldbody>{shape.format('a')}{shape.format('b')}</worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(xml)
+    rng = np.random.default_rng(0)
+    qpos = rng.normal(size=(500, 14)) * np.tile([0.1] * 3 + [1.0] * 4, 2)
+    found = dashpot.query.distances(model, "a", "b", qpos)
+    off = found.point2 - found.point1 - found.distance[:, None] * found.normal
+    curved = kind in ("cylinder", "ellipsoid")
+    np.testing.assert_allclose(off, 0.0, atol=1e-5 * 0.2 if curved else 1e-14)

@@ -30,7 +30,8 @@ class Distance:
         translation that parts the two (of a height field: see `distance`).
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
-        surfaces of the first and second geom. ``point2 - point1 == distance * normal``.
+        surfaces of the first and second geom. ``point2 - point1 == distance * normal`` to rounding,
+        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part.
     normal
         Shape (3,), unit, world, from the first geom to the second.
     """
