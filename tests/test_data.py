@@ -91,6 +91,14 @@ def real_tosses() -> CubeTosses:
         return load_cube_tosses(shared)
 
 
+def test_tosses_are_shown_without_their_arrays():
+    toss = make_toss(
+        7, np.zeros((3, 3)), np.tile([1.0, 0, 0, 0], (3, 1)), np.zeros((3, 3)), np.zeros((3, 3))
+    )
+    assert repr(toss) == "CubeToss(7, 3 frames to 0.01351 s)"
+    assert repr(CubeTosses((toss, toss))) == "CubeTosses(2 tosses, 6 frames 0.006757 s apart)"
+
+
 def test_real_tosses_have_the_pinned_content(real_tosses):
     assert {toss.id: toss.content_sha256() for toss in real_tosses} == pinned_sha256()
 

@@ -63,6 +63,10 @@ class CubeToss:
     velocity: NDArray[np.float64]
     angular_velocity: NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        """Return number and length, without the arrays."""
+        return f"CubeToss({self.id}, {len(self)} frames to {self.time[-1]:.4g} s)"
+
     @property
     def name(self) -> str:
         """Names the toss in messages: "toss" and its number."""
@@ -114,6 +118,11 @@ class CubeTosses:
 
     length_correction = 1.0215
     """Factor on positions and velocities that turns the tracked free fall into 9.81 m/s²."""
+
+    def __repr__(self) -> str:
+        """Return the number of tosses and frames, without the arrays."""
+        frames = sum(len(toss) for toss in self.tosses)
+        return f"CubeTosses({len(self)} tosses, {frames} frames {self.timestep:.4g} s apart)"
 
     def __len__(self) -> int:
         return len(self.tosses)
