@@ -174,10 +174,22 @@ def test_an_estimate_at_a_bound_always_names_it(options, also):
 def test_statements_have_the_digits_that_they_need():
     good = statement(math.log(30.0), 1e-7)
     assert good.statement == "identified: 95% interval 29.999997 to 30.000003"
+    narrow = statement(math.log(30.0), 3e-4).statement
+    assert narrow == "identified: 95% interval 29.991 to 30.009"
     sure = statement(math.log(30.0), 0.01, standard_error=1e-3, confidence=0.999).statement
     assert sure.startswith("identified: 99.9% interval")
     exact = statement(math.log(30.0), 0.0).statement
     assert exact == "identified: 95% interval 30 to 30"
+
+
+def test_estimates_in_the_table_have_the_digits_of_their_interval():
+    engine = ball_engine()
+    trajectory = observe(engine, SIDEWAYS, noise=np.random.default_rng(6))
+    result = fit(Problem(engine, ball_parameters(), [trajectory], 1e-4, 1e-3))
+    narrow = replace(result["stiffness"], value=0.24994, lower=0.249902, upper=0.249978)
+    table = str(replace(result, estimates=(narrow, *result.estimates[1:])))
+    assert "0.24994 " in table
+    assert "0.249902 – 0.249978" in table
 
 
 def test_what_noise_does_not_explain_is_not_identified():

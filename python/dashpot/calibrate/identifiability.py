@@ -104,11 +104,21 @@ def percent(confidence: float) -> str:
 
 
 def interval_ends(lower: float, upper: float) -> tuple[str, str]:
-    """Return the ends of an interval with four digits, or as many as tell them apart."""
-    digits = 4
-    while digits < 16 and lower < upper and f"{lower:.{digits}g}" == f"{upper:.{digits}g}":
-        digits += 1
+    """Return the ends of an interval with four digits, or as many as tell its width."""
+    digits = interval_digits(lower, upper)
     return f"{lower:.{digits}g}", f"{upper:.{digits}g}"
+
+
+def interval_digits(lower: float, upper: float) -> int:
+    """Return how many digits numbers in an interval need: the last is a tenth of its width.
+
+    They are four at least, and 16 at most.
+    """
+    width, size = upper - lower, max(abs(lower), abs(upper))
+    if not width > 0.0:
+        return 4
+    first = math.floor(math.log10(size))
+    return min(max(4, math.ceil(first + 2 - math.log10(width))), 16)
 
 
 def judge(

@@ -14,6 +14,7 @@ from rich.table import Table
 from dashpot.calibrate.combinations import Combination, combinations
 from dashpot.calibrate.identifiability import (
     Estimate,
+    interval_digits,
     interval_ends,
     noise_explains,
     percent,
@@ -247,8 +248,9 @@ class Fit:
         for e in self.estimates:
             row = [e.name]
             if truth is not None:
-                row.append(f"{truth[e.name]:.4g}")
-            row += [f"{e.value:.4g}", " – ".join(interval_ends(e.lower, e.upper))]
+                row.append(f"{truth[e.name]:.{interval_digits(e.lower, e.upper)}g}")
+            digits = interval_digits(e.lower, e.upper)
+            row += [f"{e.value:.{digits}g}", " – ".join(interval_ends(e.lower, e.upper))]
             row.append("yes" if e.identified else "no")
             table.add_row(*row)
         return table
