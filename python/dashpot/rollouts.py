@@ -23,8 +23,9 @@ def rollout(
 ) -> tuple[Array, Array]:
     """Step many initial states, or many control sequences, in parallel C++ threads.
 
-    Shapes are those of `mujoco.rollout.rollout`; the GIL is released. Every rollout is what
-    `Engine.step` on one data would give, bit for bit, whatever the number of threads.
+    Shapes are those of `mujoco.rollout.rollout`; the GIL is released, and Ctrl-C takes effect when
+    the batch is through. Every rollout is what `Engine.step` on one data would give, bit for bit,
+    whatever the number of threads.
 
     Parameters
     ----------
@@ -47,7 +48,8 @@ def rollout(
         Number of threads, >= 1. None: one per core. The engine keeps their data for the next call.
     with_memory
         False: integration states come back as full-physics states. Contact memory is most of the
-        state of a robot, 100 kB of it in every step.
+        state of a robot, 100 kB of it in every step: with it, many rollouts take several times as
+        long and as much memory.
 
     Returns
     -------
