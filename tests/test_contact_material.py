@@ -1,6 +1,8 @@
 """What Engine.contact_material says of a pair, against contacts that MuJoCo detects and bounces."""
 
+import copy
 import math
+import pickle
 
 import mujoco
 import numpy as np
@@ -143,3 +145,35 @@ def test_a_friction_rule_acts_where_a_material_names_friction(rule, named):
     assert engine.contact_material("floor", "box").friction[0] == 1.0
     engine.set_material("box", Material(1e4, friction=0.1))
     assert engine.contact_material("floor", "box").friction[0] == pytest.approx(named, rel=1e-12)
+
+
+def test_contact_materials_are_asked_for_without_making_all_of_them_again(monkeypatch):
+    engine = engine_of()
+    made = []
+    to_core = Material._to_core
+    monkeypatch.setattr(Material, "_to_core", lambda m: (made.append(m), to_core(m))[1])
+    for stiffness in (1e4, 2e4):
+        engine.set_material("ball", Material(stiffness))
+        made.clear()
+        for _ in range(3):
+            assert engine.contact_material("floor", "ball").stiffness == stiffness
+        assert len(made) == 2  # the ball's and the floor's, once
+    engine.set_pair_material("floor", "ball", Material(3e4))
+    assert engine.contact_material("floor", "ball").stiffness == 3e4
+
+
+def test_copies_have_materials_of_their_own():
+    engine = engine_of()
+    engine.set_material("ball", Material(1e4))
+    assert engine.contact_material("floor", "ball").stiffness == 1e4
+    for other in (copy.copy(engine), pickle.loads(pickle.dumps(engine))):
+        other.set_material("ball", Material(2e4))
+        assert other.contact_material("floor", "ball").stiffness == 2e4
+        assert engine.contact_material("floor", "ball").stiffness == 1e4
+
+
+def test_edits_of_the_model_reach_contact_materials():
+    engine = engine_of()
+    assert engine.contact_material("floor", "ball").friction[0] == 1.0
+    engine.model.geom_friction[:, 0] = 0.4
+    assert engine.contact_material("floor", "ball").friction[0] == 0.4

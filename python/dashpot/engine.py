@@ -177,6 +177,7 @@ class Engine:
         self._lock = _core.ModelLock()
         self._stepper: _core.Stepper | None = None
         self._rollouts: _core.Rollouts | None = None
+        self._built: list[_core.Parameters] = []
         self._scratch: mujoco.MjData | None = None
 
     @property
@@ -241,7 +242,7 @@ class Engine:
             raise TypeError(f"material is {type(material).__name__}; it must be a Material")
         self._check_takes_materials()
         self._geom_material[self.geom_id(geom)] = material
-        self._stepper = self._rollouts = None
+        self._materials_changed()
 
     def set_pair_material(self, geom1: str | int, geom2: str | int, material: Material) -> None:
         """Give contacts between two geoms a material of their own, in place of the combination."""
@@ -252,7 +253,7 @@ class Engine:
         if first == second:
             raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
         self._pair_material[first, second] = material
-        self._stepper = self._rollouts = None
+        self._materials_changed()
 
     def material(self, geom: str | int) -> Material:
         """Material of a geom; the rigid default where none was set."""
@@ -449,11 +450,19 @@ class Engine:
         """Take a copied or pickled state."""
         self.__dict__.update(state)
         self._lock = _core.ModelLock()
-        self._stepper = self._rollouts = None
+        self._materials_changed()
         self._scratch = None
 
+    def _materials_changed(self) -> None:
+        """Forget what was made of materials. Threads that make it still do so for nobody."""
+        self._stepper = self._rollouts = None
+        self._built = []
+
     def _parameters(self) -> _core.Parameters:
-        """Options and materials for the C++ core."""
+        """Options and materials for the C++ core, kept until a material changes; not to be set."""
+        built = self._built
+        if built:
+            return built[0]
         parameters = _core.Parameters()
         parameters.options = self._options.to_core()
         parameters.contact_capacity = self._contact_capacity
@@ -464,6 +473,7 @@ class Engine:
             geom_material.append(material)
         parameters.geom_material = geom_material
         parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
+        built.append(parameters)
         return parameters
 
     def _rollout_workers(self) -> _core.Rollouts:
