@@ -23,13 +23,28 @@ def warn_of_noisy_starts(problem: Problem) -> None:
         )
 
 
-def warn_of_milliseconds(problem: Problem) -> None:
-    """Warn where bodies begin in a fall at a millionth of gravity."""
-    slow = problem.slow_falls()
-    if slow:
-        others = f" and {len(slow) - 1} more" if len(slow) > 1 else ""
-        warnings.warn(
-            f"trajectory '{slow[0]}'{others}: it begins in a fall at a millionth of gravity, as "
-            "with times in milliseconds; they must be in s",
-            stacklevel=_STACK_LEVEL,
-        )
+def warn_of_strange_falls(problem: Problem) -> None:
+    """Warn where bodies begin in a fall as of other units or axes than the model's."""
+    for names, what in (
+        (
+            problem.slow_falls(),
+            "it begins in a fall at a millionth of gravity, as with times in milliseconds; they "
+            "must be in s",
+        ),
+        (
+            problem.fast_falls(),
+            "it begins in a fall at a thousand times gravity, as with positions in mm; they must "
+            "be in m",
+        ),
+        (
+            problem.upward_falls(),
+            "it begins in a fall against gravity, as with an axis that points down; positions must "
+            "be in the world of the model",
+        ),
+    ):
+        if names:
+            others = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            warnings.warn(
+                f"trajectory '{names[0]}'{others}: {what}",
+                stacklevel=_STACK_LEVEL,
+            )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.data_warnings import warn_of_milliseconds, warn_of_noisy_starts
+from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
 from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.identifiability import judge, noise_explains
 from dashpot.calibrate.intervals import Covariance, check_count
@@ -155,7 +155,7 @@ def fit(
     check_count(objective.measured_count, objective.size)
     errors_kind = _errors_kind(errors, problem, objective)
     warn_of_noisy_starts(problem)
-    warn_of_milliseconds(problem)
+    warn_of_strange_falls(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:

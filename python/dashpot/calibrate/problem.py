@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.clock import gravity_of, in_milliseconds
+from dashpot.calibrate.clock import falls_up, gravity_of, in_millimetres, in_milliseconds
 from dashpot.calibrate.first_guess import free_bodies, free_joint, initial_state, robust_guess
 from dashpot.calibrate.layout import Layout
 from dashpot.calibrate.noise import deviation, position_deviations, sensor_deviations
@@ -277,12 +277,26 @@ class Problem:
 
     def slow_falls(self) -> tuple[str, ...]:
         """Return the trajectories that begin in a fall as of times given in milliseconds."""
+        return self._beginning(in_milliseconds)
+
+    def fast_falls(self) -> tuple[str, ...]:
+        """Return the trajectories that begin in a fall as of positions given in millimetres."""
+        return self._beginning(in_millimetres)
+
+    def upward_falls(self) -> tuple[str, ...]:
+        """Return the trajectories that begin in a fall against gravity."""
+        return self._beginning(falls_up)
+
+    def _beginning(
+        self, so: Callable[[Trajectory, Sequence[int], Array, Array], bool]
+    ) -> tuple[str, ...]:
+        """Return the trajectories whose bodies on free joints begin `so`."""
         model = model_of(own_system(self.system, self.start))
         found = []
         for trajectory in self.trajectories:
             ids = [model.body(body).id for body in trajectory.bodies]
             free = [i for i, body in enumerate(ids) if free_joint(model, body) is not None]
-            if in_milliseconds(trajectory, free, gravity_of(model), self.sigma[:3]):
+            if so(trajectory, free, gravity_of(model), self.sigma[:3]):
                 found.append(trajectory.name)
         return tuple(found)
 
