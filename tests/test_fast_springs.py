@@ -16,7 +16,7 @@ HELD_BY = {
 
 
 def carried(held_by: str, servo: bool, mass: float, integrator: str) -> dashpot.Engine:
-    """A mass that swings sideways on a carrier that rests; nothing couples the two."""
+    """Make a mass that swings sideways on a carrier that rests; nothing couples the two."""
     limit, equality, floor = HELD_BY[held_by]
     drive = f'<actuator><position joint="along" kp="{STIFFNESS}"/></actuator>' if servo else ""
     spring = "" if servo else f'stiffness="{STIFFNESS}"'
