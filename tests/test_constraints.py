@@ -344,4 +344,6 @@ def test_a_taut_string_holds_its_load_through_the_bottom():
         sides.add(np.sign(data.qpos[0]))
     assert sides >= {-1.0, 1.0}
     assert np.abs(np.diff(tension)).max() < 0.02 * np.mean(tension)
-    assert abs(engine.energy(data).dissipated_recovery) < 1e-6
+    # J is that of the middle: what it misses of the length, (omega H)^3 L / 24 = 1.7e-10 m a step
+    # at up to 1 rad/s, under 10 N.
+    assert abs(engine.energy(data).dissipated_recovery) < 4e-6

@@ -8,6 +8,7 @@
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_jacobians.hpp"
+#include "dashpot/mujoco_tendon_turns.hpp"
 #include "dashpot/mujoco_trees.hpp"
 
 namespace dashpot::host {
@@ -129,9 +130,9 @@ Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
   }
 }
 
-// A row over the generalized velocity of a free body (origin; rotation in its frame) becomes one
-// over the velocity of its centre of mass and its angular velocity, in world axes.
-void to_centre(const mjModel* m, const mjData* d, const Tree& t, double* row) {
+}  // namespace
+
+void to_centre(const mjModel_* m, const mjData_* d, const Tree& t, double* row) {
   const int body = m->dof_bodyid[t.dof_begin];
   mjtNum arm[3], turn[3], angular[3];
   mju_sub3(arm, d->xipos + 3 * body, d->xpos + 3 * body);
@@ -139,8 +140,6 @@ void to_centre(const mjModel* m, const mjData* d, const Tree& t, double* row) {
   mju_mulMatVec3(angular, d->xmat + 9 * body, row + 3);
   mju_sub3(row + 3, angular, turn);
 }
-
-}  // namespace
 
 bool is_default_impedance(const double* solref, const double* solimp) {
   struct Default {
@@ -189,6 +188,8 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.memory = source.memory;
     input.position = source.kind == RowKind::kSlider ? 0.0 : d->efc_pos[row] - source.margin;
     input.is_joint_limit = type == mjCNSTR_LIMIT_JOINT;
+    if (type == mjCNSTR_LIMIT_TENDON) input.tendon = id;
+    if (upper) input.side = -1.0;
     input.limit = d->efc_frictionloss[row];
     std::copy_n(source.solref, 2, input.solref.begin());
     std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());
@@ -243,14 +244,34 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
     }
 }
 
+void append_limit_in_the_middle(const ConstraintInput& input, const Trees& trees,
+                                const TendonTurns& tendons, Rows& rows) {
+  RowGroup& c = rows.group.back();
+  const double* row = tendons.middle(input.tendon);
+  c.ahead = tendons.half_length();
+  c.turning[0] = input.side * tendons.turning(input.tendon);
+  for (int side = 0; side < 2; ++side) {
+    if (c.tree[side] < 0) continue;
+    const Tree& t = trees.tree[c.tree[side]];
+    for (int i = 0; i < t.dof_count; ++i) {
+      if (row[t.dof_begin + i] == 0.0) continue;
+      rows.column.push_back(coordinate_of(t, i));
+      rows.value.push_back(input.side * row[t.dof_begin + i]);
+      ++c.columns[side];
+    }
+  }
+}
+
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                     const Trees& trees, Rows& rows) {
+                     const Trees& trees, const TendonTurns& tendons, Rows& rows) {
+  if (input.tendon >= 0 && tendons.middle(input.tendon))
+    return append_limit_in_the_middle(input, trees, tendons, rows);
   append_rows(m, d, input.source, trees, rows);
   if (input.drive != 0.0) return append_ground_motion(rows, kSurfaceCoordinate, &input.drive);
   if (input.kind != RowKind::kBilateral) return;
   const int equality = d->efc_id[input.source];
   const int row = input.memory - memory_of_equality(m, equality);
-  const double turning = turning_of_equality(m, d, equality, row, trees);
+  const double turning = turning_of_equality(m, d, equality, row, trees, tendons);
   if (turning != 0.0) append_ground_motion(rows, kTurningCoordinate, &turning);
 }
 

@@ -11,6 +11,7 @@
 #include "dashpot/mujoco_constraints.hpp"
 #include "dashpot/mujoco_equality_sides.hpp"
 #include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_tendon_turns.hpp"
 #include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
@@ -96,10 +97,14 @@ double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
   return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
 }
 
+double slope_of_polynomial(const mjtNum* p, double x) {
+  return p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
+}
+
 }  // namespace
 
 double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
-                           const Trees& trees) {
+                           const Trees& trees, const TendonTurns& tendons) {
   const int second = m->eq_obj2id[equality];
   const mjtNum* data = m->eq_data + mjNEQDATA * equality;
   switch (m->eq_type[equality]) {
@@ -112,10 +117,13 @@ double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, in
       return turning_of_polynomial(data, d->qpos[position] - m->qpos0[position],
                                    d->qvel[m->jnt_dofadr[second]]);
     }
-    case mjEQ_TENDON:
-      if (second < 0) return 0.0;
-      return turning_of_polynomial(data, d->ten_length[second] - m->tendon_length0[second],
-                                   d->ten_velocity[second]);
+    case mjEQ_TENDON: {
+      const double first = tendons.turning(m->eq_obj1id[equality]);
+      if (second < 0) return first;
+      const double x = d->ten_length[second] - m->tendon_length0[second];
+      return first - slope_of_polynomial(data, x) * tendons.turning(second) +
+             turning_of_polynomial(data, x, d->ten_velocity[second]);
+    }
     case mjEQ_FLEX: {
       // Edges whose ends do not move have no row.
       const int flex = m->eq_obj1id[equality];

@@ -83,6 +83,8 @@ struct ConstraintInput {
   std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
   bool is_joint_limit = false;
+  int tendon = -1;    // whose limit it is, else -1
+  double side = 1.0;  // of a tendon's limit: +1 below it, -1 above
 };
 
 // The geometry of a contact between free bodies, which is all of its Jacobian.

@@ -40,6 +40,11 @@ struct Tree {
   bool cross_damped = false;  // and D is more than a diagonal
 };
 
+// The motion coordinate of degree of freedom i of a tree.
+inline int coordinate_of(const Tree& tree, int i) {
+  return tree.begin + (tree.free_body && i >= 3 ? i + 1 : i);
+}
+
 struct Trees {
   std::vector<Tree> tree;
   int coordinates = kGroundCoordinates;
