@@ -108,3 +108,42 @@ def test_what_flies_off_as_it_touches_goes_on(material, impact):
     data.qvel[:] = (0, 0, 1, 0, 0, 0.5)
     engine.step(data)
     np.testing.assert_array_equal(data.qvel, (0, 0, 1, 0, 0, 0.5))
+
+
+@pytest.mark.parametrize("balls", [3, 5])
+@pytest.mark.parametrize(
+    ("timestep", "options"),
+    [
+        (0.002, {}),
+        (0.007, {}),
+        (0.01, {}),
+        (0.002, {"microsteps": 64}),
+        (0.005, {"microsteps": 64}),
+    ],
+    ids=str,
+)
+def test_a_row_of_balls_hands_its_energy_on(timestep, options, balls):
+    """Hits of two, one after the other, whenever in a step; the next ball is 1 mm away."""
+    radius, gap = 0.05, 0.001
+    bodies = "".join(
+        f"""<body pos="{i * (2 * radius + gap)} 0 0"><joint type="slide" axis="1 0 0"/>
+        <geom size="{radius}" mass="1"/></body>"""
+        for i in range(balls)
+    )
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(
+            f"""<mujoco><option timestep="{timestep}" gravity="0 0 0"/>
+            <worldbody>{bodies}</worldbody></mujoco>"""
+        ),
+        **options,
+    )
+    for geom in range(balls):
+        engine.set_material(geom, RIGID)
+    for phase in np.linspace(0.0, 1.0, 60, endpoint=False):
+        data = engine.make_data()
+        data.qvel[0] = 1.0
+        data.qpos[0] = -0.031 - phase * timestep
+        engine.step(data, nstep=round(0.06 / timestep) + 5)
+        # Two hits that overlap in time leave some of the speed behind, of the energy next to none.
+        assert 0.5 * (data.qvel**2).sum() == pytest.approx(0.5, rel=0.01)
+        assert data.qvel[-1] > 0.95

@@ -176,7 +176,7 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     const double force = old.stiffness * old.compression;
-    const bool hit = data.is_of_lone_pair[index] && (data.hit[index] || old.hit) &&
+    const bool hit = (old.hit || (data.is_of_lone_pair[index] && data.hit[index])) &&
                      goes_on_as_hit(force, rows, c, length, data);
     if (input.gap >= 0.0 && !hit) return;
     double& credit = data.credit[index];
