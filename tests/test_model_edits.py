@@ -180,6 +180,8 @@ HELD = """<mujoco><worldbody>
         ("geom_quat", (0, 3), "model.geom_quat of geom 'crate' holds nan; it must be finite"),
         ("eq_data", (0, 4), "model.eq_data of equality 'glue' holds nan; it must be finite"),
         ("jnt_range", (0, 1), "model.jnt_range of joint 'slide' holds nan; it must be a number"),
+        ("dof_damping", 0, "model.dof_damping of joint 'slide' holds nan; it must be finite"),
+        ("dof_armature", 0, "model.dof_armature of joint 'slide' holds nan; it must be finite"),
         ("opt.gravity", 2, "model.opt.gravity holds nan; it must be finite"),
         ("opt.wind", 0, "model.opt.wind holds nan; it must be finite"),
     ],
@@ -237,3 +239,11 @@ def test_a_geom_of_another_shape_is_hit_as_what_it_is(edited):
     expected = np.array([1.0, 0, 0]) - 2 * normal[0] * normal
     # The normal of the sphere follows the way along it while the spring is compressed, for 1.7 ms.
     assert throw_at_target(engine) == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("flag", ["constraint", "contact", "equality", "limit", "frictionloss"])
+def test_rows_that_a_flag_disables_are_reported(flag):
+    """What MJCF turns off does nothing, which the report says."""
+    xml = f'<mujoco><option><flag {flag}="disable"/></option></mujoco>'
+    reported = {f.name for f in Engine(mujoco.MjModel.from_xml_string(xml)).report().features}
+    assert f"flag {flag}=disable" in reported

@@ -73,6 +73,19 @@ void report_friction_loss(Report& report, const std::string& name, const mjtNum*
   }
 }
 
+void report_disabled_rows(const mjOption& o, Report& report) {
+  const auto add = [&](int flag, const char* name, const char* note) {
+    if (o.disableflags & flag)
+      report.add(std::string("flag ") + name + "=disable", Treatment::kHonoured, note);
+  };
+  add(mjDSBL_CONSTRAINT, "constraint",
+      "no contacts are detected, and no equality, limit or dry friction acts");
+  add(mjDSBL_CONTACT, "contact", "no contacts are detected");
+  add(mjDSBL_EQUALITY, "equality", "no equality acts");
+  add(mjDSBL_LIMIT, "limit", "no limit acts");
+  add(mjDSBL_FRICTIONLOSS, "frictionloss", "no dry friction of joints or tendons acts");
+}
+
 void report_options(const mjModel* m, Report& report) {
   const mjOption& o = m->opt;
   static const char* const kIntegrators[] = {"Euler", "RK4", "implicit", "implicitfast",
@@ -99,8 +112,7 @@ void report_options(const mjModel* m, Report& report) {
                "solver_fwdinv stays zero: mean forces of a step are no solution of mj_inverse");
   if (o.enableflags & mjENBL_DIAGEXACT)
     report.add("flag diagexact", Treatment::kMapped, "apparent masses are always exact");
-  if (o.disableflags & mjDSBL_CONTACT)
-    report.add("flag contact=disable", Treatment::kHonoured, "no contacts are detected");
+  report_disabled_rows(o, report);
   report.add("option solver, iterations, tolerance, noslip_iterations, impratio",
              Treatment::kMapped, "contact is solved in closed form; nothing iterates");
   if (report.comfree())

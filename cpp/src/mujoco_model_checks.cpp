@@ -84,6 +84,25 @@ void check_constraints(const mjModel* m) {
   check_finite(m, "tendon_range", "tendon", mjOBJ_TENDON, m->tendon_range, m->ntendon, 2, true);
 }
 
+// A number for each degree of freedom, named by its joint.
+void check_of_dofs(const mjModel* m, const char* field, const mjtNum* values,
+                   bool negative_allowed) {
+  const bool fine =
+      negative_allowed ? are_finite(values, m->nv) : are_finite_and_positive(values, m->nv);
+  for (int i = 0; i < m->nv && !fine; ++i)
+    if (!std::isfinite(values[i]) || (values[i] < 0.0 && !negative_allowed))
+      throw std::invalid_argument("model." + std::string(field) + " of joint " +
+                                  named(m, mjOBJ_JOINT, m->dof_jntid[i]) + " holds " +
+                                  std::to_string(values[i]) + "; it must be finite" +
+                                  (negative_allowed ? "" : " and >= 0"));
+}
+
+void check_joints(const mjModel* m) {
+  check_of_dofs(m, "dof_armature", m->dof_armature, false);
+  check_of_dofs(m, "dof_damping", m->dof_damping, true);
+  check_of_dofs(m, "dof_frictionloss", m->dof_frictionloss, true);
+}
+
 void check_option(const char* field, const mjtNum* values, int count) {
   for (int i = 0; i < count; ++i)
     if (!std::isfinite(values[i]))
@@ -112,6 +131,7 @@ void check_values(const mjModel_* m) {
   check_time_and_medium(m->opt);
   check_poses(m);
   check_constraints(m);
+  check_joints(m);
 }
 
 void check_heights(const mjModel_* m) {
