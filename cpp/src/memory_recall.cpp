@@ -15,7 +15,8 @@ namespace {
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
 // How many times the load of smooth forces the spring of what is hit bears.
 constexpr double kHitLoads = 4.0;
-constexpr int kContactsAtOnce = 64;  // by a thread
+constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
+constexpr int kContactsAtOnce = 64;    // by a thread
 
 // Component of `local` (frame of geom 1) along a world direction.
 double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
@@ -66,6 +67,13 @@ bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double le
   double load[kMaxRows];
   gather(rows, c, data.smooth_acceleration.data(), load);
   return force * w > kHitLoads * std::abs(load[0]);
+}
+
+// Whether a contact gives back most of what it stores: damping ratio up to 0.2, restitution above a
+// half.
+bool is_elastic(const Rows& rows, const RowGroup& c) {
+  const double k = rows.stiffness[c.row], d = rows.damping[c.row];
+  return d * d * rows.inverse_mass[c.row] <= 4.0 * kElasticRatio * kElasticRatio * k;
 }
 
 // Rigid contacts keep their slack, for their stiffness goes on changing. What is hit keeps all that
@@ -176,7 +184,8 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     const double force = old.stiffness * old.compression;
-    const bool hit = (old.hit || (data.is_of_lone_pair[index] && data.hit[index])) &&
+    const bool alone = data.is_of_lone_pair[index];
+    const bool hit = ((alone && data.hit[index]) || (old.hit && (alone || is_elastic(rows, c)))) &&
                      goes_on_as_hit(force, rows, c, length, data);
     if (input.gap >= 0.0 && !hit) return;
     double& credit = data.credit[index];
