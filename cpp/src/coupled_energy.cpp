@@ -34,8 +34,6 @@ CoupledEnergy CoupledEnergy::anew() const {
   return same;
 }
 
-bool CoupledEnergy::may_be_of_springs() const { return restoring > 0.0; }
-
 bool CoupledEnergy::is_of_springs(double most_rest) const {
   return restoring > 0.0 && restoring <= kResolved * way &&
          rest <= most_rest * most_rest * 2.0 * square;

@@ -17,7 +17,7 @@ namespace {
 // `each` coefficients for each of `count` objects.
 void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* friction,
                     mjtSize count, int each) {
-  if (are_finite_and_positive(friction, each * count)) return;
+  if (are_finite_and_not_negative(friction, each * count)) return;
   for (int i = 0; i < each * count; ++i)
     if (!(std::isfinite(friction[i]) && friction[i] >= 0.0))
       throw std::invalid_argument("model." + std::string(kind) + "_friction of " + kind + " " +
@@ -26,7 +26,7 @@ void check_friction(const mjModel* m, const char* kind, int type, const mjtNum* 
 }
 
 void check_sizes(const mjModel* m) {
-  if (are_finite_and_positive(m->geom_size, 3 * m->ngeom)) return;
+  if (are_finite_and_not_negative(m->geom_size, 3 * m->ngeom)) return;
   for (int i = 0; i < 3 * m->ngeom; ++i)
     if (!(std::isfinite(m->geom_size[i]) && m->geom_size[i] >= 0.0))
       throw std::invalid_argument("model.geom_size of geom " + named(m, mjOBJ_GEOM, i / 3) +
@@ -88,7 +88,7 @@ void check_constraints(const mjModel* m) {
 void check_of_dofs(const mjModel* m, const char* field, const mjtNum* values,
                    bool negative_allowed) {
   const bool fine =
-      negative_allowed ? are_finite(values, m->nv) : are_finite_and_positive(values, m->nv);
+      negative_allowed ? are_finite(values, m->nv) : are_finite_and_not_negative(values, m->nv);
   for (int i = 0; i < m->nv && !fine; ++i)
     if (!std::isfinite(values[i]) || (values[i] < 0.0 && !negative_allowed))
       throw std::invalid_argument("model." + std::string(field) + " of joint " +

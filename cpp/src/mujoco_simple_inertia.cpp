@@ -59,8 +59,8 @@ void follow_in_subtrees(mjModel* m) {
 }  // namespace
 
 void check_masses(const mjModel_* m) {
-  const bool none_negative = are_finite_and_positive(m->body_mass, m->nbody) &&
-                             are_finite_and_positive(m->body_inertia, 3 * m->nbody);
+  const bool none_negative = are_finite_and_not_negative(m->body_mass, m->nbody) &&
+                             are_finite_and_not_negative(m->body_inertia, 3 * m->nbody);
   for (int body = 0; body < m->nbody; ++body) {
     const int dofs = m->body_dofnum[body];
     const bool simple = dofs > 0 && m->dof_simplenum[m->body_dofadr[body]] > 0;

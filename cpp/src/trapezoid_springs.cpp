@@ -28,7 +28,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
     coupled.restoring -= work * before.length[index] * before.length[index];
   }
   const auto asks = [&](int index) {
-    return left_half_[index] && coupled_[first_[index]].may_be_of_springs();
+    return left_half_[index] && coupled_[first_[index]].restoring > 0.0;
   };
   int first = 0;
   while (first < trees && !asks(first)) ++first;

@@ -51,8 +51,7 @@ struct CoupledEnergy {
   // -(df dq) H^2, dq'M dq, and r'M r, r what df has no part in of the second half.
   double restoring = 0.0, way = 0.0, rest = 0.0;
 
-  // By `restoring` alone, and by all of these.
-  bool may_be_of_springs() const;
+  // By these, which need `restoring` alone where it is not positive.
   bool is_of_springs(double most_rest) const;
   // Without what the second half has brought, where it is to be found again.
   CoupledEnergy anew() const;

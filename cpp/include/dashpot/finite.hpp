@@ -30,7 +30,7 @@ inline bool are_finite(const double* values, std::ptrdiff_t count) {
 }
 
 // False for -0, too: whoever asks looks closer then.
-inline bool are_finite_and_positive(const double* values, std::ptrdiff_t count) {
+inline bool are_finite_and_not_negative(const double* values, std::ptrdiff_t count) {
   return !any_marked<true>(values, count);
 }
 

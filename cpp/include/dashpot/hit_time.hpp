@@ -17,6 +17,7 @@
 #include <array>
 #include <functional>
 
+#include "dashpot/constants.hpp"
 #include "dashpot/parameters.hpp"
 #include "dashpot/rows.hpp"
 
@@ -32,7 +33,7 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 inline constexpr double kHitSpeed = 0.05;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the
 // step. Longer ones go by the geometry of every step, whose errors are of second order.
-inline constexpr double kShortHit = 3.14159265358979323846;
+inline constexpr double kShortHit = kPi;
 
 // Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
 // `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;

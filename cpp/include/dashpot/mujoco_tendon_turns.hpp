@@ -33,7 +33,10 @@ class TendonTurns {
   void forget() { turns_.clear(); }
 
   // d^2 L / dt^2 of a tendon while the motion coordinates keep their rates, m/s^2; 0 for others.
-  double turning(int tendon) const { return find_turn(tendon) ? find_turn(tendon)->turning : 0.0; }
+  double turning(int tendon) const {
+    const Turn* turn = find_turn(tendon);
+    return turn ? turn->turning : 0.0;
+  }
   // Its row in the middle by degree of freedom, of free bodies over their centre of mass and in
   // world axes; null where it does not turn.
   const double* middle(int tendon) const {

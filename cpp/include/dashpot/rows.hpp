@@ -128,8 +128,9 @@ struct RowGroup {
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  double ahead = 0.0;                                 // of ContactInput
-  std::array<double, 3> turning{};                    // of ContactInput
+  // Of ContactInput, and of limits of spatial tendons (mujoco_tendon_turns.hpp).
+  double ahead = 0.0;
+  std::array<double, 3> turning{};
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;

@@ -39,8 +39,9 @@
 // (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
 // smooth forces change.
 //
-// s is 1 to first order in H, and such that energy is conserved (coupled_energy.hpp); trees that
-// equalities couple share it (coupled_trees.hpp). Where no s near 1 does that, or equalities would
+// s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
+// that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
+// (coupled_trees.hpp). Where no s near 1 does that, or equalities would
 // turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
 // that step, and the work of those that did is booked as dissipation.
 
