@@ -93,6 +93,6 @@ def test_a_taut_chain_stays_as_calm_as_it_was(held_by, turn):
             engine.step(data)
             speeds.append(np.abs(data.qvel[1:]).max())
         fastest_turn.append(max(speeds))
-    # Maxima over a second each, in which five modes come together by chance. What is fed by the slow
-    # swing grows without bound.
+    # Maxima over a second each, in which five modes come together by chance. What is fed by the
+    # slow swing grows without bound.
     assert fastest_turn[1] < 1.3 * fastest_turn[0]
