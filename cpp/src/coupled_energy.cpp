@@ -18,6 +18,9 @@ constexpr double kLargestHalf = 0.1;
 // Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
 // much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
 constexpr double kBoost = 0.03;
+// Part of the velocity that smooth motion of linkages may be off by after all of the second half, a
+// step before a dead centre at 0.1 rad a step. Impacts leave less by chance alone.
+constexpr double kSmooth = 0.01;
 // (omega H)^2 of springs up to which velocity Verlet is bounded.
 constexpr double kResolved = 4.0;
 // Part of the second half that something else may bring than springs: what turns fast lets velocity
@@ -46,6 +49,10 @@ double CoupledEnergy::find_scale() const {
   return root == 0.0 && is_of_springs(kRestWithoutRoot) ? 1.0 : root;
 }
 
+double CoupledEnergy::energy_with(double s) const {
+  return kinetic + s * (linear + damped_linear + s * (square + damped_square));
+}
+
 double CoupledEnergy::find_root() const {
   const double first = linear + damped_linear, second = square + damped_square;
   const double root = std::sqrt(first * first - 4.0 * second * (kinetic - wanted));
@@ -54,14 +61,23 @@ double CoupledEnergy::find_root() const {
   for (double s : {-0.5 * sum / second, -2.0 * (kinetic - wanted) / sum})
     if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
   const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
-  const double residual = std::abs(kinetic + s * (first + s * second) - wanted);
+  const double residual = std::abs(energy_with(s) - wanted);
   return residual <= kResidual * kinetic ? s : 0.0;
 }
 
-double CoupledEnergy::find_brake() const {
-  if (kinetic <= 0.0) return 0.0;
-  const double excess = 1.0 - std::sqrt(std::max(0.0, wanted) / kinetic);
-  return excess < -kBoost ? 0.0 : excess;
+void CoupledEnergy::correct_speed() {
+  if (kinetic <= 0.0) return;
+  const auto excess_with = [&](double s) {
+    return 1.0 - std::sqrt(std::max(0.0, wanted) / energy_with(s));
+  };
+  const bool is_small = square <= kLargestHalf * kLargestHalf * kinetic;
+  if (by_equalities && is_small && std::abs(excess_with(1.0)) <= kSmooth) {
+    scale = 1.0;
+    brake = excess_with(1.0);
+    return;
+  }
+  const double excess = excess_with(0.0), most = by_equalities ? 0.0 : kBoost;
+  brake = excess < -most ? 0.0 : excess;
 }
 
 bool give_up_drives(std::vector<CoupledEnergy>& all) {

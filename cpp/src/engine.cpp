@@ -80,6 +80,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
   cuts = 0;
+  row_turn_rate = 0.0;
   proven_apart.clear();
   StepStats total;
   int taken = 0;
@@ -107,7 +108,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   motion.find_smooth_motion(d, length, is_rough(parts), data, team);
   if (shorten_for_turns(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
-  while (shorten_for_throws(parts)) {
+  while (shorten_for_throws(parts) || shorten_for_rows(parts)) {
     motion.find_smooth_motion(d, length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
   }

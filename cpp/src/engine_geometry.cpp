@@ -2,6 +2,8 @@
 // (mujoco_turning.hpp), of a part of it where an impact begins within (impact.hpp) or trees turn
 // far (turning_parts.hpp).
 
+#include <algorithm>
+
 #include "dashpot/hit_time.hpp"
 #include "dashpot/mujoco_turning.hpp"
 #include "dashpot/turning_parts.hpp"
@@ -13,13 +15,24 @@ namespace dashpot {
 // that is earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(part_of_smooth_turn(model, motion, length, parts.whole()), parts);
+  const double whole_step = parts.whole();
+  return shorten(std::min(part_of_smooth_turn(model, motion, length, whole_step),
+                          part_of_turning_rows(row_turn_rate * length, length, whole_step)),
+                 parts);
 }
 
 // The same where rows have thrown trees about within it.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   return shorten(part_of_thrown_turn(model, motion, data, touched, length, parts.whole()), parts);
+}
+
+// The same where equalities turn far in it, which the rest of the step most often does too.
+bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
+  if (parameters.options.law == Law::kComFree) return false;
+  const double turn = trapezoid.fastest_turn();
+  row_turn_rate = turn / length;
+  return shorten(part_of_turning_rows(turn, length, parts.whole()), parts);
 }
 
 bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {

@@ -48,6 +48,7 @@ struct Stepper::Impl {
   void correct_contacts_ahead(mjData_* d);
   bool shorten_for_turns(host::StepParts& parts);
   bool shorten_for_throws(host::StepParts& parts);
+  bool shorten_for_rows(host::StepParts& parts);
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
@@ -96,9 +97,10 @@ struct Stepper::Impl {
   Trapezoid trapezoid;
 
   // Found anew in every step or part of one, or kept from one to the next for their arrays.
-  double whole = 0.0;   // s, of the step
-  double rest = 0.0;    // s, of the step from the start of the part on
-  double length = 0.0;  // H, s, of the step or the part of it
+  double whole = 0.0;          // s, of the step
+  double rest = 0.0;           // s, of the step from the start of the part on
+  double length = 0.0;         // H, s, of the step or the part of it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the last part of the step; 0 in its first
   int cuts = 0;
   Part part;
   FlightContacts flights;

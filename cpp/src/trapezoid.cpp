@@ -6,14 +6,11 @@
 #include "dashpot/coupled_trees.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_forces.hpp"
+#include "dashpot/turning_parts.hpp"
 
 namespace dashpot {
 
 namespace {
-
-// rad, most that rows may turn in a step: the velocities at its end, which lack the second half,
-// have an energy that is off by half the square of it.
-constexpr double kTurn = 0.1;
 
 // What two changes, one after the other, have in common: the smaller if both have one sign.
 double lasting_part(double before, double now) {
@@ -30,6 +27,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
                                  RowData& data, EnergyLedger& ledger) {
   added_.clear();
   load_.clear();
+  fastest_turn_ = 0.0;
   const HeldMotion before = memory.held_motion();
   if (!before.length) return;
   const Trees& trees = motion.trees();
@@ -65,11 +63,10 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   for (size_t first = 0; first < coupled_.size(); ++first) {
     CoupledEnergy& coupled = coupled_[first];
     if (!coupled.left_half) continue;
-    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     if (coupled.scale == 0.0 &&
         (!coupled.by_equalities || are_on_ground(model, d, rows, trees, first_, first, force_)))
-      coupled.brake = coupled.find_brake();
-    if (coupled.by_equalities) coupled.brake = std::max(0.0, coupled.brake);
+      coupled.correct_speed();
+    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
     if (coupled.turns)
@@ -84,7 +81,8 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
     const double brake = coupled_[first_[index]].brake;
     const Tree& t = trees.tree[index];
     for (int i = t.begin; i < t.begin + t.count; ++i) {
-      added_[i] = scale * second_half_[i] - brake * data.velocity[i];
+      added_[i] = scale * second_half_[i];
+      added_[i] -= brake * (data.velocity[i] + added_[i]);
       data.velocity[i] += added_[i];
     }
   }
@@ -210,10 +208,11 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
     CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
-    const double turned = length * turning_rate(rows, c);
-    const double speed_square = 2.0 * rows.inverse_mass[c.row] * coupled.kinetic;
-    const bool driven = c.ground == kSurfaceCoordinate;
-    if (driven || turned * turned > kTurn * kTurn * speed_square) coupled.turns = false;
+    const double speed = std::sqrt(2.0 * rows.inverse_mass[c.row] * coupled.kinetic);
+    const double turn = speed > 0.0 ? length * std::abs(turning_rate(rows, c)) / speed : 0.0;
+    const bool is_driven = c.ground == kSurfaceCoordinate;
+    if (!is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
+    if (is_driven || turn > kPartTurn) coupled.turns = false;
   }
   for (const RowGroup& c : rows.group)
     if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);

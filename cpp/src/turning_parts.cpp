@@ -58,4 +58,8 @@ double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const Ro
   return equal_part(parts, rest, whole);
 }
 
+double part_of_turning_rows(double turn, double rest, double whole) {
+  return turn > kPartTurn ? equal_part(turn / kPartTurn, rest, whole) : rest;
+}
+
 }  // namespace dashpot

@@ -20,6 +20,11 @@
 // of others is their own.) So is a tree that only contacts and limits hold, unless much of it would
 // have to be added; and so it is where the second half would be a large part of its velocity.
 //
+// Nor is there an s where a linkage goes on smoothly and the power of the second half passes
+// through zero: what is left to conserve is of the order (omega H)^3, and no s has a part in it.
+// Those tied to what does not move take all of the second half then, and their speed is made right
+// after it, by at most kSmooth of it. (Without, a crank lost a fiftieth of its energy a turn.)
+//
 // Springs, weights and servos alone need no such s. At turning points energies determine none, and
 // what is gained there adds up: at omega H = 0.3 the energy of an oscillation grew by some parts in
 // ten thousand a step, at 0.6 by a tenth; and what a slow motion asks for feeds a fast one beside
@@ -43,7 +48,7 @@ struct CoupledEnergy {
   double damped_linear = 0.0, damped_square = 0.0;  // tau v'D k and tau k'D k / 2
   double driven = 0.0;                              // work of w (e1 - e0)
   double scale = 0.0;                               // s
-  double brake = 0.0;  // part of the velocity to take away where there is no s
+  double brake = 0.0;  // part of v + s k to take away where no s conserves energy
   bool by_equalities = false;
   bool left_half = false;  // in the last step, at least one tree
   bool turns = true;       // its equalities, in this step
@@ -60,8 +65,10 @@ struct CoupledEnergy {
   // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, the damped ones beside, at
   // turning points of the motion the end of the range that comes as near; 0 if there is none.
   double find_root() const;
-  // The part of the velocity to take away for the energy to be what it ought to.
-  double find_brake() const;
+  // v1'M1 v1 / 2 with s.
+  double energy_with(double s) const;
+  // Where there is no s and the energy may be made right: brake, and s where the motion is smooth.
+  void correct_speed();
 };
 
 // Of those without a scale that drives change, gives these up; whether there are any.

@@ -41,9 +41,9 @@
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
-// (coupled_trees.hpp). Where no s near 1 does that, or equalities would
-// turn too far in a step, frozen geometry stays: the second half is left out, they do not turn in
-// that step, and the work of those that did is booked as dissipation.
+// (coupled_trees.hpp). Where none is found, or equalities would turn too
+// far even in a part of a step (turning_parts.hpp), frozen geometry stays: the second half is left
+// out, they do not turn in that step, and the work of those that did is booked as dissipation.
 
 #pragma once
 
@@ -93,6 +93,8 @@ class Trapezoid {
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
   // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
   const double* load() const { return load_.empty() ? nullptr : load_.data(); }
+  // rad, most that a row of an equality turns in this step (turning_parts.hpp).
+  double fastest_turn() const { return fastest_turn_; }
 
  private:
   void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
@@ -126,6 +128,7 @@ class Trapezoid {
   std::vector<double> servo_change_;  // by the same: of drive_, because joints moved
   std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
   std::vector<double> spring_half_;   // of one tree, by motion coordinate
+  double fastest_turn_ = 0.0;
 };
 
 }  // namespace dashpot

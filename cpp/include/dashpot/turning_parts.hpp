@@ -12,6 +12,11 @@
 // kFollowedBend, but in kMostTurningParts at most. RK4 is followed twice as far. A wheel that spins
 // does not bend its way, however fast it is, and steps as in MuJoCo.
 //
+// Equalities turn with what they couple, and the velocities at the end of a step, which lack its
+// second half (trapezoid.hpp), have an energy that is off by half the square of the angle. So a
+// step in which the row of one turns by more than kPartTurn, dJ/dt xi H over the speed that the
+// kinetic energy of all could give it, is taken in parts, too.
+//
 // The numbers are measured: a limp robot whose wrists are three joints in one place still diverged
 // in some falls with 16 or 32 parts, or with parts of 0.15 rad, and with these in none. Gymnasium's
 // environments, which turn by 0.2 rad at most (0.3 with RK4), step whole.
@@ -40,5 +45,8 @@ double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double r
 // rest: what a blow throws far within a step turns as far as it will go on to.
 double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
                            const std::vector<char>& touched, double rest, double whole);
+
+// The same where a row of an equality has been found to turn by `turn` (rad) in that rest.
+double part_of_turning_rows(double turn, double rest, double whole);
 
 }  // namespace dashpot
