@@ -195,5 +195,5 @@ def test_a_failing_rollout_is_named(engine, thrown):
     states[[9, 17], 1 + 3 : 1 + 7] = 0.0  # quaternion of the box
     states[[9, 17], 1] = 1e200  # so far out that the state overflows
     for nthread in (1, 4):
-        with pytest.raises(ValueError, match="rollout 9, step 0"):
+        with pytest.raises(dashpot.DivergenceError, match="rollout 9, step 0"):
             dashpot.rollout(engine, states, nstep=5, nthread=nthread)

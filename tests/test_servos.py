@@ -305,3 +305,41 @@ def test_light_fingers_hold_a_heavy_block_as_damped_as_their_servos_are(timestep
     # has 21 steps, and grew at omega^2 H / 4 less the rate.
     rate = np.log(first / last) / 0.7
     assert rate == pytest.approx(2 * damping / (2 * mass), rel=0.2)
+
+
+def leg_beside_a_ball(actuators: str, timestep: float) -> mujoco.MjModel:
+    """Return a leg on a servo, p, and a ball joint with an actuator of three outputs, s."""
+    spec = mujoco.MjSpec.from_string(f"""<mujoco><option timestep="{timestep}"/><worldbody>
+      <geom type="plane" size="5 5 .1"/>
+      <body pos="0 0 1"><joint type="slide" axis="0 0 1"/>
+        <geom type="box" size=".1 .1 .05" mass="{MASS}" contype="0" conaffinity="0"/>
+        <body pos="0 0 -.5"><joint name="leg" type="slide" axis="0 0 1"/>
+          <geom size=".03" mass=".2" pos="0 0 .03"/></body></body>
+      <body pos="1 0 1"><joint name="ball" type="ball"/>
+        <geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody></mujoco>""")
+    for name in actuators:
+        actuator = spec.add_actuator(name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        if name == "p":
+            actuator.target = "leg"
+            actuator.set_to_position(kp=STIFFNESS)
+        else:
+            actuator.target = "ball"
+            actuator.gaintype = mujoco.mjtGain.mjGAIN_SO3
+            actuator.biastype = mujoco.mjtBias.mjBIAS_SO3
+            actuator.gainprm[0] = 1.0
+            actuator.biasprm[1] = -1.0
+    return spec.compile()
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+def test_a_servo_leg_swings_whatever_the_order_of_actuators(timestep: float) -> None:
+    """Actuators may have several controls and outputs: those after one are not where it is."""
+    sag = MASS * 9.81 / STIFFNESS
+    ends = []
+    for actuators in ("p", "ps", "sp"):
+        engine = dashpot.Engine(leg_beside_a_ball(actuators, timestep))
+        data = engine.make_data()
+        data.qpos[:2] = -0.5 - sag - 0.004, sag + 0.004
+        engine.step(data, nstep=round(1.0 / timestep))
+        ends.append(data.qpos[:2].copy())
+    np.testing.assert_array_equal(ends, [ends[0]] * 3)

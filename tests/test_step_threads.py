@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import shared_step_scenes as scenes
-from dashpot import Engine, Material
+from dashpot import DivergenceError, Engine, Material
 from dashpot.cli import parser
 from dashpot.cli.options import load_engine
 from shared_step_scenes import STATE, Start, at_rest, pile, scene, settled, state, stored
@@ -88,7 +88,7 @@ def nothing(engine: Engine, data: mujoco.MjData) -> None:
         (lose_solrefs, "64M", ValueError, "contact of geom .* solref must be .* got .*nan"),
         (lose_a_size, "64M", ValueError, "geom_size of geom 'body100' holds nan"),
         (grow, "64M", RuntimeError, "contacts exceed the memory for"),
-        (press_without_bounds, "64M", RuntimeError, "diverged"),
+        (press_without_bounds, "64M", DivergenceError, "diverged"),
         (nothing, "250K", RuntimeError, "stack overflow"),
         (nothing, "400K", RuntimeError, "contacts exceed the memory of the model"),
     ],

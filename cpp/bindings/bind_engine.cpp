@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "dashpot/contacts.hpp"
+#include "dashpot/divergence.hpp"
 #include "dashpot/engine.hpp"
 #include "dashpot/memory.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
@@ -125,6 +126,8 @@ py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t s
 }  // namespace
 
 void bind_engine(py::module_& module) {
+  py::register_exception<DivergenceError>(module, "DivergenceError", PyExc_RuntimeError);
+
   py::native_enum<Law>(module, "Law", "enum.Enum")
       .value("kelvin_voigt", Law::kKelvinVoigt)
       .value("comfree", Law::kComFree)

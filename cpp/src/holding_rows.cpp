@@ -60,10 +60,13 @@ void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintIn
     const RowGroup& c = rows.group[i];
     if (c.kind == RowKind::kContact && matches[i].nearest >= 0 && !matches[i].apart) {
       const RememberedContact before = memory.contact(matches[i].nearest);
-      add(rows, trees, i, before.stiffness, before.sticking != 0.0, length);
+      const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
+                                          before.slide_stiffness, before.spin_stiffness,
+                                          before.roll_stiffness,  before.roll_stiffness};
+      add(rows, trees, i, stiffness, before.sticking != 0.0, length);
     } else if (c.kind == RowKind::kUnilateral) {
       const RememberedConstraint before = memory.constraint(constraints[c.input].memory);
-      if (before.deformation < 0.0) add(rows, trees, i, before.stiffness, false, length);
+      if (before.deformation < 0.0) add(rows, trees, i, &before.stiffness, false, length);
     }
   }
 }
@@ -74,17 +77,21 @@ void HoldingRows::find_at_end(const Rows& rows, const RowData& data, const Trees
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind == RowKind::kBilateral || (c.is_unilateral() && data.deformation[c.row] < 0.0))
-      add(rows, trees, i, rows.stiffness[c.row], data.sticking[i], length);
+      add(rows, trees, i, rows.stiffness.data() + c.row, data.sticking[i], length);
   }
 }
 
-void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, double stiffness,
+void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness,
                       bool sticks, double length) {
   const RowGroup& c = rows.group[group];
   const int side = held_side(c, trees);
-  if (side < 0 || stiffness * rows.inverse_mass[c.row] * length * length <= 1.0) return;
+  const auto swings = [&](int i) {
+    return stiffness[i] * rows.inverse_mass[c.row + i] * length * length <= 1.0;
+  };
+  if (side < 0 || swings(0)) return;
   const Tree& t = trees.tree[c.tree[side]];
   for (int i = 0; i < (sticks ? c.dim : 1); ++i) {
+    if (swings(i)) continue;
     row_.assign(t.count, 0.0);
     if (c.is_of_one_coordinate(side)) {
       const int at = side == 0 ? 0 : c.columns[0];

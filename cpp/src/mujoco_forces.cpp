@@ -26,7 +26,7 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
 double servo_stiffness(const mjModel* m, const mjData* d, int actuator) {
   if (m->actuator_biastype[actuator] != mjBIAS_AFFINE) return 0.0;
   if (m->actuator_forcelimited[actuator]) {
-    const mjtNum force = d->actuator_force[actuator];
+    const mjtNum force = d->actuator_force[m->actuator_outadr[actuator]];
     const mjtNum* range = m->actuator_forcerange + 2 * actuator;
     if (force <= range[0] || force >= range[1]) return 0.0;
   }
@@ -73,10 +73,11 @@ void servo_changes(const mjModel_* m, const mjData_* d, const double* displaceme
                    std::vector<double>& change) {
   change.assign(m->nv, 0.0);
   if (m->opt.disableflags & mjDSBL_ACTUATION) return;
-  for (int i = 0; i < m->nu; ++i) {
+  for (int i = 0; i < m->nactuator; ++i) {
     const double stiffness = servo_stiffness(m, d, i);
     if (stiffness == 0.0) continue;
-    const int first = d->moment_rowadr[i], last = first + d->moment_rownnz[i];
+    const int output = m->actuator_outadr[i];
+    const int first = d->moment_rowadr[output], last = first + d->moment_rownnz[output];
     double length = 0.0;
     for (int k = first; k < last; ++k)
       length += d->actuator_moment[k] * displacement[d->moment_colind[k]];

@@ -4,6 +4,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/divergence.hpp"
 #include "dashpot/parallel.hpp"
 
 namespace dashpot {
@@ -41,8 +42,10 @@ void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread
       try {
         simulation.step();
       } catch (const std::exception& error) {
-        throw std::invalid_argument("rollout " + std::to_string(item) + ", step " +
-                                    std::to_string(step) + ": " + error.what());
+        const std::string what = "rollout " + std::to_string(item) + ", step " +
+                                 std::to_string(step) + ": " + error.what();
+        if (dynamic_cast<const DivergenceError*>(&error)) throw DivergenceError(what);
+        throw std::invalid_argument(what);
       }
       simulation.get_state(state + row * to, input.record);
       std::copy_n(simulation.sensordata(), sizes.nsensordata, sensordata + row * sizes.nsensordata);

@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/divergence.hpp"
 #include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_errors.hpp"
@@ -189,9 +190,9 @@ void RungeKutta::check_mean_slope(const mjModel* m) const {
     if (!moves_free_bodies_ && is_free_body(m, m->dof_treeid[i])) continue;
     if (!(std::abs(mean_velocity_[i]) <= kLargestValue &&
           std::abs(mean_acceleration_[i]) <= kLargestValue))
-      throw std::runtime_error("motion of degree of freedom " + std::to_string(i) +
-                               " diverged between the stages of RK4; data are as they were before "
-                               "the step");
+      throw DivergenceError("motion of degree of freedom " + std::to_string(i) +
+                            " diverged between the stages of RK4; data are as they were before "
+                            "the step");
   }
 }
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <string>
 
+#include "dashpot/divergence.hpp"
 #include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
@@ -79,8 +79,8 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   data.start_motion = data.velocity;
   for (size_t i = 0; i < smooth_acceleration_.size(); ++i)
     if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
-      throw std::runtime_error("smooth acceleration of degree of freedom " + std::to_string(i) +
-                               " diverged; data are as they were before the step");
+      throw DivergenceError("smooth acceleration of degree of freedom " + std::to_string(i) +
+                            " diverged; data are as they were before the step");
 }
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team& team) {

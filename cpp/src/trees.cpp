@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/divergence.hpp"
 #include "dashpot/instruction_sets.hpp"
 #include "dashpot/lane_blocks.hpp"
 #include "dashpot/lanes.hpp"
@@ -123,9 +124,9 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
 void check_bounded(const Tree& tree, const double* motion, double largest) {
   for (int i = tree.begin; i < tree.begin + tree.count; ++i)
     if (!(std::abs(motion[i]) <= largest))
-      throw std::runtime_error(
-          "contact forces diverged at the kinematic tree of degree of freedom " +
-          std::to_string(tree.dof_begin) + "; data are as they were before the step");
+      throw DivergenceError("contact forces diverged at the kinematic tree of degree of freedom " +
+                            std::to_string(tree.dof_begin) +
+                            "; data are as they were before the step");
 }
 
 void factor_inertia(const Trees& trees, int tree, double* inertia) {

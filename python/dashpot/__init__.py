@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from dashpot._load import __version__  # first: it loads MuJoCo, then the extension
 from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy
-from dashpot.engine import Engine, StepStats
+from dashpot.engine import DivergenceError, Engine, StepStats
 from dashpot.features import Feature, Report
 from dashpot.linearization import Linearization, linearize
 from dashpot.materials import CombinationRules, Material
@@ -34,6 +34,7 @@ __all__ = [
     "Contacts",
     "Distance",
     "Distances",
+    "DivergenceError",
     "Energy",
     "Engine",
     "Feature",

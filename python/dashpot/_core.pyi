@@ -17,6 +17,7 @@ __all__: list[str] = [
     "CombinationRules",
     "DampingForm",
     "DampingRule",
+    "DivergenceError",
     "FrictionRule",
     "Impact",
     "Law",
@@ -277,6 +278,9 @@ class CombinationRules:
     friction: FrictionRule
     stiffness: StiffnessRule
     def __init__(self) -> None: ...
+
+class DivergenceError(RuntimeError):
+    pass
 
 class Law(enum.Enum):
     comfree = ...

@@ -17,8 +17,9 @@ from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
 from dashpot.object_ids import object_id
 
-__all__ = ["Engine", "StepStats"]
+__all__ = ["DivergenceError", "Engine", "StepStats"]
 
+DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
 
 
@@ -322,13 +323,16 @@ class Engine:
             If ``nstep`` is below 1, state, controls or applied forces are not finite, or ``data``
             was made from another model or holds no contact memory in its user data. Data are
             untouched.
+        DivergenceError
+            A RuntimeError: if motion or contact forces diverge; data keep the state from before
+            the failing step.
         RuntimeError
             If the engine is being stepped by this thread already, as by a callback within a step;
-            if contact forces diverge, contacts exceed the memory, or rows do that sensors, plugins
-            or flexes read; data keep the state from before the failing step. Rows that nothing
-            reads but :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the
-            model is too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of
-            MuJoCo come as RuntimeError too.
+            if contacts exceed the memory, or rows do that sensors, plugins or flexes read; data
+            keep the state from before the failing step. Rows that nothing reads but
+            :meth:`contacts` and ``mj_contactForce`` are left out where the memory of the model is
+            too small for them; MuJoCo counts that in ``data.warning``. Fatal errors of MuJoCo come
+            as RuntimeError too.
 
         What Python callbacks of MuJoCo raise passes through; data keep the state from before that
         step. Ctrl-C ends a call of many steps between two of them.

@@ -65,6 +65,8 @@ def rollout(
     ValueError
         For shapes that do not fit and numbers that are not finite, naming argument and index; and
         where a rollout fails, naming rollout and step.
+    DivergenceError
+        Where a rollout diverges, naming rollout and step.
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")

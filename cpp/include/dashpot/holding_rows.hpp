@@ -44,7 +44,8 @@ class HoldingRows {
 
  private:
   void reset(const Trees& trees);
-  void add(const Rows& rows, const Trees& trees, size_t group, double stiffness, bool sticks,
+  // `stiffness`: of every row of the group.
+  void add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness, bool sticks,
            double length);
   void add_row(int tree, double inverse_mass);
   void remove(int tree, int n, double* x);

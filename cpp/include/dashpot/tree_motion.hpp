@@ -57,7 +57,7 @@ class TreeMotion {
   void start(const mjData_* d);
   // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
   // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
-  // std::runtime_error where it has diverged.
+  // DivergenceError where it has diverged.
   void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data, Team& team);
   // The same as the geometry of the middle sees it, which `d` holds.
   void freeze_at_middle(mjData_* d, double length, RowData& data, Team& team);

@@ -78,7 +78,7 @@ struct Trees {
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
 
-// Throws std::runtime_error that names the tree unless all its coordinates of `motion` are numbers
+// Throws DivergenceError that names the tree unless all its coordinates of `motion` are numbers
 // of at most `largest`.
 void check_bounded(const Tree& tree, const double* motion, double largest);
 

@@ -26,7 +26,7 @@ from dashpot.compare.settings import (
     find_setting,
     mujoco_model,
 )
-from dashpot.engine import Engine
+from dashpot.engine import DivergenceError, Engine
 from dashpot.materials import Material
 
 SceneLike: TypeAlias = "str | os.PathLike[str] | Scene | mujoco.MjModel | Engine"
@@ -191,10 +191,6 @@ def start(model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
-class _DivergedError(Exception):
-    """A step that diverged and was not taken."""
-
-
 class _Recorder:
     """Collects the measured series of one run."""
 
@@ -263,7 +259,7 @@ def _loop(
         begin = time.perf_counter()
         try:
             step()
-        except _DivergedError:
+        except DivergenceError:
             return wall_time, before
         finally:
             wall_time += time.perf_counter() - begin
@@ -284,11 +280,9 @@ def _run_dashpot(
     def step() -> None:
         try:
             engine.step(data)
-        except RuntimeError as error:
-            if "diverged" not in str(error):
-                raise
+        except DivergenceError as error:
             reasons.append(str(error))
-            raise _DivergedError from error
+            raise
 
     wall_time, unstable_at = _loop(
         recorder, data, steps, step, lambda: engine.energy(data).elastic, report
