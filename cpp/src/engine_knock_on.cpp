@@ -18,7 +18,7 @@ constexpr int kTreesAtOnce = 64;  // by a thread
 // Takes the part of the step anew while its impacts bring about more contacts.
 void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
   if (parameters.options.law == Law::kComFree) return;
-  for (int turn = 0; turn < kMostTurns && rows_moved_something(); ++turn) {
+  for (int turn = 0; turn < kMostTurns && goes_beyond_detection(); ++turn) {
     find_mean_velocity();
     find_end_gaps();
     if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
@@ -36,20 +36,25 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
   }
 }
 
-bool Stepper::Impl::rows_moved_something() const {
-  return std::find(touched.begin(), touched.end(), 1) != touched.end();
+// Whether anything has another way than the smooth motion that detection went by.
+bool Stepper::Impl::goes_beyond_detection() const {
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (touched[tree] || leapfrog.goes_ahead(tree)) return true;
+  return false;
 }
 
-// Of trees that no row moved, that of the smooth motion.
+// Of trees that no row moved, that of the smooth motion, and of what they go ahead by.
 void Stepper::Impl::find_mean_velocity() {
   const std::vector<double>& start = motion.start_velocity();
   mean_velocity = start;
   for (size_t i = 0; i < start.size(); ++i)
     mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
-    if (!touched[index]) return;
     const Tree& tree = motion.trees().tree[index];
     double* mean = mean_velocity.data() + tree.dof_begin;
+    if (const double* ahead = leapfrog.goes_ahead(index))
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] += ahead[tree.begin + i] / length;
+    if (!touched[index]) return;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
   });

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "dashpot/mujoco_trees.hpp"
 #include "dashpot/runge_kutta.hpp"
@@ -10,8 +11,42 @@ namespace dashpot {
 
 namespace {
 
+// Of the gap that positions ahead have at a row that bars the way back, what they keep of it:
+// apart.
+constexpr double kKept = 1e-3;
+// Rows that bar the way together are made way for one after the other.
+constexpr int kSweeps = 20;
+
 void stay(const Tree& tree, AlignedDoubles& shift) {
   std::fill_n(shift.begin() + tree.begin, tree.count, 0.0);
+}
+
+bool is_of_any(const RowGroup& c, const std::vector<char>& of_tree) {
+  if (c.kind == RowKind::kSlider) return false;
+  return std::any_of(c.tree.begin(), c.tree.end(),
+                     [&](int tree) { return tree >= 0 && of_tree[tree]; });
+}
+
+// The trees of a row from leading.
+void stop(const RowGroup& c, std::vector<char>& leads) {
+  for (int tree : c.tree)
+    if (tree >= 0) leads[tree] = 0;
+}
+
+// What the trees of a row go ahead by, from their way.
+void take_off(const RowGroup& c, const Trees& trees, AlignedDoubles& ahead, AlignedDoubles& way) {
+  for (int tree : c.tree) {
+    if (tree < 0) continue;
+    const Tree& t = trees.tree[tree];
+    for (int i = t.begin; i < t.begin + t.count; ++i) way[i] -= std::exchange(ahead[i], 0.0);
+  }
+}
+
+// Whether a way, by motion coordinate, closes the gap of a row.
+bool enters(const Rows& rows, const RowGroup& c, double gap, const AlignedDoubles& way) {
+  double closing[kMaxRows];
+  gather(rows, c, way.data(), closing);
+  return closing[0] < 0.0 && gap + closing[0] <= 0.0;
 }
 
 }  // namespace
@@ -22,7 +57,8 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
-  still_leads_.assign(motion.tree_count(), 0);
+  left_.assign(motion.trees().coordinates, 0.0);
+  way_back_.assign(motion.trees().coordinates, 0.0);
   const double* length = memory.leading_length();
   leapfrogs_.clear();
   if (!length) return;
@@ -56,24 +92,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     gather(rows, c, data.shift.data(), way);
     return data.deformation[c.row] + way[0];
   };
-  const auto is_apart = [&](const RowGroup& c) {
-    return c.is_unilateral() && data.deformation[c.row] > 0.0;
-  };
-  // Where the way back is barred, by a second limit as a rule, they stay; which may bar it for
-  // others.
-  for (bool barred = true; barred;) {
-    barred = false;
-    for (const RowGroup& c : rows.group) {
-      if (!is_apart(c) || gap_in_time(c) > 0.0) continue;
-      for (int tree : c.tree) {
-        if (tree < 0 || fell_back_[tree] == 0.0) continue;
-        barred = true;
-        stay(motion.trees().tree[tree], data.shift);
-        fell_back_[tree] = 0.0;
-        still_leads_[tree] = 1;
-      }
-    }
-  }
+  make_way_for_rows(motion, rows, data);
   // Those that they have left compressed were more so; those that they have come into ahead of
   // their velocities, and that remember nothing, were not reached.
   for (size_t index = 0; index < rows.group.size(); ++index) {
@@ -89,6 +108,58 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     }
   }
   for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
+  way_back_ = data.shift;
+}
+
+// Where rows bar the way back, by a second limit as a rule or where a foot leaves the ground, trees
+// go around them: they keep the part of their lead that takes them out of these. Where no way is
+// found they stay, which may bar it for others.
+void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data) {
+  const Trees& trees = motion.trees();
+  const auto bars = [&](const RowGroup& c) {
+    if (!c.is_unilateral() || data.deformation[c.row] <= 0.0) return false;
+    double way[kMaxRows];
+    gather(rows, c, data.shift.data(), way);
+    return data.deformation[c.row] + way[0] <= 0.0;
+  };
+  const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
+  const AlignedDoubles whole = data.shift;
+  push_.assign(trees.coordinates, 0.0);
+  bool barred = true;
+  for (int sweep = 0; barred && sweep < kSweeps; ++sweep) {
+    barred = false;
+    for (const RowGroup& c : rows.group) {
+      if (!bars(c)) continue;
+      barred = true;
+      double mobility = 0.0, way[kMaxRows], impulse[kMaxRows] = {};
+      for (int side = 0; side < 2; ++side)
+        if (falls_back(c.tree[side])) mobility += rows.tree_inverse_mass[c.row][side];
+      if (mobility <= 0.0) continue;
+      gather(rows, c, data.shift.data(), way);
+      impulse[0] = -((1.0 - kKept) * data.deformation[c.row] + way[0]) / mobility;
+      scatter(rows, c, impulse, push_.data());
+      for (int tree : c.tree) {
+        if (tree < 0) continue;
+        const Tree& t = trees.tree[tree];
+        if (falls_back(tree))
+          add_response(trees, tree, push_.data() + t.begin, data.shift.data() + t.begin);
+        stay(t, push_);
+      }
+    }
+  }
+  for (; barred;) {
+    barred = false;
+    for (const RowGroup& c : rows.group) {
+      if (!bars(c)) continue;
+      for (int tree : c.tree) {
+        if (!falls_back(tree)) continue;
+        barred = true;
+        stay(trees.tree[tree], data.shift);
+        fell_back_[tree] = 0.0;
+      }
+    }
+  }
+  for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole[i];
 }
 
 // Not into a row with the semi-implicit update, either.
@@ -96,29 +167,33 @@ void Leapfrog::find_late(double length, const std::vector<char>& held, const Tre
                          const Rows& rows, const RowData& data) {
   for (int index = 0; index < motion.tree_count(); ++index)
     may_lead_[index] = in_time_[index] && !held[index];
-  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
-  const auto bar = [&](const RowGroup& c) {
-    for (int tree : c.tree)
-      if (tree >= 0) may_lead_[tree] = 0;
-  };
   for (const RowGroup& c : rows.group)
-    if (c.kind == RowKind::kBilateral) bar(c);
+    if (c.kind == RowKind::kBilateral) stop(c, may_lead_);
+  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
   late_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
     for (int i = t.begin; i < t.begin + t.dof_count && may_lead_[index]; ++i)
       late_[i] = 0.5 * length * start_velocity_[i];
   }
-  way_ = late_;
-  for (size_t i = 0; i < way_.size(); ++i)
-    way_[i] += length * (start_velocity_[i] + length * data.smooth_acceleration[i]);
-  const auto may_lead = [&](int tree) { return tree >= 0 && may_lead_[tree]; };
-  for (const RowGroup& c : rows.group) {
-    if (c.kind == RowKind::kSlider || !(may_lead(c.tree[0]) || may_lead(c.tree[1]))) continue;
-    double way[kMaxRows];
-    gather(rows, c, way_.data(), way);
-    if (way[0] < 0.0 && start_gap_[c.row] + way[0] <= 0.0) bar(c);
+  find_next_way(length, start_velocity_, data, late_);
+  for (bool stopped = true; stopped;) {
+    stopped = false;
+    for (const RowGroup& c : rows.group) {
+      if (!is_of_any(c, may_lead_) || !enters(rows, c, start_gap_[c.row], way_)) continue;
+      stopped = true;
+      stop(c, may_lead_);
+      take_off(c, motion.trees(), late_, way_);
+    }
   }
+}
+
+// The semi-implicit update from `velocity`, and what goes ahead of it.
+void Leapfrog::find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+                             const AlignedDoubles& ahead) {
+  way_ = ahead;
+  for (size_t i = 0; i < way_.size(); ++i)
+    way_[i] += length * (velocity[i] + length * data.smooth_acceleration[i]);
 }
 
 void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -132,32 +207,32 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
     if (c.kind == RowKind::kSlider) continue;
     const double gap = data.deformation[c.row];
     const double force = -rows.stiffness[c.row] * gap - rows.damping[c.row] * data.rate[c.row];
-    if (!c.is_unilateral() || (gap < 0.0 && force > 0.0)) stop(c);
+    if (!c.is_unilateral() || (gap < 0.0 && force > 0.0)) stop(c, leads_);
   }
   if (std::find(leads_.begin(), leads_.end(), 1) == leads_.end()) return;
   ahead_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
-    const bool goes = leads_[index] && !still_leads_[index];
-    for (int i = t.begin; i < t.begin + t.dof_count && goes; ++i)
-      ahead_[i] = 0.5 * length * data.velocity[i];
+    for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
+      ahead_[i] = 0.5 * length * data.velocity[i] - left_[i];
   }
-  // None into another row.
-  double way[kMaxRows];
+  find_next_way(length, data.velocity, data, ahead_);
+  // None into another row, nor where the next step would take it into one: what leaves a row for
+  // less than a step would go ahead and fall back for nothing.
   for (bool stopped = true; stopped;) {
     stopped = false;
     for (const RowGroup& c : rows.group) {
-      if (!is_led(c)) continue;
-      gather(rows, c, ahead_.data(), way);
-      if (way[0] >= 0.0 || data.deformation[c.row] + way[0] > 0.0) continue;
+      if (!is_of_any(c, leads_)) continue;
+      const double gap = data.deformation[c.row];
+      if (!enters(rows, c, gap, ahead_) && !enters(rows, c, gap, way_)) continue;
       stopped = true;
-      stop(c);
-      for (int tree : c.tree)
-        if (tree >= 0) stay(motion.trees().tree[tree], ahead_);
+      stop(c, leads_);
+      take_off(c, motion.trees(), ahead_, way_);
     }
   }
+  double way[kMaxRows];
   for (const RowGroup& c : rows.group) {
-    if (!is_led(c)) continue;
+    if (!is_of_any(c, leads_)) continue;
     gather(rows, c, ahead_.data(), way);
     data.deformation[c.row] += way[0];
   }
@@ -165,17 +240,6 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
     data.shift[i] += ahead_[i];
     data.total_displacement[i] += ahead_[i];
   }
-}
-
-bool Leapfrog::is_led(const RowGroup& c) const {
-  if (c.kind == RowKind::kSlider) return false;
-  return std::any_of(c.tree.begin(), c.tree.end(),
-                     [&](int tree) { return tree >= 0 && leads_[tree]; });
-}
-
-void Leapfrog::stop(const RowGroup& c) {
-  for (int tree : c.tree)
-    if (tree >= 0) leads_[tree] = 0;
 }
 
 void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMotion& motion,

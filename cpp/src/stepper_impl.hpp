@@ -74,7 +74,7 @@ struct Stepper::Impl {
   bool shorten(double shorter, host::StepParts& parts);
   void find_touched_trees();
   void find_unpaid(mjData_* d);
-  bool rows_moved_something() const;
+  bool goes_beyond_detection() const;
   bool rows_move_all() const;
   void find_mean_velocity();
   void find_end_gaps();

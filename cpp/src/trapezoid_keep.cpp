@@ -66,8 +66,8 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
     const double turning = potential - host::positional_force(d, dof);
     force[i] += host::smooth_force(d, dof) + turning;
     energy += 0.5 * velocity[dof] * momentum_[dof] +
-              (turning - weight * potential) * displacement[dof] -
-              0.5 * fell_back * motion.start_velocity()[dof] * turning;
+              (turning - weight * potential) * displacement[dof] +
+              end.way_back[t.begin + i] * turning;
     seen[i] = weight * force[i] - 0.5 * turning;
     force[i] -= wrench_[t.begin + i] + potential;
   }

@@ -11,9 +11,12 @@
 // begins at q - H v / 2, with the gaps that it has there, and one that leaves its rows at the end
 // of a step ends at q' + H v' / 2. One whose rows are still compressed at the end of a step, and
 // hold it no more in the next, where geometry has them apart, goes H v / 2 ahead in that. Neither
-// does where this would take it into a row: it stays in time until it lands or has room, or it
-// would fall back time and again from what it never reaches. Momentum is that of the forces,
-// always. Rows keep the geometry of q, an error of second order. Free bodies and RK4 do not lead.
+// does where this, or the next step after it, would take it into a row: it stays in time until it
+// lands or has room, or it would fall back time and again from what it never reaches, and what
+// leaves a row for less than a step would go on by one and a half steps and then by a half. Where
+// rows bar the way back, it goes around them and keeps the part of its lead that they bar. Momentum
+// is that of the forces, always. Rows keep the geometry of q, an error of second order. Free bodies
+// and RK4 do not lead.
 
 #pragma once
 
@@ -39,8 +42,10 @@ class Leapfrog {
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
             const Rows& rows, RowData& data);
 
-  // By tree: the length (s) by half of which fall_back went back, 0 where it did not.
+  // By tree: the length (s) of the step that led, if fall_back went back, and 0 if it did not.
   const std::vector<double>& fell_back() const { return fell_back_; }
+  // What it went back by, by motion coordinate.
+  const AlignedDoubles& way_back() const { return way_back_; }
 
   // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
   // go ahead besides their motion; null for all others.
@@ -54,18 +59,20 @@ class Leapfrog {
   // Trees that may go ahead in this step, where no row holds them.
   void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
                  const Rows& rows, const RowData& data);
-  bool is_led(const RowGroup& group) const;  // one of its trees leads, and it has a gap
-  void stop(const RowGroup& group);          // its trees from leading
+  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
+  void find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+                     const AlignedDoubles& ahead);
 
-  std::vector<char> leapfrogs_;    // by tree: MuJoCo's integrator moves it where no row does
-  std::vector<char> leads_;        // by tree: at the end of the step
-  std::vector<char> in_time_;      // by tree: as the last step left it
-  std::vector<char> still_leads_;  // by tree: a row bars its way back
-  std::vector<char> may_lead_;     // by tree: in time, and no row bars it from going ahead
-  std::vector<char> recovers_;     // by tree: from overlap, most of which no spring holds
+  std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
+  std::vector<char> leads_;      // by tree: at the end of the step
+  std::vector<char> in_time_;    // by tree: as the last step left it
+  std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
+  std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
   std::vector<double> fell_back_;
   std::vector<double> start_gap_;                       // of the deformations of rows
   AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
+  // By the same: of the lead that fall_back found, what it went back by, what it left, and a push.
+  AlignedDoubles way_back_, left_, push_;
 };
 
 }  // namespace dashpot

@@ -66,6 +66,7 @@ struct EndOfStep {
   bool leaves_half;
   const std::vector<char>& held;            // by tree: rows that have a position moved it
   const std::vector<double>& fell_back;     // by tree, see Leapfrog
+  const AlignedDoubles& way_back;           // by motion coordinate, see Leapfrog
   const std::vector<double>& displacement;  // nv; what the change of kinetic energy went with
 };
 
