@@ -80,3 +80,33 @@ def test_without_friction_a_condim_3_contact_moves_nothing_sideways():
     np.testing.assert_allclose(data.qvel[3:], 0.0, atol=1e-12)
     # The springs of the normal alone store energy: (m g)^2 / (2 k), two of 1e5 N/m in series.
     assert engine.energy(data).elastic == pytest.approx(GRAVITY**2 / 1e5, rel=1e-3)
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e5])
+@pytest.mark.parametrize(
+    "normal", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (-1, 0, 1e-13), (0.6, 0, 0.8)]
+)
+def test_friction_holds_a_capsule_that_stands_square_on_a_wall(normal, stiffness):
+    """A tangent along its axis is none: with the x axis instead, the normal, nothing held it."""
+    normal = np.array(normal) / np.linalg.norm(normal)
+    ends = np.concatenate([0.1 * normal, 0.3 * normal])
+    slides = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep=".002"/><worldbody>
+        <geom type="plane" size="0 0 1" zaxis="{" ".join(map(str, normal))}"/>
+        <body name="capsule">{slides}
+          <geom type="capsule" size=".1" mass="1" fromto="{" ".join(map(str, ends))}"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    if stiffness is not None:
+        for geom in range(2):
+            engine.set_material(geom, dashpot.Material(stiffness, restitution=0.5, friction=1.0))
+    data = engine.make_data()
+    data.body("capsule").xfrc_applied[:3] = -100.0 * normal
+    engine.step(data, nstep=500)
+    frame = engine.contacts(data).frame[0]
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-9)
+    # Two springs in a row give way by 2 mm under 100 N.
+    assert np.abs(data.qpos).max() < 2.1e-3
+    assert np.abs(data.qvel).max() < 1e-6

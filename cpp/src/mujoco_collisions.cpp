@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstring>
+#include <utility>
 
 #include "dashpot/mujoco_coming.hpp"
 #include "dashpot/mujoco_contact_parameters.hpp"
@@ -36,10 +37,15 @@ constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search e
 constexpr double kTwins =
     1e-9;  // parts of the radius between two points that are one but for rounding
 
+// Sine of the angle between the axis of a capsule and the normal of a plane from which on the axis
+// gives a tangent, square to the normal within rounding.
+constexpr double kTangentOfAxis = 1e-6;
+
 thread_local mjModel* replaced = nullptr;  // the model whose collisions are
 thread_local FaceBuffers* face_buffers = nullptr;
 thread_local Narrowing* narrowing_now = nullptr;
-mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr;
+mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr,
+             collide_capsule = nullptr;
 mjfCollision collide_whole[mjNGEOMTYPES][mjNGEOMTYPES] = {};  // replaced, but not narrowed
 
 // Whether two geoms may adhere: pulls of adhesion act in the points that MuJoCo finds.
@@ -189,6 +195,21 @@ int collide_flat_cylinder(const mjModel* m, mjData* d, mjPreContact* contact, in
              : collide_cylinder(m, d, contact, plane, cylinder, margin);
 }
 
+// Tangents go along the axis. Of a capsule that stands on the plane MuJoCo takes what rounding
+// leaves of it, or, where that is nothing, the x axis, which may be the normal: then nothing but
+// the normal force would hold.
+int collide_capsule_on_plane(const mjModel* m, mjData* d, mjPreContact* contact, int plane,
+                             int capsule, mjtNum margin) {
+  const int count = collide_capsule(m, d, contact, plane, capsule, margin);
+  if (m != replaced) return count;
+  for (mjPreContact* c = contact; c != contact + count; ++c) {
+    mjtNum across[3];
+    mju_cross(across, c->normal, c->tangent);
+    if (mju_norm3(across) < kTangentOfAxis) mju_zero3(c->tangent);
+  }
+  return count;
+}
+
 int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geom1, int geom2,
                      mjtNum margin) {
   std::atomic_thread_fence(std::memory_order_acquire);  // of what install() wrote
@@ -231,6 +252,7 @@ void install() {
     mjfCollision& standing = table[mjGEOM_PLANE][mjGEOM_CYLINDER];
     collide_cylinder = standing;
     standing = collide_flat_cylinder;
+    collide_capsule = std::exchange(table[mjGEOM_PLANE][mjGEOM_CAPSULE], collide_capsule_on_plane);
     for (int type1 = 0; type1 < mjNGEOMTYPES; ++type1)
       for (int type2 = 0; type2 < mjNGEOMTYPES; ++type2) {
         mjfCollision& pair = table[type1][type2];
