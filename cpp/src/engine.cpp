@@ -149,7 +149,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
   } else {
     freeze_turning_contacts(d);
-    find_tendon_turns(d);
+    find_row_turns(d);
     build_rows(d);
   }
   if (parameters.options.law == Law::kComFree) {
@@ -169,15 +169,15 @@ void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   flights.follow(model, d, memory(d), detection.buffers, constraints, length, contacts);
 }
 
-void Stepper::Impl::find_tendon_turns(mjData_* d) {
-  tendon_turns.forget();
+void Stepper::Impl::find_row_turns(mjData_* d) {
+  row_turns.forget();
   if (parameters.options.law != Law::kComFree)
-    tendon_turns.find(model, d, length, motion.trees(), data.velocity.data(), constraints);
+    row_turns.find(model, d, length, motion.trees(), data.velocity.data(), constraints);
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
   damp_held_trees(d);
-  assemble_rows(model, d, parameters, constraints, contacts, tendon_turns, motion, rows, materials,
+  assemble_rows(model, d, parameters, constraints, contacts, row_turns, motion, rows, materials,
                 team);
 }
 

@@ -83,7 +83,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);
   motion.freeze_at_middle(d, length, data, team);
-  tendon_turns.forget();
+  row_turns.forget();
   build_rows(d);
   give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
   mocap.show(0.0);

@@ -8,7 +8,7 @@
 
 #include "dashpot/mocap_motion.hpp"
 #include "dashpot/mujoco_jacobians.hpp"
-#include "dashpot/mujoco_tendon_turns.hpp"
+#include "dashpot/mujoco_row_turns.hpp"
 #include "dashpot/mujoco_trees.hpp"
 
 namespace dashpot::host {
@@ -245,11 +245,11 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
 }
 
 void append_limit_in_the_middle(const ConstraintInput& input, const Trees& trees,
-                                const TendonTurns& tendons, Rows& rows) {
+                                const RowTurns& turns, Rows& rows) {
   RowGroup& c = rows.group.back();
-  const double* row = tendons.middle(input.tendon);
-  c.ahead = tendons.half_length();
-  c.turning[0] = input.side * tendons.turning(input.tendon);
+  const double* row = turns.middle(input.tendon);
+  c.ahead = turns.half_length();
+  c.turning[0] = input.side * turns.tendon_turning(input.tendon);
   for (int side = 0; side < 2; ++side) {
     if (c.tree[side] < 0) continue;
     const Tree& t = trees.tree[c.tree[side]];
@@ -263,15 +263,15 @@ void append_limit_in_the_middle(const ConstraintInput& input, const Trees& trees
 }
 
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                     const Trees& trees, const TendonTurns& tendons, Rows& rows) {
-  if (input.tendon >= 0 && tendons.middle(input.tendon))
-    return append_limit_in_the_middle(input, trees, tendons, rows);
+                     const Trees& trees, const RowTurns& turns, Rows& rows) {
+  if (input.tendon >= 0 && turns.middle(input.tendon))
+    return append_limit_in_the_middle(input, trees, turns, rows);
   append_rows(m, d, input.source, trees, rows);
   if (input.drive != 0.0) return append_ground_motion(rows, kSurfaceCoordinate, &input.drive);
   if (input.kind != RowKind::kBilateral) return;
   const int equality = d->efc_id[input.source];
   const int row = input.memory - memory_of_equality(m, equality);
-  const double turning = turning_of_equality(m, d, equality, row, trees, tendons);
+  const double turning = turning_of_equality(m, d, equality, row, trees, turns);
   if (turning != 0.0) append_ground_motion(rows, kTurningCoordinate, &turning);
 }
 

@@ -11,7 +11,7 @@
 #include "dashpot/mujoco_constraints.hpp"
 #include "dashpot/mujoco_equality_sides.hpp"
 #include "dashpot/mujoco_properties.hpp"
-#include "dashpot/mujoco_tendon_turns.hpp"
+#include "dashpot/mujoco_row_turns.hpp"
 #include "dashpot/mujoco_velocities.hpp"
 
 namespace dashpot::host {
@@ -104,7 +104,7 @@ double slope_of_polynomial(const mjtNum* p, double x) {
 }  // namespace
 
 double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
-                           const Trees& trees, const TendonTurns& tendons) {
+                           const Trees& trees, const RowTurns& turns) {
   const int second = m->eq_obj2id[equality];
   const mjtNum* data = m->eq_data + mjNEQDATA * equality;
   switch (m->eq_type[equality]) {
@@ -118,10 +118,10 @@ double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, in
                                    d->qvel[m->jnt_dofadr[second]]);
     }
     case mjEQ_TENDON: {
-      const double first = tendons.turning(m->eq_obj1id[equality]);
+      const double first = turns.tendon_turning(m->eq_obj1id[equality]);
       if (second < 0) return first;
       const double x = d->ten_length[second] - m->tendon_length0[second];
-      return first - slope_of_polynomial(data, x) * tendons.turning(second) +
+      return first - slope_of_polynomial(data, x) * turns.tendon_turning(second) +
              turning_of_polynomial(data, x, d->ten_velocity[second]);
     }
     case mjEQ_FLEX: {

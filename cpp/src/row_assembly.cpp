@@ -99,7 +99,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
 
 void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
                    const std::vector<ConstraintInput>& constraints,
-                   const std::vector<ContactInput>& contacts, const host::TendonTurns& tendons,
+                   const std::vector<ContactInput>& contacts, const host::RowTurns& turns,
                    TreeMotion& motion, Rows& rows, std::vector<GroupMaterial>& materials,
                    Team& team) {
   const Trees& trees = motion.trees();
@@ -113,7 +113,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     rows.friction[c.row] = input.limit;
     host::typical_inverse_mass(data, input, rows.typical_inverse_mass.data() + c.row);
     materials[i] = material_of(model, data, input);
-    host::append_jacobian(model, data, input, trees, tendons, rows);
+    host::append_jacobian(model, data, input, trees, turns, rows);
     append_mass_weighted(rows, c, trees);
   }
   mark_ends_of_ranges(constraints, rows);

@@ -55,7 +55,7 @@ struct Stepper::Impl {
   void freeze_turning_contacts(mjData_* d);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
-  void find_tendon_turns(mjData_* d);
+  void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
   void damp_held_trees(mjData_* d);
   void finish_last_step(mjData_* d);
@@ -113,7 +113,7 @@ struct Stepper::Impl {
   std::vector<ConstraintInput> constraints;
   std::vector<GroupMaterial> materials;  // per group
   std::vector<Match> matches;            // per group
-  host::TendonTurns tendon_turns;
+  host::RowTurns row_turns;
   SagTimes sag_times;
   ContactMatching matching;
   Rows rows;

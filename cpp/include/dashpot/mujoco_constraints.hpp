@@ -13,7 +13,7 @@ struct mjData_;
 
 namespace dashpot::host {
 
-class TendonTurns;
+class RowTurns;
 
 // Scalar constraints of the last detection, with the margins that the model sets.
 void read_constraints(const mjModel_* m, const mjData_* d,
@@ -29,7 +29,7 @@ int constraint_memory_count(const mjModel_* m);
 // rad/s^2: how fast its rate changes while the motion coordinates keep theirs. Leaves out what the
 // other equalities of flexes keep.
 double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
-                           const Trees& trees, const TendonTurns& tendons);
+                           const Trees& trees, const RowTurns& turns);
 
 // A row over the generalized velocity of a free body (origin; rotation in its frame) becomes one
 // over the velocity of its centre of mass and its angular velocity, in world axes.

@@ -12,7 +12,7 @@ struct mjData_;
 
 namespace dashpot::host {
 
-class TendonTurns;
+class RowTurns;
 
 // The trees that a row of MuJoCo's constraint Jacobian reaches, -1 where fewer than two. Throws
 // std::invalid_argument if there are more.
@@ -26,7 +26,7 @@ PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInp
                            const Trees& trees);
 // Appends the sparse rows of a scalar constraint for the group that was appended last.
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                     const Trees& trees, const TendonTurns& tendons, Rows& rows);
+                     const Trees& trees, const RowTurns& turns, Rows& rows);
 // The same of a contact without a pair geometry, in two steps: the columns and room for the rows,
 // then what is in them, which several threads may fill in at once.
 void append_columns(const mjModel_* m, const mjData_* d, const ContactInput& input,

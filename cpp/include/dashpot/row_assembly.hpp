@@ -6,7 +6,7 @@
 
 #include "dashpot/group_material.hpp"
 #include "dashpot/memory.hpp"
-#include "dashpot/mujoco_tendon_turns.hpp"
+#include "dashpot/mujoco_row_turns.hpp"
 #include "dashpot/row_stiffness.hpp"
 #include "dashpot/rows.hpp"
 #include "dashpot/team.hpp"
@@ -18,7 +18,7 @@ namespace dashpot {
 // one per group; fills in the inverse inertia of the trees they reach.
 void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters& parameters,
                    const std::vector<ConstraintInput>& constraints,
-                   const std::vector<ContactInput>& contacts, const host::TendonTurns& tendons,
+                   const std::vector<ContactInput>& contacts, const host::RowTurns& turns,
                    TreeMotion& motion, Rows& rows, std::vector<GroupMaterial>& materials,
                    Team& team);
 

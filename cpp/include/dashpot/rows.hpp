@@ -128,7 +128,7 @@ struct RowGroup {
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  // Of ContactInput, and of limits of spatial tendons (mujoco_tendon_turns.hpp).
+  // Of ContactInput, and of limits of spatial tendons (mujoco_row_turns.hpp).
   double ahead = 0.0;
   std::array<double, 3> turning{};
   // Square of the frequency at which the contacts of its pair are pressed together, over that of

@@ -1,4 +1,4 @@
-#include "dashpot/mujoco_tendon_turns.hpp"
+#include "dashpot/mujoco_row_turns.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -27,14 +27,14 @@ void for_each_tendon(const mjModel* m, const mjData* d, const ConstraintInput& i
 
 }  // namespace
 
-const TendonTurns::Turn* TendonTurns::find_turn(int tendon) const {
+const RowTurns::Turn* RowTurns::find_turn(int tendon) const {
   for (const Turn& turn : turns_)
     if (turn.tendon == tendon) return &turn;
   return nullptr;
 }
 
-void TendonTurns::read_row(const mjModel_* m, const mjData_* d, const Trees& trees, int tendon,
-                           double* row) {
+void RowTurns::read_row(const mjModel_* m, const mjData_* d, const Trees& trees, int tendon,
+                        double* row) {
   std::fill_n(row, m->nv, 0.0);
   const int first = m->ten_J_rowadr[tendon];
   for (int k = first; k < first + m->ten_J_rownnz[tendon]; ++k)
@@ -43,8 +43,8 @@ void TendonTurns::read_row(const mjModel_* m, const mjData_* d, const Trees& tre
     if (t.free_body) to_centre(m, d, t, row + t.dof_begin);
 }
 
-void TendonTurns::find(const mjModel_* m, mjData_* d, double length, const Trees& trees,
-                       const double* motion, const std::vector<ConstraintInput>& constraints) {
+void RowTurns::find(const mjModel_* m, mjData_* d, double length, const Trees& trees,
+                    const double* motion, const std::vector<ConstraintInput>& constraints) {
   turns_.clear();
   if (m->ntendon == 0) return;
   for (const ConstraintInput& input : constraints)

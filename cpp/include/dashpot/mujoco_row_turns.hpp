@@ -22,7 +22,7 @@ struct mjData_;
 namespace dashpot::host {
 
 // Keeps its arrays from step to step.
-class TendonTurns {
+class RowTurns {
  public:
   // For the tendons that limits and equalities among `constraints` keep, over a step of `length`
   // (s) that starts with the velocities `motion`, in motion coordinates. Takes the kinematics of
@@ -33,7 +33,7 @@ class TendonTurns {
   void forget() { turns_.clear(); }
 
   // d^2 L / dt^2 of a tendon while the motion coordinates keep their rates, m/s^2; 0 for others.
-  double turning(int tendon) const {
+  double tendon_turning(int tendon) const {
     const Turn* turn = find_turn(tendon);
     return turn ? turn->turning : 0.0;
   }
