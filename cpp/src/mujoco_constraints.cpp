@@ -188,6 +188,7 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.memory = source.memory;
     input.position = source.kind == RowKind::kSlider ? 0.0 : d->efc_pos[row] - source.margin;
     input.is_joint_limit = type == mjCNSTR_LIMIT_JOINT;
+    if (input.is_joint_limit && m->jnt_type[id] == mjJNT_BALL) input.ball = id;
     if (type == mjCNSTR_LIMIT_TENDON) input.tendon = id;
     if (upper) input.side = -1.0;
     input.limit = d->efc_frictionloss[row];
@@ -247,9 +248,9 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
 void append_limit_in_the_middle(const ConstraintInput& input, const Trees& trees,
                                 const RowTurns& turns, Rows& rows) {
   RowGroup& c = rows.group.back();
-  const double* row = turns.middle(input.tendon);
+  const double* row = turns.limit_in_the_middle(input);
   c.ahead = turns.half_length();
-  c.turning[0] = input.side * turns.tendon_turning(input.tendon);
+  c.turning[0] = input.side * turns.limit_turning(input);
   for (int side = 0; side < 2; ++side) {
     if (c.tree[side] < 0) continue;
     const Tree& t = trees.tree[c.tree[side]];
@@ -264,7 +265,7 @@ void append_limit_in_the_middle(const ConstraintInput& input, const Trees& trees
 
 void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
                      const Trees& trees, const RowTurns& turns, Rows& rows) {
-  if (input.tendon >= 0 && turns.middle(input.tendon))
+  if (turns.limit_in_the_middle(input))
     return append_limit_in_the_middle(input, trees, turns, rows);
   append_rows(m, d, input.source, trees, rows);
   if (input.drive != 0.0) return append_ground_motion(rows, kSurfaceCoordinate, &input.drive);

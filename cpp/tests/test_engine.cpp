@@ -89,7 +89,9 @@ std::string scene() {
          "<body pos='.2 0 0'><joint name='elbow' axis='0 1 0' frictionloss='.05'/>"
          "<geom type='capsule' fromto='0 0 0 .2 0 0' size='.03'/></body></body>"
          "<body pos='1 0 .4'><joint name='follower' axis='0 1 0'/>"
-         "<geom type='box' pos='.1 0 0' size='.1 .02 .02'/></body></worldbody>"
+         "<geom type='box' pos='.1 0 0' size='.1 .02 .02'/></body>"
+         "<body pos='1.5 0 .6'><joint type='ball' range='0 40' limited='true'/>"
+         "<geom type='capsule' fromto='0 0 0 .2 .1 0' size='.03'/></body></worldbody>"
          "<equality><joint joint1='follower' joint2='shoulder'/></equality>"
          "<actuator><motor joint='shoulder' gear='2'/></actuator></mujoco>";
 }

@@ -83,8 +83,8 @@ struct ConstraintInput {
   std::array<double, 5> solimp{};
   bool has_solref = false;  // the model sets solref or solimp itself
   bool is_joint_limit = false;
-  int tendon = -1;    // whose limit it is, else -1
-  double side = 1.0;  // of a tendon's limit: +1 below it, -1 above
+  int ball = -1, tendon = -1;  // ball joint or tendon whose limit it is, else -1
+  double side = 1.0;           // of a tendon's limit: +1 below it, -1 above
 };
 
 // The geometry of a contact between free bodies, which is all of its Jacobian.
@@ -128,7 +128,7 @@ struct RowGroup {
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  // Of ContactInput, and of limits of spatial tendons (mujoco_row_turns.hpp).
+  // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco_row_turns.hpp).
   double ahead = 0.0;
   std::array<double, 3> turning{};
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
