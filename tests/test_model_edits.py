@@ -176,6 +176,10 @@ HELD = """<mujoco><worldbody>
     [
         ("body_pos", (2, 1), "model.body_pos of body 'ball' holds nan; it must be finite"),
         ("body_quat", (1, 0), "model.body_quat of body 'box' holds nan; it must be finite"),
+        ("body_ipos", (2, 1), "model.body_ipos of body 'ball' holds nan; it must be finite"),
+        ("body_iquat", (1, 0), "model.body_iquat of body 'box' holds nan; it must be finite"),
+        ("jnt_pos", (0, 1), "model.jnt_pos of joint 'slide' holds nan; it must be finite"),
+        ("jnt_axis", (0, 0), "model.jnt_axis of joint 'slide' holds nan; it must be finite"),
         ("geom_pos", (0, 2), "model.geom_pos of geom 'crate' holds nan; it must be finite"),
         ("geom_quat", (0, 3), "model.geom_quat of geom 'crate' holds nan; it must be finite"),
         ("eq_data", (0, 4), "model.eq_data of equality 'glue' holds nan; it must be finite"),
@@ -247,3 +251,25 @@ def test_rows_that_a_flag_disables_are_reported(flag):
     xml = f'<mujoco><option><flag {flag}="disable"/></option></mujoco>'
     reported = {f.name for f in Engine(mujoco.MjModel.from_xml_string(xml)).report().features}
     assert f"flag {flag}=disable" in reported
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        (99, "model.geom_type of geom 'box' is 99, which is no type of geoms"),
+        (-1, "model.geom_type of geom 'box' is -1, which is no type of geoms"),
+        (mujoco.mjtGeom.mjGEOM_MESH, "model.geom_dataid of geom 'box' is -1; a mesh must be one"),
+        (mujoco.mjtGeom.mjGEOM_HFIELD, "model.geom_dataid of geom 'box' is -1; a height field"),
+        (mujoco.mjtGeom.mjGEOM_SDF, "model.geom_type of geom 'box' is sdf, but it has neither"),
+    ],
+)
+def test_a_shape_that_a_geom_cannot_have_is_refused(shape, message):
+    """MuJoCo's collision reads beyond its arrays there."""
+    engine = Engine(mujoco.MjModel.from_xml_string(CARTS))
+    data = engine.make_data()
+    engine.step(data)
+    before = data.qpos.copy()
+    engine.model.geom_type[1] = shape
+    with pytest.raises(ValueError, match=message):
+        engine.step(data)
+    assert np.array_equal(data.qpos, before)

@@ -189,6 +189,11 @@ def test_wrong_types(engine, thrown):
         dashpot.rollout(engine.model, thrown)
 
 
+def test_an_integer_beyond_floats_is_named(engine, thrown):
+    with pytest.raises(ValueError, match=r"^initial_state holds an integer that is too large"):
+        dashpot.rollout(engine, [10**400] * thrown.shape[-1])
+
+
 def test_a_failing_rollout_is_named(engine, thrown):
     """A state that the engine refuses: the first of the failing ones is named on any threads."""
     states = np.tile(thrown, (2, 1))

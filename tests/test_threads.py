@@ -109,3 +109,32 @@ def test_copies_step_as_the_engine_and_share_nothing(engine, duplicate):
     other.model.opt.timestep = 1e-3
     assert engine.material("box").stiffness == 1e4
     assert engine.model.opt.timestep == 2e-3
+
+
+def test_a_material_that_is_set_while_a_stepper_is_made_counts_from_the_next_step(
+    engine, monkeypatch
+):
+    """The stepper of the material before was kept, and the new one ignored, for good."""
+    soft, stiff = dashpot.Material(stiffness=1e3), dashpot.Material(stiffness=1e6)
+    for name in ("box", "floor"):
+        engine.set_material(name, soft)
+    build, set_already = dashpot.Engine._parameters, []
+
+    def build_late(self, *arguments):
+        parameters = build(self, *arguments)
+        if not set_already:  # as another thread may, between the two
+            set_already.append(True)
+            for name in ("box", "floor"):
+                self.set_material(name, stiff)
+        return parameters
+
+    monkeypatch.setattr(dashpot.Engine, "_parameters", build_late)
+    data = falling(engine)
+    engine.step(data)
+    engine.step(data, nstep=1000)
+    assert set_already
+    # At rest, with two springs in a row.
+    forces = engine.contacts(data).force[:, 0]
+    np.testing.assert_allclose(
+        engine.contacts(data).compression, forces / (0.5 * stiff.stiffness), rtol=1e-3
+    )

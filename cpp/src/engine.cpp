@@ -22,6 +22,9 @@ namespace dashpot {
 
 namespace {
 
+// Of a step, what its parts leave of it because they are rounded.
+constexpr double kSliver = 1e-9;
+
 void accumulate(const StepStats& step, StepStats& total) {
   total.contacts = step.contacts;
   total.touching = step.touching;
@@ -85,10 +88,11 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   StepStats total;
   int taken = 0;
   whole = parts.whole();
-  for (double remaining = whole; remaining > 0.0; remaining -= length) {
+  for (double remaining = whole; remaining > kSliver * whole; remaining -= length) {
     length = rest = remaining;
     if (parts.cut()) parts.set_length(length);
     advance(d, parts, mocap);
+    cuts += cut_short;
     parts.end_part();
     accumulate(statistics(), total);
     ++taken;
@@ -128,6 +132,7 @@ void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::M
   host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
   mocap.drive(constraints);
   part = Part();
+  cut_short = false;
   correct_contacts_ahead(d);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || length != searched) motion.find_smooth_motion(d, length, false, data, team);

@@ -48,7 +48,7 @@ void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
                             contacts, parts.whole(), rest, length, kMaxCuts - cuts, proven_apart);
   drop_pairs(part.apart, contacts);
-  if (shorten(part.length, parts)) ++cuts;
+  cut_short = shorten(part.length, parts);
 }
 
 HitFrequency Stepper::Impl::hit_frequency() const {

@@ -59,6 +59,26 @@ bool is_bad(mjtNum value, bool infinite_allowed) {
   return infinite_allowed ? std::isnan(value) : !std::isfinite(value);
 }
 
+// Types that collide need what they are made of: MuJoCo reads it unasked.
+void check_geom_types(const mjModel* m) {
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    const int type = m->geom_type[geom];
+    const bool of_field = type == mjGEOM_HFIELD, of_mesh = type == mjGEOM_MESH;
+    const mjtSize most = of_field ? m->nhfield : of_mesh ? m->nmesh : 0;
+    if (type < 0 || type >= mjNGEOMTYPES)
+      throw std::invalid_argument("model.geom_type of geom " + named(m, mjOBJ_GEOM, geom) + " is " +
+                                  std::to_string(type) + ", which is no type of geoms");
+    if (type == mjGEOM_SDF && m->geom_plugin[geom] < 0 && m->geom_dataid[geom] < 0)
+      throw std::invalid_argument("model.geom_type of geom " + named(m, mjOBJ_GEOM, geom) +
+                                  " is sdf, but it has neither a plugin nor a mesh");
+    if ((of_field || of_mesh) && (m->geom_dataid[geom] < 0 || m->geom_dataid[geom] >= most))
+      throw std::invalid_argument("model.geom_dataid of geom " + named(m, mjOBJ_GEOM, geom) +
+                                  " is " + std::to_string(m->geom_dataid[geom]) + "; a " +
+                                  (of_field ? "height field" : "mesh") + " must be one of " +
+                                  std::to_string(most));
+  }
+}
+
 // `each` numbers for each of `count` objects.
 void check_finite(const mjModel* m, const char* field, const char* kind, int type,
                   const mjtNum* values, mjtSize count, int each, bool infinite_allowed = false) {
@@ -74,6 +94,10 @@ void check_finite(const mjModel* m, const char* field, const char* kind, int typ
 void check_poses(const mjModel* m) {
   check_finite(m, "body_pos", "body", mjOBJ_BODY, m->body_pos, m->nbody, 3);
   check_finite(m, "body_quat", "body", mjOBJ_BODY, m->body_quat, m->nbody, 4);
+  check_finite(m, "body_ipos", "body", mjOBJ_BODY, m->body_ipos, m->nbody, 3);
+  check_finite(m, "body_iquat", "body", mjOBJ_BODY, m->body_iquat, m->nbody, 4);
+  check_finite(m, "jnt_pos", "joint", mjOBJ_JOINT, m->jnt_pos, m->njnt, 3);
+  check_finite(m, "jnt_axis", "joint", mjOBJ_JOINT, m->jnt_axis, m->njnt, 3);
   check_finite(m, "geom_pos", "geom", mjOBJ_GEOM, m->geom_pos, m->ngeom, 3);
   check_finite(m, "geom_quat", "geom", mjOBJ_GEOM, m->geom_quat, m->ngeom, 4);
 }
@@ -128,6 +152,7 @@ void check_values(const mjModel_* m) {
   check_condim(m);
   check_masses(m);
   check_sizes(m);
+  check_geom_types(m);
   check_time_and_medium(m->opt);
   check_poses(m);
   check_constraints(m);

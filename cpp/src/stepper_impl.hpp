@@ -101,6 +101,7 @@ struct Stepper::Impl {
   double rest = 0.0;           // s, of the step from the start of the part on
   double length = 0.0;         // H, s, of the step or the part of it
   double row_turn_rate = 0.0;  // rad/s, of equalities in the last part of the step; 0 in its first
+  bool cut_short = false;      // the part, at an impact
   int cuts = 0;
   Part part;
   FlightContacts flights;

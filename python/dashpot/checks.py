@@ -38,6 +38,8 @@ def number_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise TypeError(f"{name} must be an array of numbers: {error}") from None
+    except OverflowError:
+        raise ValueError(f"{name} holds an integer that is too large for a float") from None
 
 
 def require_finite(name: str, array: NDArray[np.float64]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import mujoco
@@ -21,6 +22,15 @@ __all__ = ["DivergenceError", "Engine", "StepStats"]
 
 DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
+
+
+@dataclass
+class _Built:
+    """What an engine has made of its materials. A thread that uses it keeps all of it."""
+
+    parameters: _core.Parameters | None = None
+    stepper: _core.Stepper | None = None
+    rollouts: _core.Rollouts | None = None
 
 
 class Engine:
@@ -176,9 +186,7 @@ class Engine:
         self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
         self._lock = _core.ModelLock()
-        self._stepper: _core.Stepper | None = None
-        self._rollouts: _core.Rollouts | None = None
-        self._built: list[_core.Parameters] = []
+        self._built = _Built()
         self._scratch: mujoco.MjData | None = None
 
     @property
@@ -350,11 +358,12 @@ class Engine:
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)
-        if self._stepper is None:
-            self._stepper = _core.Stepper(
-                self.model._address, self._lock, self._parameters(), self.nthread
+        built = self._built
+        if built.stepper is None:
+            built.stepper = _core.Stepper(
+                self.model._address, self._lock, self._parameters(built), self.nthread
             )
-        return self._stepper.step(data._address, steps)
+        return built.stepper.step(data._address, steps)
 
     def contacts(
         self,
@@ -459,14 +468,13 @@ class Engine:
 
     def _materials_changed(self) -> None:
         """Forget what was made of materials. Threads that make it still do so for nobody."""
-        self._stepper = self._rollouts = None
-        self._built = []
+        self._built = _Built()
 
-    def _parameters(self) -> _core.Parameters:
+    def _parameters(self, built: _Built | None = None) -> _core.Parameters:
         """Options and materials for the C++ core, kept until a material changes; not to be set."""
-        built = self._built
-        if built:
-            return built[0]
+        built = built or self._built
+        if built.parameters is not None:
+            return built.parameters
         parameters = _core.Parameters()
         parameters.options = self._options.to_core()
         parameters.contact_capacity = self._contact_capacity
@@ -477,14 +485,17 @@ class Engine:
             geom_material.append(material)
         parameters.geom_material = geom_material
         parameters.pair_material = {pair: m._to_core() for pair, m in self._pair_material.items()}
-        built.append(parameters)
+        built.parameters = parameters
         return parameters
 
     def _rollout_workers(self) -> _core.Rollouts:
         """Workers that roll out the model, kept until a material changes."""
-        if self._rollouts is None:
-            self._rollouts = _core.Rollouts(self.model._address, self._lock, self._parameters())
-        return self._rollouts
+        built = self._built
+        if built.rollouts is None:
+            built.rollouts = _core.Rollouts(
+                self.model._address, self._lock, self._parameters(built)
+            )
+        return built.rollouts
 
     def _geom_pair(self, geom1: str | int, geom2: str | int) -> tuple[int, int]:
         """Ids of two geoms, the lower first."""
