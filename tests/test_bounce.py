@@ -289,3 +289,28 @@ def test_friction_on_a_spinning_ball_acts_at_its_surface(height):
     # Springs of friction take a part of a micro-step to reach the limit.
     assert data.qvel[0] == pytest.approx(gained, rel=1e-3)
     assert 100.0 - data.qvel[4] == pytest.approx(2.5 * gained / radius, rel=1e-3)
+
+
+def spun_by_a_soft_floor(floor: str, timestep: float) -> np.ndarray:
+    """Return velocity and spin of a soft ball after it has bounced off a floor with friction."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{timestep}"/><worldbody>
+      <geom name="floor" {floor}/><body pos="0 0 .4"><freejoint/>
+        <geom name="ball" size=".1"/></body></worldbody></mujoco>""")
+    engine = dashpot.Engine(model)
+    soft = dashpot.Material(stiffness=2e4, restitution=0.6, friction=(0.5, 0.005, 1e-4))
+    for geom in ("floor", "ball"):
+        engine.set_material(geom, soft)
+    data = engine.make_data()
+    data.qvel[:] = 1.0, 0.3, 0.0, 2.0, 1.0, -1.0
+    engine.step(data, nstep=round(0.6 / timestep))
+    return np.concatenate([data.qvel[:2], np.linalg.norm(data.qvel[3:], keepdims=True)])
+
+
+def test_the_arm_of_a_soft_ball_changes_within_a_step_on_any_floor():
+    """On a plane friction kept the arm of the start: 0.55 % of the spin at 2 ms, of first order."""
+    exact = spun_by_a_soft_floor('type="plane" size="9 9 1"', 1e-4)
+    for floor in ('type="plane" size="9 9 1"', 'type="box" size="9 9 .5" pos="0 0 -.5"'):
+        for timestep in (0.001, 0.002):
+            # It goes in by a fifth of its radius, in some 10 steps at 2 ms.
+            spun = spun_by_a_soft_floor(floor, timestep)
+            np.testing.assert_allclose(spun, exact, rtol=1e-3 * (timestep / 0.002))

@@ -19,6 +19,9 @@ namespace {
 
 // Turn in a step (rad) up to which a pair is at rest, as kStillWay is for its way.
 constexpr double kStillTurn = 1e-5;
+// Fraction of its radius by which a ball on a plane comes closer in a step up to which its arm, all
+// that changes there, is the same.
+constexpr double kSameArm = 1e-3;
 // How far, relative to the size of the smaller geom, a contact point moves on along a rim or a
 // surface up to the middle: that of a disc that has almost come to rest runs around it faster than
 // steps can follow.
@@ -59,8 +62,8 @@ class TurningPair {
   bool moves() {
     if (first_->is_at_impact || !motion_.find(*first_, step_.trees, step_.motion)) return false;
     const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
-    if (on_plane && motion_.is_free_ball(1)) return false;
     size_ = motion_.size();
+    if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
     at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
     if (!far_.find(data_, *first_)) return false;
@@ -115,6 +118,12 @@ class TurningPair {
   using When = ContactMotion::When;
 
   double middle() const { return 0.5 * step_.length; }
+
+  // Whether a ball comes or goes in a step that does not hold all of its hit.
+  bool changes_arm() const {
+    return step_.length * std::abs(motion_.gap_rate(*first_)) > kSameArm * size_ &&
+           hit_frequency(*first_) == 0.0;
+  }
 
   // Whether a blow begins or ends early in the step, by how fast the gap changes.
   bool parts_early() const {
