@@ -54,7 +54,9 @@ def rollout(
     Returns
     -------
     state : (nbatch, nstep, nstate)
-        State after each step, of the same kind as `initial_state`, or full-physics.
+        State after each step, of the same kind as `initial_state`, or full-physics. Contact memory
+        says of each contact which one of ``data.contact`` it is, and rollouts number them before
+        those that nothing touched are left out, which `Engine.step` does.
     sensordata : (nbatch, nstep, nsensordata)
         Sensor data of each step.
 
