@@ -21,6 +21,9 @@ constexpr double kBoost = 0.03;
 // Part of the velocity that smooth motion of linkages may be off by after all of the second half, a
 // step before a dead centre at 0.1 rad a step. Impacts leave less by chance alone.
 constexpr double kSmooth = 0.01;
+// Second half, as part of the velocity, up to which it is smooth: near a change point, where links
+// line up, a whole one throws them about.
+constexpr double kSmoothHalf = 0.025;
 // (omega H)^2 of springs up to which velocity Verlet is bounded.
 constexpr double kResolved = 4.0;
 // Part of the second half that something else may bring than springs: what turns fast lets velocity
@@ -65,18 +68,17 @@ double CoupledEnergy::find_root() const {
   return residual <= kResidual * kinetic ? s : 0.0;
 }
 
-void CoupledEnergy::correct_speed() {
+void CoupledEnergy::correct_speed(bool on_ground) {
   if (kinetic <= 0.0) return;
   const auto excess_with = [&](double s) {
     return 1.0 - std::sqrt(std::max(0.0, wanted) / energy_with(s));
   };
-  const bool is_small = square <= kLargestHalf * kLargestHalf * kinetic;
-  if (by_equalities && is_small && std::abs(excess_with(1.0)) <= kSmooth) {
-    scale = 1.0;
-    brake = excess_with(1.0);
-    return;
-  }
-  const double excess = excess_with(0.0), most = by_equalities ? 0.0 : kBoost;
+  const bool is_smooth = by_equalities && square <= kSmoothHalf * kSmoothHalf * kinetic &&
+                         std::abs(excess_with(1.0)) <= kSmooth;
+  if (is_smooth) scale = 1.0;
+  if (!on_ground) return;
+  const double excess = excess_with(scale);
+  const double most = is_smooth ? kSmooth : by_equalities ? 0.0 : kBoost;
   brake = excess < -most ? 0.0 : excess;
 }
 

@@ -20,11 +20,23 @@ double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
   return immobile ? 0.0 : rows.bounded_inverse_mass(row);
 }
 
-// The same of friction, of the two sliding or the two rolling rows in the direction in which it is
-// largest: springs and dampers are isotropic whatever the tangents are.
-double most_loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
-  const double most = rows.most_inverse_mass[row];
-  return most > 0.0 ? std::max(most, loaded_inverse_mass(rows, c, row)) : 0.0;
+// Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
+// rolling rows the larger, so that springs are isotropic whatever the tangents are.
+template <typename InverseMass>
+double isotropic_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  return std::max(inverse_mass(first), inverse_mass(first + 1));
+}
+
+// Inverse mass that its damping divides by: their mean, which no choice of the tangents changes; of
+// one alone where the other moves nothing.
+template <typename InverseMass>
+double mean_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  const double a = inverse_mass(first), b = inverse_mass(first + 1);
+  return a == 0.0 || b == 0.0 ? std::max(a, b) : 0.5 * (a + b);
 }
 
 // What is asked of a row: kappa (1/s^2) and delta (1/s).
@@ -130,12 +142,17 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
                         : 2.0 * kInelastic * std::sqrt(material.stiffness / w_normal);
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
-  const double ratio = sliding_damping_ratio(material), sliding = rows.most_inverse_mass[n + 1];
-  for (int row = n + 1; row < n + c.dim; ++row) {
-    const double w = rows.most_inverse_mass[row];
-    const double k = row < n + 3 || w == 0.0 ? tangential : tangential * sliding / w;
-    rows.stiffness[row] = k;
-    rows.damping[row] = rows.inverse_mass[row] == 0.0 ? 0.0 : 2.0 * ratio * std::sqrt(k / w);
+  const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
+  const double sliding_inverse_mass = isotropic_inverse_mass(c, 1, inverse_mass);
+  for (int i = 1; i < c.dim; ++i) {
+    const double w = rows.inverse_mass[n + i];
+    const double largest = isotropic_inverse_mass(c, i, inverse_mass);
+    const double k =
+        i < 3 || largest == 0.0 ? tangential : tangential * sliding_inverse_mass / largest;
+    rows.stiffness[n + i] = k;
+    const double mean = mean_inverse_mass(c, i, inverse_mass);
+    rows.damping[n + i] =
+        w == 0.0 ? 0.0 : 2.0 * sliding_damping_ratio(material) * std::sqrt(k / mean);
   }
 }
 
@@ -186,23 +203,29 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   }
   if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
+  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
   double stiffest_sliding = given.rigid() ? stiffest : resolved;
   if (!is_limited && microstep.hit && c.dim > 1) {
     const double finer = stiffest_rigid(coupling.stiffness) / (h * h);
     stiffest_sliding = std::min(finer, material.tangential_ratio * rows.stiffness[c.row] *
-                                           most_loaded_inverse_mass(rows, c, c.row + 1));
+                                           isotropic_inverse_mass(c, 1, inverse_mass));
   }
-  for (int row = c.row + 1; row < c.row + c.dim; ++row) {
-    const double most = most_loaded_inverse_mass(rows, c, row);
+  for (int i = 1; i < c.dim; ++i) {
+    const int row = c.row + i;
+    const double w = inverse_mass(row);
     double sliding = stiffest_sliding;
+    if (w > 0.0) sliding *= w / isotropic_inverse_mass(c, i, inverse_mass);
     if (!given.rigid()) {
-      as_given = as_given && fits(rows.stiffness[row] * most, sliding);
-      sliding = std::min(sliding, rows.stiffness[row] * most);
+      as_given = as_given && fits(rows.stiffness[row] * w, sliding);
+      sliding = std::min(sliding, rows.stiffness[row] * w);
     }
-    const double sliding_damping = 2.0 * sliding_damping_ratio(material) * std::sqrt(sliding);
+    // Rigid rows are damped as each of them alone needs it, those of a spring alike.
+    const double of_mean =
+        given.rigid() || w == 0.0 ? 1.0 : w / mean_inverse_mass(c, i, inverse_mass);
+    const double sliding_damping =
+        2.0 * sliding_damping_ratio(material) * std::sqrt(sliding * of_mean);
     if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
-    const double part = most > 0.0 ? loaded_inverse_mass(rows, c, row) / most : 0.0;
-    fill(row, part * sliding, part * std::min(sliding_damping, most_damped_sliding));
+    fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
   }
   return as_given;
 }

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
-#include "dashpot/lanes.hpp"
 #include "dashpot/mass_weighted.hpp"
 
 namespace dashpot {
@@ -14,9 +12,6 @@ namespace {
 // Part of the inverse mass along a tangent below which that of a normal is singular: of free bodies
 // it is a quarter and more.
 constexpr double kSideways = 0.1;
-
-// The first of the two sliding and of the two rolling rows.
-constexpr int kTangents[] = {1, 4};
 
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -29,68 +24,42 @@ void add_cross(const double* a, const double* b, double sign, double* sum) {
 
 double side_sign(int side) { return side == 0 ? -1.0 : 1.0; }
 
-// `sum` and a' inv(I) b, of the moments of two rows about the centre of mass of a free body.
-double inverse_mass_of_moments(const double* a, const double* b, const double* inverse,
-                               double sum) {
-  for (int j = 0; j < 3; ++j) sum += a[j] * dot(b, inverse + 4 * (j + 1));
+// `sum` and moment' inv(I) moment, of a row's moment about the centre of mass of a free body.
+double inverse_mass_of_moment(const double* moment, const double* inverse, double sum) {
+  for (int j = 0; j < 3; ++j) sum += moment[j] * dot(moment, inverse + 4 * (j + 1));
   return sum;
 }
 
-// J inv(H) J' of all rows of a pair over one of its free bodies, and between the two sliding and
-// the two rolling ones.
+// J inv(H) J' of all rows of a pair over one of its free bodies.
 void pair_inverse_mass(const PairGeometry& pair, int dim, int side, const double* inverse,
-                       double* out, double* between) {
-  double moments[kMaxRows][3] = {};
+                       double* out) {
   for (int i = 0; i < dim; ++i) {
     const double* axis = pair.frame.data() + 3 * (i % 3);
-    if (i < 3)
-      add_cross(pair.arm[side].data(), axis, 1.0, moments[i]);
-    else
-      std::copy_n(axis, 3, moments[i]);
-    out[i] = inverse_mass_of_moments(moments[i], moments[i], inverse,
-                                     i < 3 ? inverse[0] * dot(axis, axis) : 0.0);
+    if (i < 3) {
+      double moment[3] = {};
+      add_cross(pair.arm[side].data(), axis, 1.0, moment);
+      out[i] = inverse_mass_of_moment(moment, inverse, inverse[0] * dot(axis, axis));
+    } else {
+      out[i] = inverse_mass_of_moment(axis, inverse, 0.0);
+    }
   }
-  for (int k = 0; k < 2 && kTangents[k] + 1 < dim; ++k)
-    between[k] =
-        inverse_mass_of_moments(moments[kTangents[k]], moments[kTangents[k] + 1], inverse, 0.0);
 }
 
 // The same of all rows of a group over their sparse entries for a free body, whose columns are the
 // `count` from `first` on.
 void sparse_inverse_mass(const Rows& rows, const RowGroup& c, int first, int count,
-                         const Tree& tree, const double* inverse, double* out, double* between) {
+                         const Tree& tree, const double* inverse, double* sum) {
   const double* value = rows.value.data() + c.value + first;
   const int* column = rows.column.data() + c.column + first;
-  double row[kMaxRows][kBodyCoordinates] = {};
-  const auto inverse_mass = [&](int i, int j) {
-    return inverse_mass_of_moments(row[i] + 4, row[j] + 4, inverse,
-                                   inverse[0] * dot(row[i], row[j]));
-  };
   for (int i = 0; i < c.dim; ++i, value += c.width()) {
-    for (int k = 0; k < count; ++k) row[i][column[k] - tree.begin] = value[k];
-    out[i] = inverse_mass(i, i);
-  }
-  for (int k = 0; k < 2 && kTangents[k] + 1 < c.dim; ++k)
-    between[k] = inverse_mass(kTangents[k], kTangents[k] + 1);
-}
-
-// The same between rows in coordinates in which the inertia is 1.
-void weighted_between(const Rows& rows, const RowGroup& c, int side, double* between) {
-  const int stride = padded(c.weighted[side].count);
-  for (int k = 0; k < 2 && kTangents[k] + 1 < c.dim; ++k) {
-    const double* y = rows.weighted_value.data() + c.weighted[side].value + kTangents[k] * stride;
-    between[k] = std::inner_product(y, y + c.weighted[side].count, y + stride, 0.0);
+    double row[kBodyCoordinates] = {};
+    for (int k = 0; k < count; ++k) row[column[k] - tree.begin] = value[k];
+    sum[i] = inverse[0] * dot(row, row);
+    for (int j = 0; j < 3; ++j) sum[i] += row[4 + j] * dot(row + 4, inverse + 4 * (j + 1));
   }
 }
 
-// Of the matrix with this diagonal and `between` beside it; where one row moves nothing, the
-// other's.
-double larger_eigenvalue(double a, double b, double between) {
-  if (a == 0.0 || b == 0.0) return std::max(a, b);
-  return 0.5 * (a + b) + std::hypot(0.5 * (a - b), between);
-}
-
-// J inv(H) J' of a row of one coordinate, which is that of its column `index`.
+// The same of a row of one coordinate, which is that of its column `index`.
 double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, const Tree& tree,
                           const double* inverse) {
   const int coordinate = rows.column[c.column + index] - tree.begin;
@@ -107,8 +76,7 @@ void Rows::reset(int count) {
   weighted_column.clear();
   weighted_value.clear();
   appended = 0;
-  for (auto* array :
-       {&inverse_mass, &most_inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
+  for (auto* array : {&inverse_mass, &typical_inverse_mass, &stiffness, &damping, &friction})
     array->assign(count, 0.0);
   tree_inverse_mass.assign(count, {0.0, 0.0});
 }
@@ -239,26 +207,22 @@ double recovery_speed_along(const Rows& rows, const RowGroup& c, double recovery
 
 void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {
   int column = 0;
-  double between[2] = {};
   for (int side = 0; side < 2; ++side) {
-    double part[kMaxRows] = {}, part_between[2] = {};
+    double part[kMaxRows] = {};
     if (c.tree[side] >= 0) {
       const Tree& tree = trees.tree[c.tree[side]];
       const double* inverse = trees.inverse.data() + tree.inverse;
       if (c.pair >= 0)
-        pair_inverse_mass(rows.pair[c.pair], c.dim, side, inverse, part, part_between);
+        pair_inverse_mass(rows.pair[c.pair], c.dim, side, inverse, part);
       else if (tree.free_body)
-        sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part, part_between);
+        sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
       else if (c.is_of_one_coordinate(side))
         part[0] = joint_inverse_mass(rows, c, column, tree, inverse);
-      else {
+      else
         weight_by_mass(rows, c, side, trees, part);
-        weighted_between(rows, c, side, part_between);
-      }
       column += c.columns[side];
     }
     for (int i = 0; i < c.dim; ++i) rows.tree_inverse_mass[c.row + i][side] = part[i];
-    for (int k = 0; k < 2; ++k) between[k] += part_between[k];
   }
   for (int row = c.row; row < c.row + c.dim; ++row)
     rows.inverse_mass[row] = rows.tree_inverse_mass[row][0] + rows.tree_inverse_mass[row][1];
@@ -272,13 +236,6 @@ void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {
     if (rows.inverse_mass[row] >= least) continue;
     rows.inverse_mass[row] = 0.0;
     rows.tree_inverse_mass[row] = {0.0, 0.0};
-  }
-  const double* w = rows.inverse_mass.data() + c.row;
-  std::copy_n(w, c.dim, rows.most_inverse_mass.begin() + c.row);
-  for (int k = 0; k < 2 && kTangents[k] + 1 < c.dim; ++k) {
-    const int first = kTangents[k];
-    const double most = larger_eigenvalue(w[first], w[first + 1], between[k]);
-    std::fill_n(rows.most_inverse_mass.begin() + c.row + first, 2, most);
   }
 }
 

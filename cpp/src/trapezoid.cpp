@@ -63,9 +63,9 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   for (size_t first = 0; first < coupled_.size(); ++first) {
     CoupledEnergy& coupled = coupled_[first];
     if (!coupled.left_half) continue;
-    if (coupled.scale == 0.0 &&
-        (!coupled.by_equalities || are_on_ground(model, d, rows, trees, first_, first, force_)))
-      coupled.correct_speed();
+    if (coupled.scale == 0.0)
+      coupled.correct_speed(!coupled.by_equalities ||
+                            are_on_ground(model, d, rows, trees, first_, first, force_));
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
@@ -208,10 +208,12 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
     CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
-    const double speed = std::sqrt(2.0 * rows.inverse_mass[c.row] * coupled.kinetic);
+    const double w = rows.inverse_mass[c.row], speed = std::sqrt(2.0 * w * coupled.kinetic);
     const double turn = speed > 0.0 ? length * std::abs(turning_rate(rows, c)) / speed : 0.0;
     const bool is_driven = c.ground == kSurfaceCoordinate;
-    if (!is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
+    // Of a row across the plane of a linkage rounding is all that moves and turns.
+    const bool moves = w > kDirection * kDirection * rows.typical_inverse_mass[c.row];
+    if (moves && !is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
     if (is_driven || turn > kPartTurn) coupled.turns = false;
   }
   for (const RowGroup& c : rows.group)

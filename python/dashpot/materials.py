@@ -81,9 +81,9 @@ class Material:
         Tangential over normal stiffness, > 0. Of rigid contacts only while they, or contacts of
         the same few bodies, are hit; else both are as stiff as micro-steps resolve.
     tangential_damping_ratio : float
-        Damping ratio of the friction springs, >= 0, in the direction along the surface in which
-        the contact moves most easily. With a stiffness and restitution 0 they have fifty times as
-        much, as the normal has, whose force is over as soon.
+        Damping ratio of the friction springs, >= 0, at the mean inverse mass along the surface.
+        With a stiffness and restitution 0 they have fifty times as much, as the normal has, whose
+        force is over as soon.
 
     Raises
     ------

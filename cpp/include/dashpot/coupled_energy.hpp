@@ -22,8 +22,8 @@
 //
 // Nor is there an s where a linkage goes on smoothly and the power of the second half passes
 // through zero: what is left to conserve is of the order (omega H)^3, and no s has a part in it.
-// Those tied to what does not move take all of the second half then, and their speed is made right
-// after it, by at most kSmooth of it. (Without, a crank lost a fiftieth of its energy a turn.)
+// All of it is taken then, and the speed of those tied to what does not move is made right after
+// it, by at most kSmooth of it. (Without, a crank lost a fiftieth of its energy a turn.)
 //
 // Springs, weights and servos alone need no such s. At turning points energies determine none, and
 // what is gained there adds up: at omega H = 0.3 the energy of an oscillation grew by some parts in
@@ -67,8 +67,9 @@ struct CoupledEnergy {
   double find_root() const;
   // v1'M1 v1 / 2 with s.
   double energy_with(double s) const;
-  // Where there is no s and the energy may be made right: brake, and s where the motion is smooth.
-  void correct_speed();
+  // Where there is no s: the brake, of what equalities tie to the ground or rows alone hold, and s
+  // where the motion is smooth.
+  void correct_speed(bool on_ground);
 };
 
 // Of those without a scale that drives change, gives these up; whether there are any.

@@ -160,9 +160,6 @@ struct Rows {
 
   // Per row: w, diagonal of J inv(H) J', and the parts of it that the two trees contribute.
   std::vector<double> inverse_mass;
-  // The same, but of the two sliding and of the two rolling rows of a contact the largest of any
-  // direction, which does not depend on the tangents.
-  std::vector<double> most_inverse_mass;
   std::vector<std::array<double, 2>> tree_inverse_mass;
   // MuJoCo's estimate of w from the reference configuration: what w is like away from singular
   // ones.
