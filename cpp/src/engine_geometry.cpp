@@ -11,8 +11,8 @@
 
 namespace dashpot {
 
-// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow; whether
-// that is earlier.
+// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow; returns
+// whether that is earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double whole_step = parts.whole();
@@ -21,13 +21,14 @@ bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
                  parts);
 }
 
-// The same where rows have thrown trees about within it.
+// Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   return shorten(part_of_thrown_turn(model, motion, data, touched, length, parts.whole()), parts);
 }
 
-// The same where equalities turn far in it, which the rest of the step most often does too.
+// Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
+// turn is kept for the next part, in which they most often go on so.
 bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double turn = trapezoid.fastest_turn();

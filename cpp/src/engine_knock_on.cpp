@@ -43,7 +43,8 @@ bool Stepper::Impl::goes_beyond_detection() const {
   return false;
 }
 
-// Of trees that no row moved, that of the smooth motion, and of what they go ahead by.
+// Trees that rows moved have the mean velocity of their micro-steps, all others that of the smooth
+// motion and of what they go ahead by (leapfrog.hpp).
 void Stepper::Impl::find_mean_velocity() {
   const std::vector<double>& start = motion.start_velocity();
   mean_velocity = start;
@@ -60,7 +61,8 @@ void Stepper::Impl::find_mean_velocity() {
   });
 }
 
-// Positions, not compressions.
+// A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
+// two differ by the unstressed offset.
 void Stepper::Impl::find_end_gaps() {
   end_gap.resize(contacts.size());
   for (size_t i = 0; i < rows.group.size(); ++i) {

@@ -41,7 +41,8 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
                                   data.smooth_acceleration.data(), length);
 }
 
-// MuJoCo's integrator starts from it then.
+// Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
+// integrator then starts from the velocity with it.
 bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
   return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
 }
@@ -61,7 +62,8 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   return by_rows;
 }
 
-// But for free bodies that move accurately in any case.
+// Whether rows move all trees but free bodies, which move accurately in any case: MuJoCo's
+// integrator has none to move then.
 bool Stepper::Impl::rows_move_all() const {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
     if (!touched[tree] && !motion.is_accurate(tree)) return false;

@@ -133,7 +133,7 @@ MocapMotion::~MocapMotion() {
   }
 }
 
-// By a callback since the body was placed.
+// Keeps the pose that a callback has set since the body was placed.
 void MocapMotion::keep_what_was_set(size_t index) {
   MocapBody& body = buffers_.body[index];
   if (const Pose now = pose_in(data_, index); now != body.placed) body.left = now;

@@ -15,7 +15,7 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class ContactMatching {
  public:
-  // Of every group of `rows`; those of constraints have none.
+  // Finds the match of every group of `rows`; those of constraints have none.
   void find(const Memory& memory, const std::vector<ContactInput>& contacts, const Rows& rows,
             std::vector<Match>& matches, Team& team);
 

@@ -56,9 +56,10 @@ struct CoupledEnergy {
   // -(df dq) H^2, dq'M dq, and r'M r, r what df has no part in of the second half.
   double restoring = 0.0, way = 0.0, rest = 0.0;
 
-  // By these, which need `restoring` alone where it is not positive.
+  // Whether the three numbers above say that springs bring the second half. Where `restoring` is
+  // not positive they do not, and the others are not needed.
   bool is_of_springs(double most_rest) const;
-  // Without what the second half has brought, where it is to be found again.
+  // A copy without what the second half has brought, from which that is found again.
   CoupledEnergy anew() const;
   // 1 where springs bring the second half, else find_root(), else 0.
   double find_scale() const;

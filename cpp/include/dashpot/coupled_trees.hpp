@@ -20,11 +20,11 @@ namespace dashpot {
 // Whether the smooth motion of a tree already knows of its forces at the end of a step.
 bool moves_accurately(const mjModel_* model, int tree);
 
-// By tree: the first one that equalities couple it to, -1 if none do.
+// Finds for every tree the first one that equalities couple it to, -1 if none do.
 void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree);
-// Then, of the others, itself where contacts or limits may hold it.
+// Then lets each of the others that contacts or limits may hold be its own first one.
 void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree);
-// And where rows held it in the last step and none does any more.
+// Then does the same for those that rows held in the last step and hold no more.
 void add_freed_trees(const mjModel_* model, const HeldMotion& before, std::vector<int>& first_tree);
 
 // Whether an equality ties the trees of a `first` one to what does not move: they cannot go on all

@@ -19,7 +19,7 @@ struct EnergyLedger {
   // Of actuators, applied forces, gravity compensation, mocap bodies and moving surfaces.
   double work = 0.0;
 
-  // J, with what recovery took or put in.
+  // What contacts have dissipated, J, with what recovery took or put in.
   double dissipated_by_contacts() const {
     return dissipated_normal + dissipated_friction + dissipated_recovery;
   }

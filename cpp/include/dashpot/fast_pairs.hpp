@@ -29,7 +29,7 @@ struct FastPair : PairMotion {
   bool pressed = false;  // round, with compression remembered
 };
 
-// Of the motion that a model has now over what remains of a step.
+// Finds fast pairs, by the motion that a model has now, over what remains of a step.
 class FastPairs {
  public:
   // `acceleration` (nv): the mean smooth one over `remaining` (s) of a step of `whole` (s).

@@ -25,27 +25,27 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class FlightDisturbance {
  public:
-  // In a step of `length` (s). Nothing is disturbed.
+  // Begins a step of `length` (s), in which nothing is disturbed yet.
   void reset(const mjModel_* model, double length);
-  // Trees whose departure is of interest.
+  // Marks trees whose departure is of interest.
   void look_at(const std::array<int, 2>& trees) { mark(trees, looked_at_); }
-  // Whether something fixed acts on one of these.
+  // Whether a contact joins something fixed to one of these trees.
   bool may_be_held(const ContactInput& contact) const;
-  // By such a contact: `rates` (m/s) of its gap at both ends of the step by smooth motion alone;
-  // departures (m) of more than `most` shake.
+  // Lets such a contact disturb its trees, and shake them if they depart by more than `most` (m);
+  // `rates` (m/s) are those of its gap at both ends of the step by smooth motion alone.
   void hold(const Memory& memory, const ContactInput& contact, const std::array<double, 2>& rates,
             double most);
-  // By anything, as hard as can be.
+  // Shakes trees that something else may act on, as hard as can be.
   void shake(const std::array<int, 2>& trees);
   // What is disturbed, or shaken, may come to anything that one of `contacts` joins to it.
   void spread(const std::vector<ContactInput>& contacts);
 
-  // Whether one of the trees is.
+  // Whether one of the trees is disturbed, or shaken.
   bool is_disturbed(const std::array<int, 2>& trees) const { return any(disturbed_, trees); }
   bool is_shaken(const std::array<int, 2>& trees) const { return any(shaken_, trees); }
-  // Whether all that move are.
+  // Whether all of the trees that move are shaken.
   bool are_shaken(const std::array<int, 2>& trees) const;
-  // m, of both, from smooth motion.
+  // How far (m) both trees together depart from their smooth motion.
   double departure(const std::array<int, 2>& trees) const;
 
  private:

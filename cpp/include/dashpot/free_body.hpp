@@ -58,7 +58,7 @@ FreeBody finish_free_motion(const FreeMotion& motion, double step, const Vector6
 // by `displacement`, gained beyond the work of the smooth load.
 double energy_gain(const FreeMotion& motion, const Vector6& displacement, const FreeBody& end);
 
-// J.
+// Kinetic energy of the centre of mass and of the rotation about it, J.
 double kinetic_energy(const FreeBody& body);
 
 // Takes `energy` (J) out of the body's rotation, or all that is there. Returns what it took.

@@ -28,7 +28,7 @@ struct GroupMaterial {
   bool pressed_between = false;       // of a body between others (pressed_between.hpp)
 
   bool rigid() const { return from_solref || material.rigid; }
-  // Of a contact of its own on a model's solref, whatever its mass and load.
+  // The damping ratio of a single contact on a model's own solref, whatever its mass and load.
   double damping_ratio() const {
     return normalised_damping > 0.0 ? 0.5 * normalised_damping / std::sqrt(normalised_stiffness)
                                     : 0.0;

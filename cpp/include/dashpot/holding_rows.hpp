@@ -27,12 +27,13 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class HoldingRows {
  public:
-  // At the end of the last step, of which `matches` tell for the contacts of `rows`; the step has
-  // `length` (s). Needs inv(H) of trees on which rows act, as all that follows does.
+  // Finds the rows that held at the end of the last step, of which `matches` tell for the contacts
+  // of `rows`; this step has `length` (s). Needs inv(H) of trees on which rows act, as all that
+  // follows does.
   void find_at_start(const Rows& rows, const std::vector<ConstraintInput>& constraints,
                      const std::vector<Match>& matches, const Memory& memory, const Trees& trees,
                      double length);
-  // At the end of this one, after its micro-steps; equalities hold too.
+  // Finds those that hold at the end of this step, after its micro-steps; equalities hold too.
   void find_at_end(const Rows& rows, const RowData& data, const Trees& trees, double length);
 
   // Whether any holds a tree, which is no free body.

@@ -100,7 +100,8 @@ class Islands {
   void take_bounds(int tree, const Trees& trees, CoupledSum::Room& room);
   double longest_si_microstep(const Island& island) const;
   double longest_rigid_microstep(const Island& island) const;
-  // Whether they are enough for friction as for normals.
+  // Chooses the micro-steps of an island; returns whether they are so many that friction needs to
+  // take no resolution from the damping of normals.
   bool choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
                          const RowData& data, double part, double step, const Options& options);
   RigidCoupling rigid_coupling(const RowGroup& group) const;

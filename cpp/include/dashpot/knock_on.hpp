@@ -39,7 +39,7 @@ class KnockOn {
                      const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap,
                      const std::vector<host::NarrowedPair>& narrowed, host::ReachBuffers& reach);
 
-  // Of that motion, 6 by body, as in cvel.
+  // Spatial velocities of that motion, 6 by body, as in cvel.
   const std::vector<double>& body_velocity() const { return body_velocity_; }
 
  private:

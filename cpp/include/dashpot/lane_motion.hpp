@@ -62,7 +62,8 @@ template <int Dim>
   }
 }
 
-// What it adds to the displacement over `time` (s) from the start of the step on.
+// What the turn of the geometry adds to the displacement over `time` (s) from the start of the step
+// on.
 template <int Dim>
 [[gnu::always_inline]] static inline void turn_displacement(const ContactLanes<Dim>& c, double time,
                                                             Lanes* displacement) {
@@ -70,7 +71,7 @@ template <int Dim>
     displacement[i] += c.turning[i] * (time * (0.5 * time - c.ahead));
 }
 
-// The second term, of all micro-steps. `load`: of every row.
+// Books the second term of the work, of all micro-steps together. `load`: of every row.
 template <int Dim>
 [[gnu::always_inline]] static inline void account_load(RowLanes<Dim>& c, const Lanes* load,
                                                        double h) {

@@ -44,14 +44,14 @@ class Leapfrog {
 
   // By tree: the length (s) of the step that led, if fall_back went back, and 0 if it did not.
   const std::vector<double>& fell_back() const { return fell_back_; }
-  // What it went back by, by motion coordinate.
+  // How far trees went back, by motion coordinate.
   const AlignedDoubles& way_back() const { return way_back_; }
 
   // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
   // go ahead besides their motion; null for all others.
   const double* goes_ahead(int tree) const { return may_lead_[tree] ? late_.data() : nullptr; }
 
-  // At the end of the step.
+  // Keeps in `memory`, at the end of the step, which trees lead.
   void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
             Memory& memory) const;
 

@@ -25,22 +25,23 @@ class ContactMotion {
   ContactMotion(const mjModel* m, const mjData* d, double length)
       : model_(m), data_(d), length_(length) {}
 
-  // Of the geoms of a contact. `motion`: velocities of free bodies in motion coordinates. False:
-  // contacts of one of them do not follow its pose, as those of flexes and of signed distance
-  // fields, which are points of a search.
+  // Finds the motion of the geoms of a contact; `motion` has the velocities of free bodies in
+  // motion coordinates. Returns false where contacts of one geom do not follow its pose, as those
+  // of flexes and of signed distance fields, which are points of a search.
   bool find(const ContactInput& contact, const Trees& trees, const double* motion);
 
   int geom(int side) const { return side_[side].geom; }
   int geom_type(int side) const { return model_->geom_type[side_[side].geom]; }
-  // Belongs to a free body.
+  // Whether the geom belongs to a free body.
   bool is_free(int side) const { return side_[side].is_free; }
   const mjtNum* angular(int side) const { return side_[side].angular; }
-  // Of the centre of mass of the body.
+  // Velocity of the centre of mass of the body.
   const mjtNum* linear(int side) const { return side_[side].linear; }
-  // Of that of the second body to that of the first.
+  // Velocity of the centre of mass of the second body relative to that of the first.
   const mjtNum* relative() const { return relative_; }
 
-  // A ball of a free body that turns about its middle looks the same.
+  // Whether the geom is a ball about the centre of mass of a free body, which looks the same
+  // however it turns.
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;

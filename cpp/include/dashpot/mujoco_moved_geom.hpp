@@ -11,8 +11,8 @@ namespace dashpot::host {
 void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* point, mjtNum* angular,
                  mjtNum* linear);
 
-// Of what turns about the axis of a capsule or a cylinder: its points, or its shape, which does
-// not.
+// What to follow of a capsule or a cylinder that turns about its axis: its points, or its shape,
+// which does not turn.
 enum class Spin { kOfPoints, kOfShape };
 
 // While it lives, the geom is where it will be after `time` (s) at the velocity that it has now, or

@@ -14,7 +14,7 @@ class Pace {
  public:
   // Whether the next step is to be shared.
   bool shares() const { return shares_ != (phase_ == Phase::kTrial); }
-  // That step took `seconds`.
+  // Notes that this step took `seconds`.
   void note(double seconds);
 
  private:

@@ -14,9 +14,10 @@ using GeomPair = std::array<int, 2>;
 // What disturbs neither of the two leaves that proof valid.
 class ProvenApart {
  public:
-  // How long (s) from now, `remaining` (s) before the end of the step, it holds; 0 if it does not.
+  // How long (s) the proof for a pair holds from now, `remaining` (s) before the end of the step; 0
+  // if it does not.
   double time_left(const GeomPair& pair, double remaining) const;
-  // It holds up to `end` (s) before the end of the step.
+  // Adds a pair that is proven apart up to `end` (s) before the end of the step.
   void add(const GeomPair& pair, const std::array<int, 2>& tree, double end);
   void forget(const std::vector<char>& disturbed);  // by tree
   void clear() { entries_.clear(); }

@@ -23,7 +23,8 @@ struct Island;
 
 class RecoverySystem {
  public:
-  // Targets within `reach` (m, rad) over `time` (s). Rows, trees and island are to outlive its use.
+  // Finds the rows that take part and their targets, which are within `reach` (m, rad), over `time`
+  // (s). Rows, trees and island are to outlive its use.
   void reset(const Rows& rows, const Trees& trees, const Island& island, double reach, double time,
              const RowData& data);
 
@@ -31,7 +32,7 @@ class RecoverySystem {
   const std::vector<int>& groups() const { return group_; }
   const std::vector<double>& target() const { return target_; }  // t, by row of these groups
 
-  // d, over the trees of the island; motion coordinates.
+  // Finds d, in the motion coordinates of the trees of the island.
   void solve(std::vector<double>& displacement);
 
   const std::vector<double>& shift() const { return shift_; }  // J d

@@ -60,7 +60,7 @@ struct RowData {
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;
 
-  // Size and zero the arrays per motion coordinate, and those per row and group.
+  // These resize and zero the arrays per motion coordinate, and those per row and group.
   void reset_motion(int coordinates);
   void reset_rows(const Rows& rows);
 };

@@ -51,9 +51,9 @@ class RungeKutta {
   // of a model with adhesion, state, controls and applied forces are those of the start again.
   void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
 
-  // At the end of the last step, as its fourth stage saw it.
+  // The smooth forces at the end of the last step, as its fourth stage saw it.
   const SmoothForces& end() const { return end_; }
-  // Of the last step (nv): with it positions go.
+  // The velocity (nv) that positions went with in the last step.
   const std::vector<double>& mean_velocity() const { return mean_velocity_; }
 
  private:

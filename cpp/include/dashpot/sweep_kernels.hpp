@@ -80,8 +80,8 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
 
-// The drag of a tree, beside the forces of rows: what it takes by the velocity at the start of the
-// micro-step, and its moment.
+// Finds the drag of a tree, adds it and its moment to those of the rows, and books what it takes by
+// the velocity at the start of the micro-step.
 [[gnu::always_inline]] static inline void add_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     const Lanes slowing =
@@ -100,14 +100,14 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   }
 }
 
-// Its impulse.
+// Adds the impulse of a tree's drag over the micro-step.
 [[gnu::always_inline]] static inline void add_impulse_of_drag(const Tree& t,
                                                               const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes)
     store_lanes(load_lanes(m.impulse + i) + m.h * load_lanes(m.drag + i), m.impulse + i);
 }
 
-// What it takes by the velocity at the end.
+// Books what the drag takes by the velocity at the end of the micro-step.
 [[gnu::always_inline]] static inline void account_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes)
     store_lanes(
@@ -166,7 +166,7 @@ template <Sweep kSweep>
 }
 
 static constexpr int kBlocksAhead = 2;
-// The bodies of a block that comes soon.
+// Asks ahead for the motion of the bodies of a block that comes soon.
 template <Sweep kSweep, typename Law>
 [[gnu::always_inline]] static inline void prefetch_motion(const Block<PairLanes, Law>& block,
                                                           const IslandMotion& m) {

@@ -7,7 +7,7 @@
 
 namespace dashpot {
 
-// With six digits at most.
+// A number as text of six digits at most.
 inline std::string text(double value) {
   std::ostringstream stream;
   stream << value;

@@ -103,16 +103,18 @@ class Trapezoid {
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
                      const TreeMotion& motion);
-  // What tells whether springs and drives alone bring the second half.
+  // Finds what tells whether springs and drives alone bring the second half.
   void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
                     const TreeMotion& motion);
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
-  // Mean forces of equalities, also in `wrench_`, and the work that they did because they turned.
+  // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
+  // turned.
   void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
                        const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
-  // Lengths of the step of trees that it leaves a second half of; whether there are any.
+  // Keeps the length of the step for trees that it leaves a second half of; returns whether there
+  // are any.
   bool keep_lengths(const EndOfStep& end, HeldMotion& now) const;
   void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
                  double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);

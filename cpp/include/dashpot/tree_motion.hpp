@@ -59,13 +59,13 @@ class TreeMotion {
   // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
   // DivergenceError where it has diverged.
   void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data, Team& team);
-  // The same as the geometry of the middle sees it, which `d` holds.
+  // Finds the smooth motion as it looks from the geometry of the middle, which `d` holds.
   void freeze_at_middle(mjData_* d, double length, RowData& data, Team& team);
-  // The same of one free body, where its velocity takes it in `time` (s).
+  // Freezes one free body where its velocity takes it in `time` (s).
   void freeze_ahead(int tree, double time);
   // Whether it is a free body in the coordinates of one, and moves accurately.
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
-  // Before inv(H) is asked for: lets the dampers of a tree act in its micro-steps.
+  // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
   void damp_in_microsteps(const mjData_* d, int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
   void invert_inertia(int tree);
