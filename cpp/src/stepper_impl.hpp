@@ -31,6 +31,7 @@
 #include "dashpot/row_assembly.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/rows.hpp"
+#include "dashpot/sag_times.hpp"
 #include "dashpot/team.hpp"
 #include "dashpot/trapezoid.hpp"
 #include "dashpot/tree_motion.hpp"
