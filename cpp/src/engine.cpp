@@ -22,7 +22,7 @@ namespace dashpot {
 
 namespace {
 
-// Of a step, what its parts leave of it because they are rounded.
+// Fraction of a step that its parts may leave of it because they are rounded.
 constexpr double kSliver = 1e-9;
 
 void accumulate(const StepStats& step, StepStats& total) {
@@ -59,7 +59,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
   data_size = host::data_size(m);
 }
 
-// On several threads, unless they are slower.
+// Takes a step, on several threads unless they are slower.
 StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
   if (team.size() == 1) return take_step(d, leave_rows);
   const auto start = std::chrono::steady_clock::now();
@@ -82,76 +82,79 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
-  cuts = 0;
-  row_turn_rate = 0.0;
   proven_apart.clear();
+  clock = StepClock();
+  clock.whole = parts.whole();
   StepStats total;
   int taken = 0;
-  whole = parts.whole();
-  for (double remaining = whole; remaining > kSliver * whole; remaining -= length) {
-    length = rest = remaining;
-    if (parts.cut()) parts.set_length(length);
+  for (double remaining = clock.whole; remaining > kSliver * clock.whole;
+       remaining -= clock.length) {
+    clock.length = clock.rest = remaining;
+    if (parts.cut()) parts.set_length(clock.length);
     advance(d, parts, mocap);
-    cuts += cut_short;
+    clock.cuts += clock.cut_short;
     parts.end_part();
     accumulate(statistics(), total);
     ++taken;
   }
   parts.finish();
-  total.cuts = cuts;
+  total.cuts = clock.cuts;
   total.parts = taken;
   return total;
 }
 
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   motion.start(d);
-  mocap.begin(length);
+  mocap.begin(clock.length);
   const bool new_control = !parts.cut();
   host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
   mocap.write_velocities();
-  motion.find_smooth_motion(d, length, is_rough(parts), data, team);
-  if (shorten_for_turns(parts)) motion.find_smooth_motion(d, length, is_rough(parts), data, team);
+  motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
+  if (shorten_for_turns(parts))
+    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
   while (shorten_for_throws(parts) || shorten_for_rows(parts)) {
-    motion.find_smooth_motion(d, length, is_rough(parts), data, team);
+    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
   }
   report_forces(d);
   advance_state(d, new_control);
   mocap.write_velocities();
   account_smooth_work(d);
-  ledger.work += mocap.work_against_gravity(length);
-  mocap.advance(length);
+  ledger.work += mocap.work_against_gravity(clock.length);
+  mocap.advance(clock.length);
   remember(d, mocap);
   proven_apart.forget(touched);
 }
 
 void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool rough = is_rough(parts);
-  const double searched = length;
+  const double searched = clock.length;
   host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
   mocap.drive(constraints);
   part = Part();
-  cut_short = false;
+  clock.cut_short = false;
   correct_contacts_ahead(d);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  if (rough || length != searched) motion.find_smooth_motion(d, length, false, data, team);
+  if (rough || clock.length != searched)
+    motion.find_smooth_motion(d, clock.length, false, data, team);
   solve(d, mocap);
   follow_knock_on(d, mocap);
 }
 
-// A part that another will follow needs no more than directions for the search of its end.
+// Whether the smooth motion may be rough: a part that another will follow needs no more than
+// directions for the search of its end.
 bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
-  return parameters.options.impact == Impact::kCut && parts.cut() && cuts < kMaxCuts;
+  return parameters.options.impact == Impact::kCut && parts.cut() && clock.cuts < kMaxCuts;
 }
 
-// Rows, and what they do over the step.
+// Builds the rows of the part, and finds what they do in it.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
   turned.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
-    give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, length, materials);
+    give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, clock.length, materials);
   } else {
     freeze_turning_contacts(d);
     find_row_turns(d);
@@ -167,17 +170,17 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   }
 }
 
-// Bodies in flight may meet elsewhere than found, or pass by. With the complementarity-free law
-// contact does not start within a step.
+// Corrects contacts of bodies in flight, which may meet elsewhere than found, or pass by. With the
+// complementarity-free law contact does not start within a step.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  flights.follow(model, d, memory(d), detection.buffers, constraints, length, contacts);
+  flights.follow(model, d, memory(d), detection.buffers, constraints, clock.length, contacts);
 }
 
 void Stepper::Impl::find_row_turns(mjData_* d) {
   row_turns.forget();
   if (parameters.options.law != Law::kComFree)
-    row_turns.find(model, d, length, motion.trees(), data.velocity.data(), constraints);
+    row_turns.find(model, d, clock.length, motion.trees(), data.velocity.data(), constraints);
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
@@ -186,8 +189,9 @@ void Stepper::Impl::build_rows(mjData_* d) {
                 team);
 }
 
-// Dry friction has no position to keep, and leaves a tree the dampers of MuJoCo's integrator. What
-// the last step left over was found with those of its micro-steps.
+// Lets dampers act in the micro-steps of trees that rows may hold. Dry friction has no position to
+// keep, and leaves a tree the dampers of MuJoCo's integrator. What the last step left over was
+// found with those of its micro-steps.
 void Stepper::Impl::damp_held_trees(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   const HeldMotion before = memory(d).held_motion();
@@ -209,7 +213,7 @@ void Stepper::Impl::damp_held_trees(mjData_* d) {
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const Memory view = memory(d);
   ledger = view.ledger();
-  trapezoid.finish_last_step(model, d, length, view, constraints, matches, motion, rows, data,
+  trapezoid.finish_last_step(model, d, clock.length, view, constraints, matches, motion, rows, data,
                              ledger);
 }
 
@@ -217,40 +221,35 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   const Memory view = memory(d);
-  read_solref_at_load(view, matches, contacts, data.velocity.data(), length, rows, materials);
+  read_solref_at_load(view, matches, contacts, data.velocity.data(), clock.length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
-  sag_times.find(model, rows, contacts, matches, data.velocity.data(), length, team);
-  find_hits(rows, islands.all(), contacts, constraints, hit_frequency(), length, data);
-  pressed_together.find(materials, contacts, motion.trees(), data, length, rows);
-  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, length,
+  sag_times.find(model, rows, contacts, matches, data.velocity.data(), clock.length, team);
+  find_hits(rows, islands.all(), contacts, constraints, hit_frequency(), clock.length, data);
+  pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
+  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, clock.length,
                resolved_length(), parameters.options, team);
-  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, length, data,
-              team);
+  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, clock.length,
+              data, team);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
   leapfrog.fall_back(model, view, motion, rows, data);
 }
 
-// Length (s) of the step that stiffness is resolved for: cuts at impacts let it be finer.
-double Stepper::Impl::resolved_length() const {
-  return parameters.options.impact == Impact::kCut ? length : whole;
-}
-
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data, team);
   velocity_before = data.velocity;
-  microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed, length,
-                 data, team);
+  microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed,
+                 clock.length, data, team);
   check_velocities();
   check_memory();
   find_touched_trees();
-  leapfrog.lead(length, held, motion, rows, data);
+  leapfrog.lead(clock.length, held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery_displacement.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
     const double strained =
-        recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed, length,
-                          data, recovery_displacement, team);
+        recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
+                          clock.length, data, recovery_displacement, team);
     ledger.dissipated_recovery -= strained;
     ledger.elastic += strained;
   }
@@ -263,7 +262,7 @@ void Stepper::Impl::check_velocities() const {
     check_bounded(tree, data.velocity.data(), host::kLargestValue);
 }
 
-// Before anything is changed: what is compressed has to be remembered.
+// Throws before anything is changed: what is compressed has to be remembered.
 void Stepper::Impl::check_memory() const {
   const auto compressed =
       std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {

@@ -25,9 +25,9 @@ void Stepper::Impl::report_forces(mjData_* d) {
       motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
                                   constraint_force.data() + tree.dof_begin);
   });
-  for (double& force : constraint_force) force /= length;
+  for (double& force : constraint_force) force /= clock.length;
   row_force = data.total_impulse;
-  for (double& force : row_force) force /= length;
+  for (double& force : row_force) force /= clock.length;
   host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
 }
 
@@ -76,7 +76,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   mean_displacement.resize(start_velocity.size());
   added_in_flight.assign(start_velocity.size(), 0.0);
   for (size_t i = 0; i < start_velocity.size(); ++i)
-    mean_displacement[i] = 0.5 * length * (start_velocity[i] + velocity[i]);
+    mean_displacement[i] = 0.5 * clock.length * (start_velocity[i] + velocity[i]);
   if (parameters.options.law != Law::kComFree) {
     recovered.assign(start_velocity.size(), 0.0);
     team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
@@ -84,7 +84,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       if (gets_second_half_in_flight(index)) {
         const double* added = trapezoid.added_velocity() + tree.begin;
         for (int i = 0; i < tree.dof_count; ++i) {
-          mean_displacement[tree.dof_begin + i] += 0.5 * length * added[i];
+          mean_displacement[tree.dof_begin + i] += 0.5 * clock.length * added[i];
           added_in_flight[tree.dof_begin + i] = added[i];
         }
       }
@@ -124,12 +124,12 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   view.remember(contacts, constraints, rows, data, team);
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(length, held, motion, view);
+  leapfrog.keep(clock.length, held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
-  trapezoid.keep(
-      model, d,
-      {length, leaves_half, held, leapfrog.fell_back(), leapfrog.way_back(), mean_displacement},
-      constraints, motion, rows, data, view, ledger);
+  trapezoid.keep(model, d,
+                 {clock.length, leaves_half, held, leapfrog.fell_back(), leapfrog.way_back(),
+                  mean_displacement},
+                 constraints, motion, rows, data, view, ledger);
   view.set_ledger(ledger);
 }
 

@@ -25,8 +25,8 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
         rows.typical_inverse_mass[c.row]));
   }
   const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
-  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses, length,
-                                       data);
+  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses,
+                                       clock.length, data);
   check_velocities();
   find_touched_trees();
   book_rows(data, {}, {}, ledger);

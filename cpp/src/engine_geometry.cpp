@@ -15,16 +15,17 @@ namespace dashpot {
 // whether that is earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  const double whole_step = parts.whole();
-  return shorten(std::min(part_of_smooth_turn(model, motion, length, whole_step),
-                          part_of_turning_rows(row_turn_rate * length, length, whole_step)),
-                 parts);
+  return shorten(
+      std::min(part_of_smooth_turn(model, motion, clock.length, clock.whole),
+               part_of_turning_rows(clock.row_turn_rate * clock.length, clock.length, clock.whole)),
+      parts);
 }
 
 // Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(part_of_thrown_turn(model, motion, data, touched, length, parts.whole()), parts);
+  return shorten(part_of_thrown_turn(model, motion, data, touched, clock.length, clock.whole),
+                 parts);
 }
 
 // Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
@@ -32,14 +33,14 @@ bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
 bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double turn = trapezoid.fastest_turn();
-  row_turn_rate = turn / length;
-  return shorten(part_of_turning_rows(turn, length, parts.whole()), parts);
+  clock.row_turn_rate = turn / clock.length;
+  return shorten(part_of_turning_rows(turn, clock.length, clock.whole), parts);
 }
 
 bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
-  if (shorter == length) return false;
-  length = shorter;
-  parts.set_length(length);
+  if (shorter == clock.length) return false;
+  clock.length = shorter;
+  parts.set_length(clock.length);
   detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
   return true;
 }
@@ -47,9 +48,15 @@ bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, parts.whole(), rest, length, kMaxCuts - cuts, proven_apart);
+                            contacts, clock.whole, clock.rest, clock.length, kMaxCuts - clock.cuts,
+                            proven_apart);
   drop_pairs(part.apart, contacts);
-  cut_short = shorten(part.length, parts);
+  clock.cut_short = shorten(part.length, parts);
+}
+
+// Length (s) of the step that stiffness is resolved for: cuts at impacts let it be finer.
+double Stepper::Impl::resolved_length() const {
+  return parameters.options.impact == Impact::kCut ? clock.length : clock.whole;
 }
 
 HitFrequency Stepper::Impl::hit_frequency() const {
@@ -62,8 +69,9 @@ HitFrequency Stepper::Impl::hit_frequency() const {
 // there too, unless constraints hold it, which are those of the start.
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  host::freeze_contacts(model, d, length, motion.trees(), data.velocity.data(), detection.faces,
-                        detection.workplaces, hit_frequency(), contacts, turned, team);
+  host::freeze_contacts(model, d, clock.length, motion.trees(), data.velocity.data(),
+                        detection.faces, detection.workplaces, hit_frequency(), contacts, turned,
+                        team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) turned[tree] = 0.0;
@@ -77,16 +85,16 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
                                              host::MocapMotion& mocap) {
   const std::vector<ContactInput> start = contacts;
   const std::vector<ConstraintInput> start_constraints = constraints;
-  mocap.show(0.5 * length);
+  mocap.show(0.5 * clock.length);
   host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                               constraints, team);
   drop_pairs(apart, contacts);
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);
-  motion.freeze_at_middle(d, length, data, team);
+  motion.freeze_at_middle(d, clock.length, data, team);
   row_turns.forget();
   build_rows(d);
-  give_back_way(rows, data, length, start, start_constraints, contacts, constraints);
+  give_back_way(rows, data, clock.length, start, start_constraints, contacts, constraints);
   mocap.show(0.0);
   middle.leave();
 }

@@ -21,11 +21,11 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
   for (int turn = 0; turn < kMostTurns && goes_beyond_detection(); ++turn) {
     find_mean_velocity();
     find_end_gaps();
-    if (!knock_on.comes_to_more(model, d, mean_velocity, length, contacts, end_gap,
+    if (!knock_on.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
                                 detection.narrowing.pairs(), detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
-    motion.find_smooth_motion(d, length, false, data, team);
+    motion.find_smooth_motion(d, clock.length, false, data, team);
     host::detect_again(model, d, motion.smooth_acceleration(), knock_on.body_velocity(), detection,
                        contacts, constraints, team);
     mocap.drive(constraints);
@@ -49,15 +49,15 @@ void Stepper::Impl::find_mean_velocity() {
   const std::vector<double>& start = motion.start_velocity();
   mean_velocity = start;
   for (size_t i = 0; i < start.size(); ++i)
-    mean_velocity[i] += 0.5 * length * motion.smooth_acceleration()[i];
+    mean_velocity[i] += 0.5 * clock.length * motion.smooth_acceleration()[i];
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
     double* mean = mean_velocity.data() + tree.dof_begin;
     if (const double* ahead = leapfrog.goes_ahead(index))
-      for (int i = 0; i < tree.dof_count; ++i) mean[i] += ahead[tree.begin + i] / length;
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] += ahead[tree.begin + i] / clock.length;
     if (!touched[index]) return;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
-    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= length;
+    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= clock.length;
   });
 }
 

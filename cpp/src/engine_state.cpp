@@ -38,7 +38,7 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
   const double gap =
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
   return overlaps_semi_implicitly(rows, c, gap, velocity_before.data(),
-                                  data.smooth_acceleration.data(), length);
+                                  data.smooth_acceleration.data(), clock.length);
 }
 
 // Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
@@ -79,14 +79,14 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   const bool stages = host::is_runge_kutta(model);
   if (stages)
     held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
-                     length);
+                     clock.length);
   const bool comfree = parameters.options.law == Law::kComFree;
   host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
   if (comfree && !stages) return;
   find_unpaid(d);
   lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
-    lost[index] = motion.advance(d, index, length, rows_on_tree(index, stages), data);
+    lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);
   };
   if (!comfree)
     team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
@@ -94,7 +94,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     });
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
-      if (touched[index]) motion.advance_semi_implicitly(d, index, length);
+      if (touched[index]) motion.advance_semi_implicitly(d, index, clock.length);
       continue;
     }
     if (!motion.is_accurate(index)) advance(index);

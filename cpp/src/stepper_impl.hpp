@@ -38,52 +38,74 @@
 
 namespace dashpot {
 
+// Where in a step its present part is.
+struct StepClock {
+  double whole = 0.0;          // s, of the step
+  double rest = 0.0;           // s, of the step from the start of the part on
+  double length = 0.0;         // H, s, of the part, which is the whole step if nothing cuts it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the part before; 0 in the first
+  bool cut_short = false;      // the part ends at an impact
+  int cuts = 0;                // at impacts, in the parts before
+};
+
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
+
+  // A step, its parts, and what is done anew where a part turns out to be too long (engine.cpp,
+  // engine_geometry.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
-  void solve(mjData_* d, host::MocapMotion& mocap);
-
-  // The stages of a step.
-  void correct_contacts_ahead(mjData_* d);
+  bool is_rough(const host::StepParts& parts) const;
   bool shorten_for_turns(host::StepParts& parts);
+  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   bool shorten_for_throws(host::StepParts& parts);
   bool shorten_for_rows(host::StepParts& parts);
-  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  bool shorten(double shorter, host::StepParts& parts);
+
+  // Contacts, beside those that detection finds.
+  void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
-  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
-  void freeze_turning_contacts(mjData_* d);
+
+  // Rows, and the geometry that they have.
+  void solve(mjData_* d, host::MocapMotion& mocap);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
+  void freeze_turning_contacts(mjData_* d);
+  HitFrequency hit_frequency() const;
   void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
   void damp_held_trees(mjData_* d);
+
+  // What rows do over the part, by either law.
+  void update_complementarity_free(mjData_* d);
   void finish_last_step(mjData_* d);
   void plan_and_recall(mjData_* d);
+  double resolved_length() const;
   void run_islands();
-  void update_complementarity_free(mjData_* d);
+  void check_velocities() const;
+  void check_memory() const;
+  void find_touched_trees();
+  bool lands_in_next_step(const RowGroup& c) const;
+
+  // The part anew where blows bring about more contacts (engine_knock_on.cpp).
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
+  bool goes_beyond_detection() const;
+  void find_mean_velocity();
+  void find_end_gaps();
+
+  // The state at the end of the part (engine_state.cpp), after the forces that it comes from.
   void report_forces(mjData_* d);
   void leave_out_untouched(mjData_* d);
   void advance_state(mjData_* d, bool new_control);
+  bool gets_second_half_in_flight(int tree) const;
+  bool rows_move_all() const;
+  void find_unpaid(mjData_* d);
+  RowsOnTree rows_on_tree(int tree, bool stages) const;
+
+  // Energies, memory and statistics (engine_books.cpp).
   void account_smooth_work(mjData_* d);
   void remember(mjData_* d, const host::MocapMotion& mocap);
-
-  bool is_rough(const host::StepParts& parts) const;
-  double resolved_length() const;
-  HitFrequency hit_frequency() const;
-  bool shorten(double shorter, host::StepParts& parts);
-  void find_touched_trees();
-  void find_unpaid(mjData_* d);
-  bool goes_beyond_detection() const;
-  bool rows_move_all() const;
-  void find_mean_velocity();
-  void find_end_gaps();
-  bool lands_in_next_step(const RowGroup& c) const;
-  bool gets_second_half_in_flight(int tree) const;
-  RowsOnTree rows_on_tree(int tree, bool stages) const;
-  void check_velocities() const;
-  void check_memory() const;
   Memory memory(mjData_* d) const;
   StepStats statistics() const;
 
@@ -98,12 +120,7 @@ struct Stepper::Impl {
   Trapezoid trapezoid;
 
   // Found anew in every step or part of one, or kept from one to the next for their arrays.
-  double whole = 0.0;          // s, of the step
-  double rest = 0.0;           // s, of the step from the start of the part on
-  double length = 0.0;         // H, s, of the step or the part of it
-  double row_turn_rate = 0.0;  // rad/s, of equalities in the last part of the step; 0 in its first
-  bool cut_short = false;      // the part, at an impact
-  int cuts = 0;
+  StepClock clock;
   Part part;
   FlightContacts flights;
   KnockOn knock_on;
