@@ -28,66 +28,31 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   added_.clear();
   load_.clear();
   fastest_turn_ = 0.0;
-  const HeldMotion before = memory.held_motion();
-  if (!before.length) return;
+  if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
-  find_coupled_trees(rows, motion.tree_count(), first_);
-  coupled_.assign(first_.size(), {});
-  for (int first : first_)
-    if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model, rows, first_);
-  add_freed_trees(model, before, first_);
+  couple_trees(model, memory, rows, motion.tree_count());
   host::drives(model, d, motion.start_velocity(), drive_);
   drive_change_.assign(drive_.size(), 0.0);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_potential_forces(model, d, trees);
-  wrench_.assign(trees.coordinates, 0.0);
-  for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kBilateral) continue;
-    const double* equality = memory.equality(constraints[c.input].memory);
-    scatter(rows, c, equality, wrench_.data());
-    coupled_[first_[c.tree[0]]].turning_work += equality[1];
-  }
+  recall_equalities(memory, constraints, rows, trees);
   holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
-  do {
-    for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
-    find_second_half(model, d, memory, motion);
-    if (std::none_of(coupled_.begin(), coupled_.end(),
-                     [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
-      return;
-    find_energies(model, d, length, motion);
-    find_springs(model, d, memory, motion);
-    for (CoupledEnergy& coupled : coupled_)
-      if (coupled.left_half) coupled.scale = coupled.find_scale();
-  } while (give_up_drives(coupled_));
-  for (size_t first = 0; first < coupled_.size(); ++first) {
-    CoupledEnergy& coupled = coupled_[first];
-    if (!coupled.left_half) continue;
-    if (coupled.scale == 0.0)
-      coupled.correct_speed(!coupled.by_equalities ||
-                            are_on_ground(model, d, rows, trees, first_, first, force_));
-    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
-    // What damping takes of it is in the work of the next step, which starts from before it.
-    ledger.work += coupled.driven;
-    if (coupled.turns)
-      ledger.dissipated_constraint -= coupled.turning_work;
-    else
-      ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
-  }
-  added_.assign(trees.coordinates, 0.0);
-  for (int index = 0; index < motion.tree_count(); ++index) {
-    if (first_[index] < 0) continue;
-    const double scale = coupled_[first_[index]].scale;
-    const double brake = coupled_[first_[index]].brake;
-    const Tree& t = trees.tree[index];
-    for (int i = t.begin; i < t.begin + t.count; ++i) {
-      added_[i] = scale * second_half_[i];
-      added_[i] -= brake * (data.velocity[i] + added_[i]);
-      data.velocity[i] += added_[i];
-    }
-  }
+  if (!find_scales(model, d, length, memory, motion)) return;
+  correct_speeds(model, d, rows, trees);
+  book_second_half(ledger);
+  add_second_half(trees, data);
   load_drives(length, memory, trees, data);
   stop_fast_turns(length, rows);
+}
+
+void Trapezoid::couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows,
+                             int tree_count) {
+  find_coupled_trees(rows, tree_count, first_);
+  coupled_.assign(first_.size(), {});
+  for (int first : first_)
+    if (first >= 0) coupled_[first].by_equalities = true;
+  add_held_trees(model, rows, first_);
+  add_freed_trees(model, memory.held_motion(), first_);
 }
 
 void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
@@ -98,6 +63,34 @@ void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, c
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       potential_[i] = host::potential_force(model, d, i);
   }
+}
+
+void Trapezoid::recall_equalities(const Memory& memory,
+                                  const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                                  const Trees& trees) {
+  wrench_.assign(trees.coordinates, 0.0);
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kBilateral) continue;
+    const double* equality = memory.equality(constraints[c.input].memory);
+    scatter(rows, c, equality, wrench_.data());
+    coupled_[first_[c.tree[0]]].turning_work += equality[1];
+  }
+}
+
+bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double length,
+                            const Memory& memory, TreeMotion& motion) {
+  do {
+    for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
+    find_second_half(model, d, memory, motion);
+    if (std::none_of(coupled_.begin(), coupled_.end(),
+                     [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
+      return false;
+    find_energies(model, d, length, motion);
+    find_springs(model, d, memory, motion);
+    for (CoupledEnergy& coupled : coupled_)
+      if (coupled.left_half) coupled.scale = coupled.find_scale();
+  } while (give_up_drives(coupled_));
+  return true;
 }
 
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
@@ -178,6 +171,45 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
     if (!left_half_[index] || moves_accurately(model, index)) coupled.wanted += kinetic;
   }
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
+}
+
+void Trapezoid::correct_speeds(const mjModel_* model, const mjData_* d, const Rows& rows,
+                               const Trees& trees) {
+  for (size_t first = 0; first < coupled_.size(); ++first) {
+    CoupledEnergy& coupled = coupled_[first];
+    if (!coupled.left_half) continue;
+    if (coupled.scale == 0.0)
+      coupled.correct_speed(!coupled.by_equalities ||
+                            are_on_ground(model, d, rows, trees, first_, first, force_));
+    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
+  }
+}
+
+void Trapezoid::book_second_half(EnergyLedger& ledger) const {
+  for (const CoupledEnergy& coupled : coupled_) {
+    if (!coupled.left_half) continue;
+    // What damping takes of it is in the work of the next step, which starts from before it.
+    ledger.work += coupled.driven;
+    if (coupled.turns)
+      ledger.dissipated_constraint -= coupled.turning_work;
+    else
+      ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
+  }
+}
+
+void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
+  added_.assign(trees.coordinates, 0.0);
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (first_[index] < 0) continue;
+    const double scale = coupled_[first_[index]].scale;
+    const double brake = coupled_[first_[index]].brake;
+    const Tree& t = trees.tree[index];
+    for (int i = t.begin; i < t.begin + t.count; ++i) {
+      added_[i] = scale * second_half_[i];
+      added_[i] -= brake * (data.velocity[i] + added_[i]);
+      data.velocity[i] += added_[i];
+    }
+  }
 }
 
 void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,

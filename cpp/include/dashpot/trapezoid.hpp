@@ -98,7 +98,18 @@ class Trapezoid {
   double fastest_turn() const { return fastest_turn_; }
 
  private:
+  // The steps of finish_last_step(), in its order.
+
+  // Finds which trees have a second half, and which of them share s.
+  void couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows, int tree_count);
   void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
+  // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
+  void recall_equalities(const Memory& memory, const std::vector<ConstraintInput>& constraints,
+                         const Rows& rows, const Trees& trees);
+  // Finds second halves and their s, anew without drives where these leave none; false where there
+  // is nothing to finish.
+  bool find_scales(const mjModel_* model, const mjData_* d, double length, const Memory& memory,
+                   TreeMotion& motion);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
@@ -106,9 +117,18 @@ class Trapezoid {
   // Finds what tells whether springs and drives alone bring the second half.
   void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
                     const TreeMotion& motion);
+  // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
+  // do not turn.
+  void correct_speeds(const mjModel_* model, const mjData_* d, const Rows& rows,
+                      const Trees& trees);
+  void book_second_half(EnergyLedger& ledger) const;
+  void add_second_half(const Trees& trees, RowData& data);
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
+
+  // The steps of keep().
+
   // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
   // turned.
   void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
