@@ -11,8 +11,8 @@ namespace dashpot {
 
 namespace {
 
-// Of the gap that positions ahead have at a row that bars the way back, what they keep of it:
-// apart.
+// Fraction of the gap that positions ahead have at a row that bars the way back which they keep:
+// they stay apart.
 constexpr double kKept = 1e-3;
 // Rows that bar the way together are made way for one after the other.
 constexpr int kSweeps = 20;
@@ -27,13 +27,13 @@ bool is_of_any(const RowGroup& c, const std::vector<char>& of_tree) {
                      [&](int tree) { return tree >= 0 && of_tree[tree]; });
 }
 
-// The trees of a row from leading.
+// Keeps the trees of a row from leading.
 void stop(const RowGroup& c, std::vector<char>& leads) {
   for (int tree : c.tree)
     if (tree >= 0) leads[tree] = 0;
 }
 
-// What the trees of a row go ahead by, from their way.
+// Takes what the trees of a row go ahead by off their way.
 void take_off(const RowGroup& c, const Trees& trees, AlignedDoubles& ahead, AlignedDoubles& way) {
   for (int tree : c.tree) {
     if (tree < 0) continue;
@@ -49,6 +49,13 @@ bool enters(const Rows& rows, const RowGroup& c, double gap, const AlignedDouble
   return closing[0] < 0.0 && gap + closing[0] <= 0.0;
 }
 
+// The gap of a row, or its compression, after the shift of positions.
+double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
+  double way[kMaxRows];
+  gather(rows, c, data.shift.data(), way);
+  return data.deformation[c.row] + way[0];
+}
+
 }  // namespace
 
 void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
@@ -59,18 +66,31 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   fell_back_.assign(motion.tree_count(), 0.0);
   left_.assign(motion.trees().coordinates, 0.0);
   way_back_.assign(motion.trees().coordinates, 0.0);
-  const double* length = memory.leading_length();
   leapfrogs_.clear();
-  if (!length) return;
-  leapfrogs_.resize(motion.tree_count());
+  if (!memory.leading_length()) return;
+  find_recovering(rows, data);
+  start_velocity_ = data.velocity;
+  start_gap_ = data.deformation;
+  if (!find_way_back(model, memory, motion, data)) return;
+  make_way_for_rows(motion, rows, data);
+  take_gaps_back(rows, data);
+  for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
+  way_back_ = data.shift;
+}
+
+void Leapfrog::find_recovering(const Rows& rows, const RowData& data) {
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (!c.is_unilateral() || data.offset[i] <= std::abs(data.deformation[c.row])) continue;
     for (int tree : c.tree)
       if (tree >= 0) recovers_[tree] = 1;
   }
-  start_velocity_ = data.velocity;
-  start_gap_ = data.deformation;
+}
+
+bool Leapfrog::find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                             RowData& data) {
+  const double* length = memory.leading_length();
+  leapfrogs_.resize(motion.tree_count());
   bool any = false;
   for (int index = 0; index < motion.tree_count(); ++index) {
     leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
@@ -86,29 +106,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
     for (int i = 0; i < t.dof_count; ++i)
       data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
   }
-  if (!any) return;
-  const auto gap_in_time = [&](const RowGroup& c) {
-    double way[kMaxRows];
-    gather(rows, c, data.shift.data(), way);
-    return data.deformation[c.row] + way[0];
-  };
-  make_way_for_rows(motion, rows, data);
-  // Those that they have left compressed were more so; those that they have come into ahead of
-  // their velocities, and that remember nothing, were not reached.
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    const RowGroup& c = rows.group[index];
-    if (!c.is_unilateral()) continue;
-    double& deformation = data.deformation[c.row];
-    if (deformation < 0.0) {
-      deformation = std::min(0.0, gap_in_time(c));
-    } else {
-      const double gap = gap_in_time(c) - data.offset[index];
-      deformation = std::max(0.0, gap);
-      data.offset[index] = std::max(0.0, -gap);
-    }
-  }
-  for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
-  way_back_ = data.shift;
+  return any;
 }
 
 // Where rows bar the way back, by a second limit as a rule or where a foot leaves the ground, trees
@@ -117,10 +115,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
 void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data) {
   const Trees& trees = motion.trees();
   const auto bars = [&](const RowGroup& c) {
-    if (!c.is_unilateral() || data.deformation[c.row] <= 0.0) return false;
-    double way[kMaxRows];
-    gather(rows, c, data.shift.data(), way);
-    return data.deformation[c.row] + way[0] <= 0.0;
+    return c.is_unilateral() && data.deformation[c.row] > 0.0 && shifted_gap(rows, c, data) <= 0.0;
   };
   const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
   const AlignedDoubles whole = data.shift;
@@ -162,7 +157,24 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
   for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole[i];
 }
 
-// Not into a row with the semi-implicit update, either.
+// Rows that trees have left compressed were more so; those that they have come into ahead of their
+// velocities, and that remember nothing, were not reached.
+void Leapfrog::take_gaps_back(const Rows& rows, RowData& data) {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (!c.is_unilateral()) continue;
+    double& deformation = data.deformation[c.row];
+    if (deformation < 0.0) {
+      deformation = std::min(0.0, shifted_gap(rows, c, data));
+    } else {
+      const double gap = shifted_gap(rows, c, data) - data.offset[index];
+      deformation = std::max(0.0, gap);
+      data.offset[index] = std::max(0.0, -gap);
+    }
+  }
+}
+
+// Trees do not go into a row with the semi-implicit update, either.
 void Leapfrog::find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
                          const Rows& rows, const RowData& data) {
   for (int index = 0; index < motion.tree_count(); ++index)
@@ -188,7 +200,7 @@ void Leapfrog::find_late(double length, const std::vector<char>& held, const Tre
   }
 }
 
-// The semi-implicit update from `velocity`, and what goes ahead of it.
+// The way is that of the semi-implicit update from `velocity`, and what goes ahead of it.
 void Leapfrog::find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
                              const AlignedDoubles& ahead) {
   way_ = ahead;
@@ -217,8 +229,8 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
       ahead_[i] = 0.5 * length * data.velocity[i] - left_[i];
   }
   find_next_way(length, data.velocity, data, ahead_);
-  // None into another row, nor where the next step would take it into one: what leaves a row for
-  // less than a step would go ahead and fall back for nothing.
+  // No tree goes into another row, nor where the next step would take it into one: what leaves a
+  // row for less than a step would go ahead and fall back for nothing.
   for (bool stopped = true; stopped;) {
     stopped = false;
     for (const RowGroup& c : rows.group) {

@@ -56,10 +56,18 @@ class Leapfrog {
             Memory& memory) const;
 
  private:
+  // Marks trees that recover from overlap, most of which no spring holds: they do not lead.
+  void find_recovering(const Rows& rows, const RowData& data);
+  // Finds which trees the last step left ahead, and shifts them back; whether there are any.
+  bool find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                     RowData& data);
+  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
+  // Gives rows the deformations and offsets that they have where trees are in time.
+  void take_gaps_back(const Rows& rows, RowData& data);
+
   // Trees that may go ahead in this step, where no row holds them.
   void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
                  const Rows& rows, const RowData& data);
-  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
   void find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
                      const AlignedDoubles& ahead);
 
