@@ -20,7 +20,7 @@ constexpr int kMaxProximalRounds = 64;
 // Relative to the size of the pair: what rounding leaves of a distance, and the clearance at which
 // overlapping cores are compared, large enough for the direction between closest points to be
 // good to 1e-12 rad.
-constexpr double kRounding = 1e-15;
+constexpr double kRoundingOfDistance = 1e-15;
 constexpr double kMargin = 1e-3;
 constexpr double kStall = 1e-10;    // relative to the size: gap between the bounds of stalled GJK
 constexpr double kSettled = 1e-11;  // rad, of two rounds: ten times what directions are good to
@@ -121,7 +121,7 @@ DifferencePoint difference_support(const Shape& shape1, const Pose& pose1, const
 std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose1,
                                            const Shape& shape2, const Pose& pose2,
                                            const Vector3d& start, double enough) {
-  const double tolerance = kRounding * pair_size(shape1, pose1, shape2, pose2);
+  const double tolerance = kRoundingOfDistance * pair_size(shape1, pose1, shape2, pose2);
   Simplex simplex;
   simplex.vertex[0] = difference_support(shape1, pose1, shape2, pose2, start.normalized());
   simplex.weight[0] = 1.0;

@@ -11,7 +11,7 @@ namespace dashpot {
 namespace {
 
 // Of the parts of a rate that cancel.
-constexpr double kRounding = 1e-9;
+constexpr double kCancelled = 1e-9;
 
 }  // namespace
 
@@ -70,7 +70,7 @@ bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, co
         rate += part;
         most = std::max(most, std::abs(part));
       }
-      if (std::abs(rate) > kRounding * most) return true;
+      if (std::abs(rate) > kCancelled * most) return true;
     }
   }
   return false;

@@ -23,7 +23,7 @@ namespace dashpot {
 namespace {
 
 // Fraction of a step that its parts may leave of it because they are rounded.
-constexpr double kSliver = 1e-9;
+constexpr double kSliverOfStep = 1e-9;
 
 void accumulate(const StepStats& step, StepStats& total) {
   total.contacts = step.contacts;
@@ -87,7 +87,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   clock.whole = parts.whole();
   StepStats total;
   int taken = 0;
-  for (double remaining = clock.whole; remaining > kSliver * clock.whole;
+  for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
        remaining -= clock.length) {
     clock.length = clock.rest = remaining;
     if (parts.cut()) parts.set_length(clock.length);

@@ -34,7 +34,7 @@ constexpr double kClearance = 1e-3;
 constexpr double kGentle = 0.05;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
 // good: a face that lands flat keeps all of its points. Round shapes meet along their own.
-constexpr double kAlike = 0.999;
+constexpr double kNormalHolds = 0.999;
 
 class FlightSearch {
  public:
@@ -96,7 +96,7 @@ class FlightSearch {
       const bool alone = flight.last - flight.first == 1 && are_round(*begin);
       const auto stands_for_it = [&](const ContactInput& contact) {
         const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
-        return !alone && normal.dot(flight.normal) > kAlike && acts(contact);
+        return !alone && normal.dot(flight.normal) > kNormalHolds && acts(contact);
       };
       if (flight.meets && std::none_of(begin, end, stands_for_it)) redirected.push_back(flight);
     }

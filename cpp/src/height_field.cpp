@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // rad, that a window of time allows: turning adds a quarter of the shape's arm to what it sweeps.
-constexpr double kTurn = 0.25;
+constexpr double kTurnOfWindow = 0.25;
 
 // The pose of a shape seen from the frame of another.
 Pose relative_pose(const Pose& frame, const Pose& pose) {
@@ -219,7 +219,7 @@ TimeOfImpact height_field_time_of_impact(const HeightField& field, const Pose& f
     if (!swept(remaining).intersects(whole)) break;
     const double size = std::max(box.diagonal().norm(), prisms.cell_size());
     const double short_motion =
-        std::min(size / (drift.norm() + field_turn), kTurn / motion.angular.norm());
+        std::min(size / (drift.norm() + field_turn), kTurnOfWindow / motion.angular.norm());
     const double window =
         std::min(remaining, std::max(short_motion, box_distance(box, whole) / speed));
     const AlignedBox3d sweep = swept(window);

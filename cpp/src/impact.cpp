@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kTurn = 0.005;     // rad, in a part with contact
+constexpr double kTurnInContact = 0.005;  // rad, in a part with contact
 constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
 
 class ImpactSearch {
@@ -133,7 +133,7 @@ class ImpactSearch {
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
     if (!fast_.is_fast(pair, speed, now.normal, length)) return length;
     const double calm = std::min(kFastMotion * pair.half_width / speed,
-                                 kTurn / pair.turn_rate(speed, now.normal, length));
+                                 kTurnInContact / pair.turn_rate(speed, now.normal, length));
     return std::min(length, std::max(calm, shortest_contact));
   }
 

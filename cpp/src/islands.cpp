@@ -47,7 +47,9 @@ bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
 }
 
 // The last bit of a quotient must not add a micro-step.
-int rounded_up(double count) { return static_cast<int>(std::ceil(count * (1.0 - kRounding))); }
+int rounded_up(double count) {
+  return static_cast<int>(std::ceil(count * (1.0 - kRoundingOfBounds)));
+}
 
 }  // namespace
 

@@ -24,7 +24,7 @@ namespace dashpot {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr double kRounding = std::numeric_limits<double>::epsilon();
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 // State and parameters of one contact phase, with the derivatives of its force at the start.
 struct ContactPhase {
@@ -134,7 +134,7 @@ double first_release(const ContactPhase& c, const KelvinVoigt& contact, double e
     }
     last_step = std::fabs(next - t);
     t = next;
-    if (last_step <= kRounding * t) break;
+    if (last_step <= kEpsilon * t) break;
   }
   return t;
 }

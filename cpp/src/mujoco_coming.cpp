@@ -10,9 +10,9 @@ namespace {
 
 // Cosine between the normals of a contact to come and of the one found: convex bodies meet along
 // one.
-constexpr double kAlike = 0.85;
+constexpr double kNormalAlike = 0.85;
 // Part of its depth that a contact known nearby goes in by where it stands for it.
-constexpr double kAsDeep = 0.8;
+constexpr double kStandsAsDeep = 0.8;
 // Part of the radius up to which a contact moves along a rim or around a side in a step, as that of
 // what rolls.
 constexpr double kAlongRound = 0.5;
@@ -52,7 +52,7 @@ int ComingContacts::add(const mjPreContact* end, int end_count, mjtNum margin, i
                         mjPreContact* contact, int count) const {
   const int known = count;
   for (int i = 0; i < end_count && count < most; ++i) {
-    if (mju_dot3(end[i].normal, contact[0].normal) < kAlike) continue;
+    if (mju_dot3(end[i].normal, contact[0].normal) < kNormalAlike) continue;
     mjtNum surface1[3], surface2[3], apart[3];
     mju_addScl3(surface1, end[i].pos, end[i].normal, -0.5 * end[i].dist);
     mju_addScl3(surface2, end[i].pos, end[i].normal, 0.5 * end[i].dist);
@@ -67,7 +67,8 @@ int ComingContacts::add(const mjPreContact* end, int end_count, mjtNum margin, i
     // Two contacts at one place would be twice as stiff and damped. Near: as far as geoms may move.
     const auto stands_for_it = [&](const mjPreContact& of_start) {
       const mjtNum way = mju_dist3(of_start.pos, c.pos);
-      return way < along_round_ || (way < margin && gap_at_end(of_start) < kAsDeep * end[i].dist);
+      return way < along_round_ ||
+             (way < margin && gap_at_end(of_start) < kStandsAsDeep * end[i].dist);
     };
     if (std::any_of(contact, contact + known, stands_for_it)) continue;
     mju_copy3(c.normal, end[i].normal);

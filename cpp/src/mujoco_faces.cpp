@@ -22,7 +22,7 @@ using Eigen::Vector3d;
 // one across both edges.
 constexpr double kFlatEdge = 0.02;
 // Part of the smaller geom's radius that points of faces may be less deep than the contact found.
-constexpr double kAsDeep = 1e-4;
+constexpr double kFaceAsDeep = 1e-4;
 // Part of the smaller geom's radius that facets which all but lie flat are wide, to count like a
 // face.
 constexpr double kWide = 0.25;
@@ -134,7 +134,7 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
       flat1 != flat2 && std::abs(flat.normal.dot(direction)) > std::cos(kShallow) &&
       find_cap(m, other, flat.normal, kWide * smaller, buffers)) {
     FaceManifold faces = meet_cap(flat.place(m, -flat.normal), buffers.cap, margin,
-                                  Eigen::Map<const Vector3d>(contact.pos), kAsDeep * smaller);
+                                  Eigen::Map<const Vector3d>(contact.pos), kFaceAsDeep * smaller);
     if (!flat1) faces.normal = -faces.normal;
     return faces;
   }
@@ -258,7 +258,7 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
   double least = margin;
   for (int i = 0; i < faces.count; ++i) least = std::min(least, faces.point[i].distance);
-  if (least > contact->dist + kAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
+  if (least > contact->dist + kFaceAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
   for (int i = 0; i < faces.count; ++i) {
     contact[i].dist = faces.point[i].distance;
     mju_copy3(contact[i].pos, faces.point[i].position.data());

@@ -14,7 +14,7 @@ namespace dashpot::host {
 
 namespace {
 
-constexpr double kRounding = 1.0e-9;  // relative
+constexpr double kRoundingOfInertia = 1.0e-9;  // relative
 
 // Of the body that a simple degree of freedom moves.
 double own_inertia(const mjModel* m, int dof) {
@@ -44,7 +44,7 @@ void check(const mjModel* m, const char* field, int body, double value, bool pos
 }
 
 bool is_rounding(double value, double exact) {
-  return std::abs(value - exact) <= kRounding * exact;
+  return std::abs(value - exact) <= kRoundingOfInertia * exact;
 }
 
 void follow_in_subtrees(mjModel* m) {

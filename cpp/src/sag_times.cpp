@@ -12,7 +12,7 @@ namespace {
 // Part of the sag that a contact may close or open by in a step for its load to be known: more, and
 // what lands sinks in before its load is felt; less, and a change of stiffness alone seems to move
 // a grasp. And how often that load goes into the one that a contact is stiff enough for.
-constexpr double kStillPart = 0.03;
+constexpr double kStillSag = 0.03;
 constexpr double kLoadGrowth = 4.0;
 constexpr int kGroupsAtOnce = 128;  // by a thread
 
@@ -55,7 +55,7 @@ void SagTimes::find(const mjModel_* model, const Rows& rows,
     if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
     double rate[kMaxRows];
     gather(rows, c, velocity, rate);
-    if (std::abs(rate[0]) * step > kStillPart * sag) return;
+    if (std::abs(rate[0]) * step > kStillSag * sag) return;
     const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
     time.load = std::sqrt(sag / std::max(acceleration, gravity));
   });

@@ -18,7 +18,7 @@ constexpr double kMinimumValue = 1e-15;
 
 constexpr int kMaxRounds = 30;  // far more than it takes
 // Of the width, over which impedance changes by less than 1: it is right to about as much.
-constexpr double kResolved = 1e-10;
+constexpr double kResolvedWidth = 1e-10;
 
 double clip_impedance(double value) {
   return std::clamp(value, kMinimumImpedance, kMaximumImpedance);
@@ -40,7 +40,7 @@ double impedance_at_rest(const std::array<double, 5>& solimp, double stiffness, 
   if (width <= kMinimumValue || excess(width) <= 0.0) return impedance(solimp, width);
   double low = 0.0, high = width, below = excess(low), above = excess(high), x = high;
   int side = 0;
-  for (int round = 0; round < kMaxRounds && high - low > kResolved * width; ++round) {
+  for (int round = 0; round < kMaxRounds && high - low > kResolvedWidth * width; ++round) {
     x = (low * above - high * below) / (above - below);
     const double at = excess(x);
     if (at == 0.0) break;

@@ -11,10 +11,10 @@ namespace {
 
 constexpr double kFollowing = 0.05;  // tau, s
 // Part of the speed at which the load would swing by all of itself.
-constexpr double kStillPart = 0.1;
+constexpr double kStillSpeed = 0.1;
 // For how long a contact has been still that bears what it bears: radians of its own swing. A hit
-// turns round within 2 kStillPart.
-constexpr double kStillTurn = 1.0;
+// turns round within 2 kStillSpeed.
+constexpr double kStillPhase = 1.0;
 // Of the weight: MuJoCo's impedance may go to nothing with the load, and what then lands on the
 // contact would find no spring.
 constexpr double kLeastPart = 0.1;
@@ -42,9 +42,9 @@ void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches
       const double frequency = std::sqrt(given.normalised_stiffness);
       double rate[kMaxRows];
       gather(rows, c, velocity, rate);
-      const bool still = std::abs(rate[0]) * frequency <= kStillPart * borne;
+      const bool still = std::abs(rate[0]) * frequency <= kStillSpeed * borne;
       c.solref.still = still ? c.solref.still + length : 0.0;
-      if (c.solref.still * frequency > kStillTurn)
+      if (c.solref.still * frequency > kStillPhase)
         c.solref.load += following * (std::max(borne, least) - c.solref.load);
     } else if (memory.starts() && input.gap < 0.0) {
       c.solref.load =

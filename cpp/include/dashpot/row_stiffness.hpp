@@ -29,13 +29,13 @@ inline constexpr double kRigidResolution = 1.0;  // theta of rigid rows
 // kappa h^2 of rows that nothing is coupled to. Their flow is exact at any value; this leaves them
 // as stiff at the longest rigid micro-step as others are with theta.
 inline constexpr double kStiffestAlone = 1.5;
-inline constexpr double kRigidMicrostep = 2.5e-4;  // s, longest micro-step of rigid contacts
-inline constexpr double kRigidSag = 1.0e-3;        // of a body's radius, see below
-inline constexpr double kInelasticSag = 1.0e-4;    // the same where stiffness gives way
-inline constexpr double kRounding = 1.0e-12;       // relative, of quotients and roots
+inline constexpr double kRigidMicrostep = 2.5e-4;     // s, longest micro-step of rigid contacts
+inline constexpr double kRigidSag = 1.0e-3;           // of a body's radius, see below
+inline constexpr double kInelasticSag = 1.0e-4;       // the same where stiffness gives way
+inline constexpr double kRoundingOfBounds = 1.0e-12;  // relative, of quotients and roots
 
 // Whether a value is within a bound, but for the last bits.
-inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRounding); }
+inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRoundingOfBounds); }
 
 // In which time (s) a weight, the dry friction of joints, and the load that a contact bore in the
 // last step, move a body by the sag that a rigid contact may have, sqrt(sag / acceleration).
