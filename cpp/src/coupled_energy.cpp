@@ -9,25 +9,26 @@ namespace {
 
 // s differs from 1 by some H times the rate of the motion where the step resolves it.
 constexpr double kScaleRange = 0.5;
-// Part of the kinetic energy that s at an end of its range may leave: at turning points energies do
-// not determine s, and an impact leaves far more.
+// Fraction of the kinetic energy that s at an end of its range may leave: at turning points
+// energies do not determine s, and an impact leaves far more.
 constexpr double kResidual = 1e-6;
-// Second half, as part of the velocity, up to which steps resolve how a motion turns that only
-// contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
+// Second half, as a fraction of the velocity, up to which steps resolve how a motion turns that
+// only contacts and limits hold. Beyond, it throws light links about, faster from hit to hit.
 constexpr double kLargestHalf = 0.1;
-// Part of the velocity, most that may be added where no s conserves energy: impacts lose or gain so
-// much by chance. Motion that loses more is one that steps do not resolve, and may gain it in turn.
+// Fraction of the velocity, most that may be added where no s conserves energy: impacts lose or
+// gain so much by chance. Motion that loses more is one that steps do not resolve, and may gain it
+// in turn.
 constexpr double kBoost = 0.03;
-// Part of the velocity that smooth motion of linkages may be off by after all of the second half, a
-// step before a dead centre at 0.1 rad a step. Impacts leave less by chance alone.
+// Fraction of the velocity that smooth motion of linkages may be off by after all of the second
+// half, a step before a dead centre at 0.1 rad a step. Impacts leave less by chance alone.
 constexpr double kSmooth = 0.01;
 // Second half, as part of the velocity, up to which it is smooth: near a change point, where links
 // line up, a whole one throws them about.
 constexpr double kSmoothHalf = 0.025;
 // (omega H)^2 of springs up to which velocity Verlet is bounded.
 constexpr double kResolved = 4.0;
-// Part of the second half that something else may bring than springs: what turns fast lets velocity
-// Verlet gain energy. More of it is better than no second half.
+// Fraction of the second half that something else may bring than springs: what turns fast lets
+// velocity Verlet gain energy. More of it is better than no second half.
 constexpr double kRest = 0.2, kRestWithoutRoot = 0.5;
 
 }  // namespace

@@ -27,7 +27,8 @@ void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int di
                   weight[i] * value[i * width + k] * value[i * width + l], sum);
 }
 
-// Rounds of the iteration for x, and the part of the bound that one has to take off for another.
+// Rounds of the iteration for x, and the fraction of the bound that one has to take off for
+// another.
 constexpr int kMostRounds = 8;
 constexpr double kWorthwhile = 0.01;
 

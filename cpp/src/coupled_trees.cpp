@@ -10,7 +10,7 @@ namespace dashpot {
 
 namespace {
 
-// Of the parts of a rate that cancel.
+// Fraction of the terms of a rate up to which they cancel.
 constexpr double kCancelled = 1e-9;
 
 }  // namespace

@@ -11,10 +11,11 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Part of the reference face's radius within which corners that clipping made are one.
+// Fraction of the reference face's radius within which corners that clipping made are one.
 constexpr double kSameCorner = 1e-7;
-// Part of a face's radius below its kept corners at which another one is lower: as much as vertices
-// of one plane may be away from it, so that at rest, tilted by less than a thousandth, none is.
+// Fraction of a face's radius below its kept corners at which another one is lower: as much as
+// vertices of one plane may be away from it, so that at rest, tilted by less than a thousandth,
+// none is.
 constexpr double kLower = 1e-4;
 
 // Height of the lowest corner of a face over the plane of another one.

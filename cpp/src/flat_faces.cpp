@@ -14,12 +14,12 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Parts of the radius of the hull: what vertices of one plane may be away from it, as in files with
-// four or five digits; and what a face has to lift on its far side where it ceases to count, ten
-// times what contacts are usually pressed in by.
+// Fractions of the radius of the hull: what vertices of one plane may be away from it, as in files
+// with four or five digits; and what a face has to lift on its far side where it ceases to count,
+// ten times what contacts are usually pressed in by.
 constexpr double kOnePlane = 1e-4, kLift = 0.01;
-// Least area, as a part of the square of that radius, of the largest polygon of a face: of a third
-// of the least face, a triangle that is kLift / tan(kMostTilt) high.
+// Least area, as a fraction of the square of that radius, of the largest polygon of a face: of a
+// third of the least face, a triangle that is kLift / tan(kMostTilt) high.
 constexpr double kLeastArea = 1e-3;
 
 double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }

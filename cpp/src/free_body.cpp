@@ -7,7 +7,7 @@ namespace dashpot {
 
 namespace {
 
-// Part of the gyroscopic torque below which an applied one is rounding error.
+// Fraction of the gyroscopic torque below which an applied one is rounding error.
 constexpr double kNoTorque = 1.0e-14;
 
 // Velocity of the centre of mass, world.

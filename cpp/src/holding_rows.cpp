@@ -12,7 +12,7 @@ namespace dashpot {
 
 namespace {
 
-// Part of its w that a row has to have beside those before it: at less it says the same.
+// Fraction of its w that a row has to have beside those before it: at less it says the same.
 constexpr double kNew = 1e-6;
 
 // Which tree of a group it joins to the ground, if that is no free body, else -1.

@@ -14,11 +14,11 @@ namespace dashpot {
 
 namespace {
 
-// Part of the way beyond the reach of detection that may be unknown: links of a robot at rest
+// Fraction of the way beyond the reach of detection that may be unknown: links of a robot at rest
 // change their ways by some hundredths with the forces of rows, what is hit by a multiple.
 constexpr double kFarther = 0.05;
-// Part of the way by which a known pair may end deeper than its contacts say: rows that turn leave
-// out half of it for each radian.
+// Fraction of the way by which a known pair may end deeper than its contacts say: rows that turn
+// leave out half of it for each radian.
 constexpr double kSlack = 0.01;
 
 GeomPair sorted(int geom1, int geom2) { return {std::min(geom1, geom2), std::max(geom1, geom2)}; }

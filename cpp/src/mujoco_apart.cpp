@@ -11,9 +11,10 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of a distance found that counts: searches end before they are exact.
+// Fraction of a distance found that counts: searches end before they are exact.
 constexpr double kSure = 0.9;
-// How far distances are looked for: part of the smaller geom's radius beyond that of contacts.
+// How far distances are looked for: a fraction of the smaller geom's radius beyond that of
+// contacts.
 constexpr double kLook = 0.2;
 // A distance is worth its search where it lasts for some steps; of pairs nearer than that it is
 // looked for now and then.

@@ -20,9 +20,9 @@ namespace dashpot::host {
 
 namespace {
 
-// Room beyond the reach of a step: steps like the present one, and part of the least half-width for
-// geoms that hardly move. Half of both gathers pairs so often that a step of a large bin takes 6 %
-// longer; twice the least room keeps so many that it takes 1 % longer.
+// Room beyond the reach of a step: steps like the present one, and a fraction of the least
+// half-width for geoms that hardly move. Half of both gathers pairs so often that a step of a large
+// bin takes 6 % longer; twice the least room keeps so many that it takes 1 % longer.
 constexpr double kStepsAhead = 8.0;
 constexpr double kLeastRoom = 0.1;
 // Pairs kept for each that is near and each geom above which they are gathered anew, where geoms

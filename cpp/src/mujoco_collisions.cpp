@@ -25,7 +25,7 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of the least half-width: a wider reach needs contacts of boxes that meet at a corner.
+// Fraction of the least half-width: a wider reach needs contacts of boxes that meet at a corner.
 constexpr double kFarReach = 0.005;
 // The same above which points that are not nearest count: below, they go in by less in a step.
 // Round meshes, whose corners land one after the other, would roll for ever on what that leaves.
@@ -35,7 +35,7 @@ constexpr double kFastReachOfMesh = 0.0005;
 constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
 constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search ends with
 constexpr double kTwins =
-    1e-9;  // parts of the radius between two points that are one but for rounding
+    1e-9;  // fraction of the radius between two points that are one but for rounding
 
 // Sine of the angle between the axis of a capsule and the normal of a plane from which on the axis
 // gives a tangent, square to the normal within rounding.

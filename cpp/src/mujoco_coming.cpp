@@ -11,10 +11,10 @@ namespace {
 // Cosine between the normals of a contact to come and of the one found: convex bodies meet along
 // one.
 constexpr double kNormalAlike = 0.85;
-// Part of its depth that a contact known nearby goes in by where it stands for it.
+// Fraction of its depth that a contact known nearby goes in by where it stands for it.
 constexpr double kStandsAsDeep = 0.8;
-// Part of the radius up to which a contact moves along a rim or around a side in a step, as that of
-// what rolls.
+// Fraction of the radius up to which a contact moves along a rim or around a side in a step, as
+// that of what rolls.
 constexpr double kAlongRound = 0.5;
 
 // Least radius of round sides and rims of two geoms, as far as the other one reaches; 0 where

@@ -21,10 +21,11 @@ using Eigen::Vector3d;
 // it: about one degree, far from rest, and little enough for the normal of the face to stand for
 // one across both edges.
 constexpr double kFlatEdge = 0.02;
-// Part of the smaller geom's radius that points of faces may be less deep than the contact found.
+// Fraction of the smaller geom's radius that points of faces may be less deep than the contact
+// found.
 constexpr double kFaceAsDeep = 1e-4;
-// Part of the smaller geom's radius that facets which all but lie flat are wide, to count like a
-// face.
+// Fraction of the smaller geom's radius that facets which all but lie flat are wide, to count like
+// a face.
 constexpr double kWide = 0.25;
 // Cosine of the angle to an edge from which it runs along a direction no more.
 constexpr double kAlong = 0.9;

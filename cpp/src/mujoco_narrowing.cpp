@@ -10,8 +10,8 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of the least half-width of two geoms that contacts are looked for at least: what forces make
-// of the ways of links that go together is seldom more.
+// Fraction of the least half-width of two geoms that contacts are looked for at least: what forces
+// make of the ways of links that go together is seldom more.
 constexpr double kLeastReach = 0.01;
 
 double least_half_width(const mjModel* m, const CandidatePair& pair) {

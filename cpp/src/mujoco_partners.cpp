@@ -15,7 +15,7 @@ namespace dashpot::host {
 
 namespace {
 
-// Part of the least half-width of two geoms: a tenth of what rigid contacts may sag by.
+// Fraction of the least half-width of two geoms: a tenth of what rigid contacts may sag by.
 constexpr double kUnknown = 1e-4;
 
 }  // namespace

@@ -13,8 +13,8 @@ namespace dashpot::host {
 
 namespace {
 
-// Parts of the smaller geom's radius: what tiles may differ by in height, and what counts as motion
-// in a step.
+// Fractions of the smaller geom's radius: what tiles may differ by in height, and what counts as
+// motion in a step.
 constexpr double kTolerance = 1e-4;
 constexpr double kMotion = 1e-5;
 // Depths: those of one body under its load differ by less.

@@ -20,8 +20,8 @@ using Eigen::Vector3d;
 // plane, below which they lie side by side. Above it a tilt moves the nearest point by less than
 // 11 d for each radian, little in a step.
 constexpr double kSideBySide = 0.3;
-// Parts of the smaller radius: the tolerance, which is what rigid contacts may sag by (kRigidSag),
-// and the length of a line below which its ends are as good as one point.
+// Fractions of the smaller radius: the tolerance, which is what rigid contacts may sag by
+// (kRigidSag), and the length of a line below which its ends are as good as one point.
 constexpr double kSag = 1e-3;
 constexpr double kShortest = 0.05;
 // Sine of the angle of a normal to the plane across an axis up to which it is that of two axes: of
@@ -65,7 +65,7 @@ std::optional<Bar> edge_in(const mjPreContact* contact, int count, const mjModel
   return edge;
 }
 
-// Part of the radius about a bar's axis along which its surface is nearest, of a direction that
+// Fraction of the radius about a bar's axis along which its surface is nearest, of a direction that
 // rises over the axis: of a cylinder its rim is.
 double reach_of(const Bar& bar, double rise) {
   return bar.cap > 0.0 ? bar.radius : bar.radius * std::sqrt(1.0 - rise * rise);

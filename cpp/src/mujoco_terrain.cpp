@@ -18,7 +18,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Parts of the geom's radius: how far from an edge MuJoCo's contacts lie on it, those of round
+// Fractions of the geom's radius: how far from an edge MuJoCo's contacts lie on it, those of round
 // geoms too, how near to another contact they are the same, and how near to that of a corner, which
 // prisms beside its own give.
 constexpr double kOnEdge = 0.01;

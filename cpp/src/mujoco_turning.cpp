@@ -26,9 +26,10 @@ constexpr double kSameArm = 1e-3;
 // surface up to the middle: that of a disc that has almost come to rest runs around it faster than
 // steps can follow.
 constexpr double kFarPoint = 0.5;
-// Part of the step within which a gap or an overlap that closes at its present rate is gone early.
+// Fraction of the step within which a gap or an overlap that closes at its present rate is gone
+// early.
 constexpr double kEarly = 0.25;
-// Part of the step up to which two times see one geometry.
+// Fraction of the step up to which two times see one geometry.
 constexpr double kSameTime = 0.03;
 // 1 - cos of the angle between the normals of one contact at the start and in the middle, at most;
 // at other times it goes with the square of the time.

@@ -6,7 +6,7 @@ namespace dashpot {
 
 namespace {
 
-// Part of the time by which the other way has to be faster: steps differ by as much.
+// Fraction of the time by which the other way has to be faster: steps differ by as much.
 constexpr double kGain = 0.03;
 // Trials that change nothing come more and more seldom, until they take no more than 1 % of time;
 // and soon again in another scene, whose steps take so many times as long or as short.

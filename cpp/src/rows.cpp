@@ -9,8 +9,8 @@ namespace dashpot {
 
 namespace {
 
-// Part of the inverse mass along a tangent below which that of a normal is singular: of free bodies
-// it is a quarter and more.
+// Fraction of the inverse mass along a tangent below which that of a normal is singular: of free
+// bodies it is a quarter and more.
 constexpr double kSideways = 0.1;
 
 double dot(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

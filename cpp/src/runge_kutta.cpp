@@ -20,8 +20,8 @@ namespace dashpot::host {
 
 namespace {
 
-// Where in the step a stage lies, as a part of it, which is also the weight of the slope that leads
-// there; and the weights of all slopes.
+// Where in the step a stage lies, as a fraction of it, which is also the weight of the slope that
+// leads there; and the weights of all slopes.
 constexpr double kPlace[] = {0.0, 0.5, 0.5, 1.0};
 constexpr double kWeight[] = {1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0};
 

@@ -9,9 +9,9 @@ namespace dashpot {
 
 namespace {
 
-// Part of the sag that a contact may close or open by in a step for its load to be known: more, and
-// what lands sinks in before its load is felt; less, and a change of stiffness alone seems to move
-// a grasp. And how often that load goes into the one that a contact is stiff enough for.
+// Fraction of the sag that a contact may close or open by in a step for its load to be known: more,
+// and what lands sinks in before its load is felt; less, and a change of stiffness alone seems to
+// move a grasp. And how often that load goes into the one that a contact is stiff enough for.
 constexpr double kStillSag = 0.03;
 constexpr double kLoadGrowth = 4.0;
 constexpr int kGroupsAtOnce = 128;  // by a thread

@@ -10,7 +10,7 @@ namespace dashpot {
 namespace {
 
 constexpr double kFollowing = 0.05;  // tau, s
-// Part of the speed at which the load would swing by all of itself.
+// Fraction of the speed at which the load would swing by all of itself.
 constexpr double kStillSpeed = 0.1;
 // For how long a contact has been still that bears what it bears: radians of its own swing. A hit
 // turns round within 2 kStillSpeed.

@@ -18,9 +18,9 @@ namespace dashpot {
 
 namespace {
 
-// Turn in a step (rad) below which the inertia of its start is good, and part of a body's kinetic
-// energy that contacts may give it because they turn though no spring pays: what rolls gets that
-// back, and elastic hits of less turn give up to all of it.
+// Turn in a step (rad) below which the inertia of its start is good, and fraction of a body's
+// kinetic energy that contacts may give it because they turn though no spring pays: what rolls gets
+// that back, and elastic hits of less turn give up to all of it.
 constexpr double kFarTurn = 0.2;
 constexpr double kMostUnpaid = 0.01;
 // Turn (rad) up to which its energies differ by rounding alone.

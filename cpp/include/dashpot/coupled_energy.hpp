@@ -48,7 +48,7 @@ struct CoupledEnergy {
   double damped_linear = 0.0, damped_square = 0.0;  // tau v'D k and tau k'D k / 2
   double driven = 0.0;                              // work of w (e1 - e0)
   double scale = 0.0;                               // s
-  double brake = 0.0;  // part of v + s k to take away where no s conserves energy
+  double brake = 0.0;  // fraction of v + s k to take away where no s conserves energy
   bool by_equalities = false;
   bool left_half = false;  // in the last step, at least one tree
   bool turns = true;       // its equalities, in this step

@@ -3,9 +3,9 @@
 // The vertices of a face lie in one plane to within what rounding leaves of them, in a file with
 // five digits or in single precision: polygons that this tore apart are one face again. A face
 // counts up to half the angle to the plane of the flattest face next to it, where both are equally
-// far; and only where that tilt lifts its far side by a part of the hull's size that contacts are
-// not pressed in by, so that nothing jumps where it ceases to count. The facets of a finely meshed
-// ball are not such faces.
+// far; and only where that tilt lifts its far side by a fraction of the hull's size that contacts
+// are not pressed in by, so that nothing jumps where it ceases to count. The facets of a finely
+// meshed ball are not such faces.
 
 #pragma once
 

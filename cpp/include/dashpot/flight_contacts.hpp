@@ -4,8 +4,8 @@
 // Bodies that move far for their size meet elsewhere, along another normal; one that goes past
 // another crosses the plane without touching anything. Of a pair of geoms that
 //
-// - is apart, and whose geoms move farther in the step than a part of the thinner one's half-width,
-//   a smaller one where both are round: theirs turn the normal all the way,
+// - is apart, and whose geoms move farther in the step than a fraction of the thinner one's
+//   half-width, a smaller one where both are round: theirs turn the normal all the way,
 // - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
 //   constraint, no contact that touches or closes, none that what it acts on may come to;
 //   round ones may be held gently, as by a table (flight_disturbance.hpp),

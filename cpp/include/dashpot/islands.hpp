@@ -88,7 +88,7 @@ class Islands {
     double stiffness = 0.0, damping = 0.0, rigid = 0.0;
     RigidCoupling coupling;
     bool mixed() const { return rigid > 0.0 && (stiffness > 0.0 || damping > 0.0); }
-    // Part of the resolution that SI rows may use, and that rigid rows may use.
+    // Fraction of the resolution that SI rows may use, and that rigid rows may use.
     double si_share() const { return rigid > 0.0 ? 0.5 : 1.0; }
     double rigid_share() const { return mixed() ? 0.5 : 1.0; }
   };

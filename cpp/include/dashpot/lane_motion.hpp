@@ -11,7 +11,7 @@
 
 namespace dashpot {
 
-// How unstressed offsets shrink: by the part 1 / `time` (s) of theirs, at most at a speed.
+// How unstressed offsets shrink: by the fraction 1 / `time` (s) of theirs, at most at a speed.
 struct Recovery {
   double time = 0.0;
 };

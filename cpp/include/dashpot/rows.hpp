@@ -22,7 +22,7 @@ namespace dashpot {
 
 inline constexpr int kMaxRows = 6;
 inline constexpr double kDirection = 1e-5;  // rad, to which collision knows a contact's frame
-// Part of the typical inverse mass that counts as singular.
+// Fraction of the typical inverse mass that counts as singular.
 inline constexpr double kSingular = 0.01;
 
 // One contact as detection reports it, with its material resolved.

@@ -17,7 +17,7 @@
 //     kappa = d^2 k / (1 - d) ,    delta = d b / sqrt(1 - d) ,    both over A ,
 //
 // deforms as far under the load for which d is found and keeps zeta, hence the restitution, and
-// swings 1 / sqrt(1 - d) times as fast. A motion whose inverse mass is the part p of A has the
+// swings 1 / sqrt(1 - d) times as fast. A motion whose inverse mass is the fraction p of A has the
 // ratio b / (2 sqrt(d k (1 + R / (p A)))) in MuJoCo, and here with the damper
 //
 //     d b / sqrt((1 - d) (1 - d (1 - p)))     over A .
@@ -38,8 +38,8 @@ double impedance(const std::array<double, 5>& solimp, double gap);
 // std::invalid_argument for other pairs and widths.
 std::array<double, 2> solref_to_spring(double ref0, double ref1, double impedance_width);
 
-// kappa (1/s^2) and the damper (1/s) for the part p >= 0, delta for 1, at the impedance that a row
-// has at rest under a load A F (m/s^2 or rad/s^2, > 0 or infinite). Throws as solref_to_spring
+// kappa (1/s^2) and the damper (1/s) for the fraction p >= 0, delta for 1, at the impedance that a
+// row has at rest under a load A F (m/s^2 or rad/s^2, > 0 or infinite). Throws as solref_to_spring
 // does.
 std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solref,
                                                const std::array<double, 5>& solimp, double load,

@@ -9,7 +9,8 @@
 
 namespace dashpot {
 
-// Parts of the geom's radius: by how much a contact may be less deep than one that it stands for.
+// Fractions of the geom's radius: by how much a contact may be less deep than one that it stands
+// for.
 inline constexpr double kAsDeep = 1e-5;
 
 struct TerrainContact {
