@@ -85,7 +85,7 @@ def bin_on_hills(nthread: int) -> Start:
 
 
 def brick_wall(nthread: int) -> Start:
-    """Stack so many bricks that their one island goes into four parts."""
+    """Stack so many bricks that their one island goes into four slices."""
     bricks = ""
     for i in range(240):
         row, place = divmod(i, 40)

@@ -11,15 +11,15 @@ namespace dashpot {
 
 namespace {
 
-// Parts that there may be, each of which costs every tree some additions, and groups from which on
-// there are as many: the share of a part in a sweep takes several times as long as to hand it to a
+// Slices that there may be, each of which costs every tree some additions, and groups from which on
+// there are as many: the share of a slice in a sweep takes several times as long as to hand it to a
 // thread.
-constexpr int kMostParts = 4;
-constexpr int kGroupsOfTwoParts = 128, kGroupsOfFourParts = 2048;
+constexpr int kMostSlices = 4;
+constexpr int kGroupsOfTwoSlices = 128, kGroupsOfFourSlices = 2048;
 
-int parts_of(const Island& island) {
+int slices_of(const Island& island) {
   const int groups = island.group_count();
-  return groups >= kGroupsOfFourParts ? kMostParts : groups >= kGroupsOfTwoParts ? 2 : 1;
+  return groups >= kGroupsOfFourSlices ? kMostSlices : groups >= kGroupsOfTwoSlices ? 2 : 1;
 }
 
 // Fills one lane of a block from a group of rows.
@@ -113,7 +113,7 @@ struct LanePacker {
 
 template <typename Law>
 void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData& data,
-                 IslandWork& part) {
+                 IslandWork& slice) {
   const RowGroup& c = rows.group[index];
   for (int i = 0; i < c.dim; ++i) {
     const int row = c.row + i;
@@ -131,14 +131,14 @@ void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData&
   }
   data.offset[index] = law.offset[lane];
   data.sticking[index] = law.sticking[lane] != 0;
-  share(part.work, c, 0) += law.work[0][lane];
-  if (c.dim > 1) share(part.work, c, 1) += law.work[1][lane];
-  share(part.recovery_input, c, 0) += law.recovery_input[lane];
+  share(slice.work, c, 0) += law.work[0][lane];
+  if (c.dim > 1) share(slice.work, c, 1) += law.work[1][lane];
+  share(slice.recovery_input, c, 0) += law.recovery_input[lane];
 }
 
 }  // namespace
 
-bool IslandBlocks::has_parts(const Island& island) { return parts_of(island) > 1; }
+bool IslandBlocks::has_slices(const Island& island) { return slices_of(island) > 1; }
 
 // Groups into the lists of their kinds, and sparse rows to their values.
 void IslandBlocks::sort(const Rows& rows, const Island& island) {
@@ -191,27 +191,27 @@ void IslandBlocks::sort(const Rows& rows, const Island& island) {
   std::apply([&](auto&... list) { (make_room(list), ...); }, blocks_);
 }
 
-void IslandBlocks::find_parts_of_trees(const Rows& rows, int tree_count) {
+void IslandBlocks::find_slices_of_trees(const Rows& rows, int tree_count) {
   of_tree_.assign(tree_count, 0);
   const auto visit = [&](const auto& list) {
-    for (int part = 0; part < parts_; ++part)
-      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+    for (int slice = 0; slice < slices_; ++slice)
+      for (int i = begin(list, slice); i < begin(list, slice + 1); ++i)
         for (int lane = 0; lane < list.groups[i].count; ++lane)
           for (int tree : rows.group[list.groups[i].group[lane]].tree)
-            if (tree >= 0) of_tree_[tree] |= 1u << part;
+            if (tree >= 0) of_tree_[tree] |= 1u << slice;
   };
   std::apply([&](const auto&... list) { (visit(list), ...); }, blocks_);
 }
 
 void IslandBlocks::find_ranges() {
-  ranges_.resize(parts_);
-  const auto find = [&](auto& list, auto& range, int part) {
-    range = {list.block.data() + begin(list, part), list.block.data() + begin(list, part + 1)};
+  ranges_.resize(slices_);
+  const auto find = [&](auto& list, auto& range, int slice) {
+    range = {list.block.data() + begin(list, slice), list.block.data() + begin(list, slice + 1)};
   };
-  for (int part = 0; part < parts_; ++part)
+  for (int slice = 0; slice < slices_; ++slice)
     std::apply(
         [&](auto&... list) {
-          std::apply([&](auto&... range) { (find(list, range, part), ...); }, ranges_[part]);
+          std::apply([&](auto&... range) { (find(list, range, slice), ...); }, ranges_[slice]);
         },
         blocks_);
 }
@@ -219,13 +219,13 @@ void IslandBlocks::find_ranges() {
 void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& island, double h,
                         double recovery_speed, const RowData& data, Team& team) {
   sort(rows, island);
-  parts_ = parts_of(island);
-  if (parts_ > 1) find_parts_of_trees(rows, static_cast<int>(trees.tree.size()));
+  slices_ = slices_of(island);
+  if (slices_ > 1) find_slices_of_trees(rows, static_cast<int>(trees.tree.size()));
   find_ranges();
   const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
-  team.for_each(parts_, 1, [&](int part) {
+  team.for_each(slices_, 1, [&](int slice) {
     const auto pack_list = [&](auto& list) {
-      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+      for (int i = begin(list, slice); i < begin(list, slice + 1); ++i)
         packer.pack(list.groups[i], list.block[i]);
     };
     std::apply([&](auto&... list) { (pack_list(list), ...); }, blocks_);
@@ -233,18 +233,18 @@ void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& isla
 }
 
 IslandWork IslandBlocks::unpack(const Rows& rows, RowData& data, Team& team) const {
-  std::array<IslandWork, kMostParts> work;
-  team.for_each(parts_, 1, [&](int part) {
+  std::array<IslandWork, kMostSlices> work;
+  team.for_each(slices_, 1, [&](int slice) {
     const auto unpack_list = [&](const auto& list) {
-      for (int i = begin(list, part); i < begin(list, part + 1); ++i)
+      for (int i = begin(list, slice); i < begin(list, slice + 1); ++i)
         for (int lane = 0; lane < list.groups[i].count; ++lane)
-          unpack_lane(rows, list.groups[i].group[lane], lane, list.block[i].law, data, work[part]);
+          unpack_lane(rows, list.groups[i].group[lane], lane, list.block[i].law, data, work[slice]);
     };
     std::apply([&](const auto&... list) { (unpack_list(list), ...); }, blocks_);
   });
-  for (int part = 1; part < parts_; ++part) {
-    work[0].work += work[part].work;
-    work[0].recovery_input += work[part].recovery_input;
+  for (int slice = 1; slice < slices_; ++slice) {
+    work[0].work += work[slice].work;
+    work[0].recovery_input += work[slice].recovery_input;
   }
   return work[0];
 }

@@ -58,7 +58,7 @@ struct IslandLoop {
   std::vector<IslandTree> island_trees;
   AlignedDoubles velocity, displacement, force, impulse, moment, acceleration;
   AlignedDoubles coordinate_impulse, slowing, drag;
-  AlignedDoubles force_of_parts, impulse_of_parts;
+  AlignedDoubles force_of_slices, impulse_of_slices;
 
   void start(const Trees& trees, const Island& island, RowData& data);
   IslandMotion motion(const Trees& trees, RowData& data);
@@ -66,15 +66,15 @@ struct IslandLoop {
   void finish(RowData& data) const;
 
   void sweep_rows(Sweep sweep, const IslandMotion& motion, Team& team) {
-    if (blocks.parts() == 1) return sweeps.rows(sweep, blocks.ranges(0), motion);
-    team.for_each(blocks.parts(), 1, [&](int part) {
+    if (blocks.slices() == 1) return sweeps.rows(sweep, blocks.ranges(0), motion);
+    team.for_each(blocks.slices(), 1, [&](int slice) {
       IslandMotion own = motion;
-      if (part > 0) {
-        const int offset = (part - 1) * motion.part_size;
-        own.force = own.coordinate_impulse = motion.force_of_parts + offset;
-        own.impulse = own.moment = motion.impulse_of_parts + offset;
+      if (slice > 0) {
+        const int offset = (slice - 1) * motion.slice_size;
+        own.force = own.coordinate_impulse = motion.force_of_slices + offset;
+        own.impulse = own.moment = motion.impulse_of_slices + offset;
       }
-      sweeps.rows(sweep, blocks.ranges(part), own);
+      sweeps.rows(sweep, blocks.ranges(slice), own);
     });
   }
   void sweep_trees(Sweep sweep, const IslandMotion& motion, Team& team) {
@@ -92,16 +92,16 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
     std::fill_n(array->begin(), kGroundCoordinates, 0.0);
   }
   std::copy_n(data.velocity.begin(), kGroundCoordinates, velocity.begin());
-  const size_t of_parts = static_cast<size_t>(blocks.parts() - 1) * trees.coordinates;
-  for (auto* array : {&force_of_parts, &impulse_of_parts})
-    array->resize(std::max(array->size(), of_parts), 0.0);
-  for (int part = 1; part < blocks.parts(); ++part)
-    for (auto* array : {&force_of_parts, &impulse_of_parts})
-      std::fill_n(array->begin() + (part - 1) * trees.coordinates, kGroundCoordinates, 0.0);
+  const size_t of_slices = static_cast<size_t>(blocks.slices() - 1) * trees.coordinates;
+  for (auto* array : {&force_of_slices, &impulse_of_slices})
+    array->resize(std::max(array->size(), of_slices), 0.0);
+  for (int slice = 1; slice < blocks.slices(); ++slice)
+    for (auto* array : {&force_of_slices, &impulse_of_slices})
+      std::fill_n(array->begin() + (slice - 1) * trees.coordinates, kGroundCoordinates, 0.0);
   island_trees.clear();
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
-    island_trees.push_back({t, blocks.other_parts(index)});
+    island_trees.push_back({t, blocks.other_slices(index)});
     for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
@@ -127,9 +127,9 @@ IslandMotion IslandLoop::motion(const Trees& trees, RowData& data) {
   m.moment = moment.data();
   m.total_displacement = data.total_displacement.data();
   m.coordinate_impulse = coordinate_impulse.data();
-  m.force_of_parts = force_of_parts.data();
-  m.impulse_of_parts = impulse_of_parts.data();
-  m.part_size = trees.coordinates;
+  m.force_of_slices = force_of_slices.data();
+  m.impulse_of_slices = impulse_of_slices.data();
+  m.slice_size = trees.coordinates;
   m.smooth_acceleration = data.smooth_acceleration.data();
   m.inverse = trees.inverse.data();
   m.start_motion = data.start_motion.data();
@@ -214,7 +214,7 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<
   small.clear();
   int groups = 0;
   for (const Island& island : islands) {
-    if (IslandBlocks::has_parts(island)) {
+    if (IslandBlocks::has_slices(island)) {
       run_island(island, 0, team);
       continue;
     }

@@ -1,8 +1,8 @@
-// The rows of an island as blocks of four groups (lane_flow.hpp), in parts that threads share.
+// The rows of an island as blocks of four groups (lane_flow.hpp), in slices that threads take.
 //
 // Groups with the same kind of Jacobian and law follow one another in the order of the island. A
-// part is an equal share of the blocks of every kind. What its rows apply to trees goes to arrays
-// of its own, which are summed tree by tree in the order of parts; how many there are goes by the
+// slice is an equal share of the blocks of every kind. What its rows apply to trees goes to arrays
+// of its own, which are summed tree by tree in the order of slices; how many there are goes by the
 // number of groups alone, so sums do not depend on who computes them.
 
 #pragma once
@@ -46,28 +46,28 @@ class IslandBlocks {
   // Writes what has become of the rows to `data`, all but their work.
   IslandWork unpack(const Rows& rows, RowData& data, Team& team) const;
 
-  static bool has_parts(const Island& island);
-  int parts() const { return parts_; }
-  // The parts but the first that act on a tree, by bit.
-  unsigned other_parts(int tree) const { return parts_ > 1 ? of_tree_[tree] >> 1 : 0; }
+  static bool has_slices(const Island& island);
+  int slices() const { return slices_; }
+  // The slices but the first that act on a tree, by bit.
+  unsigned other_slices(int tree) const { return slices_ > 1 ? of_tree_[tree] >> 1 : 0; }
 
-  // The blocks of a part, for sweeps.
-  const BlockRanges& ranges(int part) const { return ranges_[part]; }
+  // The blocks of a slice, for sweeps.
+  const BlockRanges& ranges(int slice) const { return ranges_[slice]; }
 
  private:
-  // The first block of a part.
+  // The first block of a slice.
   template <typename List>
-  int begin(const List& list, int part) const {
-    return part == 0 ? 0 : part == parts_ ? list.count : list.count * part / parts_;
+  int begin(const List& list, int slice) const {
+    return slice == 0 ? 0 : slice == slices_ ? list.count : list.count * slice / slices_;
   }
   void sort(const Rows& rows, const Island& island);
-  void find_parts_of_trees(const Rows& rows, int tree_count);
+  void find_slices_of_trees(const Rows& rows, int tree_count);
   void find_ranges();
 
   OfEveryKind<Blocks> blocks_;
-  int parts_ = 1;
-  std::vector<BlockRanges> ranges_;  // by part
-  std::vector<unsigned> of_tree_;    // parts that act on it, by bit; of islands of several parts
+  int slices_ = 1;
+  std::vector<BlockRanges> ranges_;  // by slice
+  std::vector<unsigned> of_tree_;    // slices that act on it, by bit; of islands of several slices
   AlignedDoubles sparse_values_;     // what SparseLanes point to: zeros, for lanes to spare, first
 };
 

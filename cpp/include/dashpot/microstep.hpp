@@ -35,7 +35,7 @@
 // Statics are exact, since at rest F carries every load, and contacts know of each other through F.
 // The cost is linear in the number of contacts; nothing iterates. Rows act on wrenches: J' gathers
 // them by body, and inv(H) is applied once per tree. Groups of rows go four at a time
-// (lane_flow.hpp); their order, so every sum, is that of the island and of its parts
+// (lane_flow.hpp); their order, so every sum, is that of the island and of its slices
 // (island_blocks.hpp).
 
 #pragma once

@@ -119,12 +119,12 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
 }
 
-// Adds what other parts have applied, in their order, and leaves zeros.
-[[gnu::always_inline]] static inline void take_parts(const IslandTree& of, int part_size,
-                                                     double* of_parts, double* sum) {
+// Adds what other slices have applied, in their order, and leaves zeros.
+[[gnu::always_inline]] static inline void take_slices(const IslandTree& of, int slice_size,
+                                                      double* of_slices, double* sum) {
   const int begin = of.tree.begin, end = begin + of.tree.count;
-  for (unsigned left = of.parts; left != 0; left &= left - 1) {
-    double* const applied = of_parts + __builtin_ctz(left) * part_size;
+  for (unsigned left = of.slices; left != 0; left &= left - 1) {
+    double* const applied = of_slices + __builtin_ctz(left) * slice_size;
     for (int i = begin; i < end; i += kLanes) {
       add_lanes(applied + i, sum + i);
       store_lanes(Lanes{}, applied + i);
@@ -136,7 +136,7 @@ template <Sweep kSweep>
 [[gnu::always_inline]] static inline void sweep_one(const IslandTree& of, const IslandMotion& m) {
   const Tree t = of.tree;
   if constexpr (kSweep == Sweep::kSmoothMotion) {
-    if (of.parts) take_parts(of, m.part_size, m.force_of_parts, m.force);
+    if (of.slices) take_slices(of, m.slice_size, m.force_of_slices, m.force);
     if (t.damped) add_drag(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
@@ -147,16 +147,16 @@ template <Sweep kSweep>
     }
     respond(t, m.inverse, m.force, m.acceleration);
   } else if constexpr (kSweep == Sweep::kDisplacement) {
-    if (of.parts) {
-      take_parts(of, m.part_size, m.force_of_parts, m.coordinate_impulse);
-      take_parts(of, m.part_size, m.impulse_of_parts, m.moment);
+    if (of.slices) {
+      take_slices(of, m.slice_size, m.force_of_slices, m.coordinate_impulse);
+      take_slices(of, m.slice_size, m.impulse_of_slices, m.moment);
     }
     respond(t, m.inverse, m.moment, m.displacement);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes)
       add_lanes(m.displacement + i, m.total_displacement + i);
   } else {
     static_assert(kSweep == Sweep::kContactMotion);
-    if (of.parts) take_parts(of, m.part_size, m.impulse_of_parts, m.impulse);
+    if (of.slices) take_slices(of, m.slice_size, m.impulse_of_slices, m.impulse);
     if (t.damped) add_impulse_of_drag(t, m);
     respond(t, m.inverse, m.impulse, m.velocity);
     if (t.damped) account_drag(t, m);

@@ -42,10 +42,10 @@ struct BlockRange {
 };
 using BlockRanges = OfEveryKind<BlockRange>;
 
-// A tree of an island, and which other parts of its rows act on it, by bit.
+// A tree of an island, and which other slices of its rows act on it, by bit.
 struct IslandTree {
   Tree tree;
-  unsigned parts = 0;
+  unsigned slices = 0;
 };
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
@@ -60,11 +60,11 @@ struct IslandMotion {
   double *velocity, *displacement, *acceleration;
   double *force, *impulse, *moment;
   double *total_displacement, *coordinate_impulse;
-  // What the rows of other parts than the first apply (island_blocks.hpp): forces, then impulses,
-  // then what goes to coordinate_impulse and moment, those of a part `part_size` after those of the
-  // one before.
-  double *force_of_parts, *impulse_of_parts;
-  int part_size;
+  // What the rows of other slices than the first apply (island_blocks.hpp): forces, then impulses,
+  // then what goes to coordinate_impulse and moment, those of a slice `slice_size` after those of
+  // the one before.
+  double *force_of_slices, *impulse_of_slices;
+  int slice_size;
   const double *smooth_acceleration, *inverse;
   // For the drag of damped trees.
   const double *start_motion, *added, *damping, *cross_damping;
