@@ -17,7 +17,8 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr double kTurnInContact = 0.005;  // rad, in a part with contact
-constexpr double kShortest = 1e-6;  // of the rest of a step: parts shorter than this are not cut
+constexpr double kShortestPart =
+    1e-6;  // of the rest of a step: parts shorter than this are not cut
 
 class ImpactSearch {
  public:
@@ -53,8 +54,8 @@ class ImpactSearch {
     const double length = part;
     for (FastPair& pair : pairs_)
       if (!pair.apart || pair.clear <= length) look(pair, length);
-    part = std::max(part, kShortest * remaining_);
-    return part > (1.0 - kShortest) * remaining_ ? remaining_ : part;
+    part = std::max(part, kShortestPart * remaining_);
+    return part > (1.0 - kShortestPart) * remaining_ ? remaining_ : part;
   }
 
   std::vector<GeomPair> pairs_in_touch() const {

@@ -13,7 +13,7 @@ namespace {
 
 // Fraction of the gap that positions ahead have at a row that bars the way back which they keep:
 // they stay apart.
-constexpr double kKept = 1e-3;
+constexpr double kKeptGap = 1e-3;
 // Rows that bar the way together are made way for one after the other.
 constexpr int kSweeps = 20;
 
@@ -131,7 +131,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
         if (falls_back(c.tree[side])) mobility += rows.tree_inverse_mass[c.row][side];
       if (mobility <= 0.0) continue;
       gather(rows, c, data.shift.data(), way);
-      impulse[0] = -((1.0 - kKept) * data.deformation[c.row] + way[0]) / mobility;
+      impulse[0] = -((1.0 - kKeptGap) * data.deformation[c.row] + way[0]) / mobility;
       scatter(rows, c, impulse, push_.data());
       for (int tree : c.tree) {
         if (tree < 0) continue;

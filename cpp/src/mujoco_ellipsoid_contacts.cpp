@@ -16,9 +16,9 @@ namespace {
 using Eigen::Vector3d;
 
 // Cosine of the angle to the normal found beyond which ellipsoids have met elsewhere.
-constexpr double kSameNormal = 0.9;
+constexpr double kMetElsewhere = 0.9;
 // Cosine between the normals of a face and of a contact that a search found on it.
-constexpr double kOfFace = 0.99999;
+constexpr double kFoundOnFace = 0.99999;
 
 Vector3d size_of(const mjModel* m, int geom) { return Vector3d(m->geom_size + 3 * geom); }
 
@@ -35,7 +35,7 @@ void meet_ellipsoid(const mjModel* m, const mjData* d, int geom1, int geom2,
                            unchecked_geom_pose(d, geom2)};
   const Vector3d found(contact.normal);
   EllipsoidContact nearest;
-  if (find_contact(pair, found, nearest) && nearest.normal.dot(found) > kSameNormal)
+  if (find_contact(pair, found, nearest) && nearest.normal.dot(found) > kMetElsewhere)
     write(nearest.normal, nearest.point, nearest.distance, contact);
 }
 
@@ -46,7 +46,7 @@ void meet_face(const mjModel* m, const mjData* d, int ellipsoid, int other, int 
   const Vector3d size = size_of(m, other);
   const Vector3d across = frame.rotation.col(axis);
   const double cosine = -across.dot(Vector3d(contact.normal));
-  if (std::abs(cosine) < kOfFace) return;
+  if (std::abs(cosine) < kFoundOnFace) return;
   const Vector3d outward = std::copysign(1.0, cosine) * across;
   const Vector3d lowest = RoundSurfaces(m, ellipsoid).lowest(0, pose)(outward);
   const Vector3d local = frame.rotation.transpose() * (lowest - frame.position);

@@ -10,7 +10,7 @@ namespace {
 
 // Tilt (rad) below which a cylinder stands flat on a plane. MuJoCo's distances are good to 1e-9
 // radii above it.
-constexpr double kFlat = 1e-6;
+constexpr double kFlatTilt = 1e-6;
 const double kThirdTurn[2] = {-0.5, std::sqrt(0.75)};  // cosine and sine
 
 // A column of a rotation matrix.
@@ -25,7 +25,7 @@ bool stands_flat(const mjData_* d, int plane, int cylinder) {
   column_of(d->geom_xmat + 9 * plane, 2, normal);
   column_of(d->geom_xmat + 9 * cylinder, 2, axis);
   mju_cross(tilt, axis, normal);
-  return mju_norm3(tilt) < kFlat;
+  return mju_norm3(tilt) < kFlatTilt;
 }
 
 int touch_with_cap(const mjModel_* m, const mjData_* d, int plane, int cylinder, double margin,

@@ -23,12 +23,12 @@ constexpr double kSideBySide = 0.3;
 // Fractions of the smaller radius: the tolerance, which is what rigid contacts may sag by
 // (kRigidSag), and the length of a line below which its ends are as good as one point.
 constexpr double kSag = 1e-3;
-constexpr double kShortest = 0.05;
+constexpr double kShortestLine = 0.05;
 // Sine of the angle of a normal to the plane across an axis up to which it is that of two axes: of
 // the end of a cylinder along an edge the gap is then off by a millionth of the radius.
 constexpr double kAcross = 0.01;
 // Cosine of the angle to the normal found beyond which axes have met elsewhere.
-constexpr double kSameNormal = 0.9;
+constexpr double kMetElsewhere = 0.9;
 
 // A straight side of a geom.
 struct Bar {
@@ -93,7 +93,7 @@ void meet_axes(const Bar& first, const Bar& second, mjPreContact& contact) {
   const double apart = between.norm();
   const Vector3d normal = between / apart;
   const double rise1 = normal.dot(first.axis), rise2 = normal.dot(second.axis);
-  if (!(normal.dot(Vector3d(contact.normal)) > kSameNormal) ||
+  if (!(normal.dot(Vector3d(contact.normal)) > kMetElsewhere) ||
       std::max(std::abs(rise1), std::abs(rise2)) > kAcross)
     return;
   const double reach1 = reach_of(first, rise1), reach2 = reach_of(second, rise2);
@@ -117,7 +117,7 @@ int take_ends(const Bar& first, Bar second, double margin, mjPreContact* contact
   double begin = std::min(0.0, std::max(-first.half_length - at1, -second.half_length - at2));
   double end = std::max(0.0, std::min(first.half_length - at1, second.half_length - at2));
   const double radius = second.radius > 0.0 ? std::min(first.radius, second.radius) : first.radius;
-  if (end - begin < kShortest * radius) return 1;
+  if (end - begin < kShortestLine * radius) return 1;
   const double apart = std::max(0.0, first.radius + second.radius + contact->dist);
   const double touching =
       std::sqrt(2.0 * apart * kSag * radius) / crossing;  // infinite where parallel

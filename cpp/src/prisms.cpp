@@ -77,21 +77,21 @@ std::vector<CellRange> Prisms::blocks(const CellRange& range) {
 
 AlignedBox3d Prisms::box(const CellRange& range) const {
   // Rows are compared lane by lane, which compilers turn into vector instructions.
-  constexpr int kLanes = 8;
-  float highest[kLanes];
-  std::fill_n(highest, kLanes, -std::numeric_limits<float>::infinity());
+  constexpr int kColumnsAtOnce = 8;
+  float highest[kColumnsAtOnce];
+  std::fill_n(highest, kColumnsAtOnce, -std::numeric_limits<float>::infinity());
   const int count = range.last_column - range.first_column + 2;
   for (int row = range.first_row; row <= range.last_row + 1; ++row) {
     const float* heights = field_.heights + row * field_.columns + range.first_column;
     int i = 0;
-    for (; i + kLanes <= count; i += kLanes) {
-      for (int lane = 0; lane < kLanes; ++lane) {
+    for (; i + kColumnsAtOnce <= count; i += kColumnsAtOnce) {
+      for (int lane = 0; lane < kColumnsAtOnce; ++lane) {
         highest[lane] = heights[i + lane] > highest[lane] ? heights[i + lane] : highest[lane];
       }
     }
     for (; i < count; ++i) highest[0] = heights[i] > highest[0] ? heights[i] : highest[0];
   }
-  const double top = *std::max_element(highest, highest + kLanes);
+  const double top = *std::max_element(highest, highest + kColumnsAtOnce);
   return {Vector3d(grid_.x(range.first_column), grid_.y(range.first_row), -field_.base),
           Vector3d(grid_.x(range.last_column + 1), grid_.y(range.last_row + 1),
                    field_.elevation * top)};
