@@ -77,7 +77,10 @@ void CoupledEnergy::correct_speed(bool on_ground) {
   const bool is_smooth = by_equalities && square <= kSmoothHalf * kSmoothHalf * kinetic &&
                          std::abs(excess_with(1.0)) <= kSmooth;
   if (is_smooth) scale = 1.0;
-  if (!on_ground) return;
+  if (!on_ground) {
+    lost = is_smooth ? wanted - energy_with(1.0) : 0.0;
+    return;
+  }
   const double excess = excess_with(scale);
   const double most = is_smooth ? kSmooth : by_equalities ? 0.0 : kBoost;
   brake = excess < -most ? 0.0 : excess;

@@ -191,7 +191,7 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
     if (coupled.turns)
-      ledger.dissipated_constraint -= coupled.turning_work;
+      ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
     else
       ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
   }
