@@ -118,7 +118,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
     return c.is_unilateral() && data.deformation[c.row] > 0.0 && shifted_gap(rows, c, data) <= 0.0;
   };
   const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
-  const AlignedDoubles whole = data.shift;
+  whole_ = data.shift;
   push_.assign(trees.coordinates, 0.0);
   bool barred = true;
   for (int sweep = 0; barred && sweep < kSweeps; ++sweep) {
@@ -154,7 +154,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
       }
     }
   }
-  for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole[i];
+  for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole_[i];
 }
 
 // Rows that trees have left compressed were more so; those that they have come into ahead of their
