@@ -79,8 +79,8 @@ class Leapfrog {
   std::vector<double> fell_back_;
   std::vector<double> start_gap_;                       // of the deformations of rows
   AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
-  // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and the
-  // whole way back.
+  // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and
+  // the whole way back.
   AlignedDoubles way_back_, left_, push_, whole_;
 };
 
