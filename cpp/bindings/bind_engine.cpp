@@ -126,7 +126,10 @@ py::dict energy_dict(std::uintptr_t model, std::uintptr_t data, std::uintptr_t s
 }  // namespace
 
 void bind_engine(py::module_& module) {
-  py::register_exception<DivergenceError>(module, "DivergenceError", PyExc_RuntimeError);
+  py::register_exception<DivergenceError>(module, "DivergenceError", PyExc_RuntimeError)
+      .attr("__doc__") =
+      "Motion or forces that are no numbers, or beyond what MuJoCo itself calls diverged.\n\n"
+      "Names the tree or degree of freedom. Data are as they were before the step.";
 
   py::native_enum<Law>(module, "Law", "enum.Enum")
       .value("kelvin_voigt", Law::kKelvinVoigt)

@@ -11,8 +11,9 @@
 
 namespace dashpot {
 
-// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow; returns
-// whether that is earlier.
+// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
+// equalities, at their rate in the part before, as far as their rows do; returns whether that is
+// earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   return shorten(

@@ -14,7 +14,8 @@ namespace {
 // Fraction of the gap that positions ahead have at a row that bars the way back which they keep:
 // they stay apart.
 constexpr double kKeptGap = 1e-3;
-// Rows that bar the way together are made way for one after the other.
+// Times, at most, that rows which bar the way together are made way for one after the other: what
+// still bars it then, as a row between two that press, leaves no way around.
 constexpr int kSweeps = 20;
 
 void stay(const Tree& tree, AlignedDoubles& shift) {
@@ -142,7 +143,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
       }
     }
   }
-  for (; barred;) {
+  while (barred) {
     barred = false;
     for (const RowGroup& c : rows.group) {
       if (!bars(c)) continue;

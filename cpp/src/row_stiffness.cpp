@@ -20,17 +20,17 @@ double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
   return immobile ? 0.0 : rows.bounded_inverse_mass(row);
 }
 
-// Inverse mass that the stiffness of friction row i divides by: of the two sliding or the two
-// rolling rows the larger, so that springs are isotropic whatever the tangents are.
+// Of friction row i and the one beside it, of the two sliding or the two rolling rows, the larger
+// inverse mass. The stiffness of rigid rows divides by it, and resolves both.
 template <typename InverseMass>
-double isotropic_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+double larger_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
   if (i == 3) return inverse_mass(c.row + 3);
   const int first = c.row + (i < 3 ? 1 : 4);
   return std::max(inverse_mass(first), inverse_mass(first + 1));
 }
 
-// Inverse mass that its damping divides by: their mean, which no choice of the tangents changes; of
-// one alone where the other moves nothing.
+// Their mean, which no choice of the tangents changes; where one of them moves nothing, that of the
+// other. Springs of a given stiffness are isotropic by it, whatever the tangents are.
 template <typename InverseMass>
 double mean_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
   if (i == 3) return inverse_mass(c.row + 3);
@@ -143,16 +143,14 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
   const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
-  const double sliding_inverse_mass = isotropic_inverse_mass(c, 1, inverse_mass);
+  const double sliding_inverse_mass = mean_inverse_mass(c, 1, inverse_mass);
   for (int i = 1; i < c.dim; ++i) {
-    const double w = rows.inverse_mass[n + i];
-    const double largest = isotropic_inverse_mass(c, i, inverse_mass);
-    const double k =
-        i < 3 || largest == 0.0 ? tangential : tangential * sliding_inverse_mass / largest;
-    rows.stiffness[n + i] = k;
     const double mean = mean_inverse_mass(c, i, inverse_mass);
-    rows.damping[n + i] =
-        w == 0.0 ? 0.0 : 2.0 * sliding_damping_ratio(material) * std::sqrt(k / mean);
+    const double k = i < 3 || mean == 0.0 ? tangential : tangential * sliding_inverse_mass / mean;
+    rows.stiffness[n + i] = k;
+    rows.damping[n + i] = rows.inverse_mass[n + i] == 0.0
+                              ? 0.0
+                              : 2.0 * sliding_damping_ratio(material) * std::sqrt(k / mean);
   }
 }
 
@@ -208,13 +206,13 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   if (!is_limited && microstep.hit && c.dim > 1) {
     const double finer = stiffest_rigid(coupling.stiffness) / (h * h);
     stiffest_sliding = std::min(finer, material.tangential_ratio * rows.stiffness[c.row] *
-                                           isotropic_inverse_mass(c, 1, inverse_mass));
+                                           larger_inverse_mass(c, 1, inverse_mass));
   }
   for (int i = 1; i < c.dim; ++i) {
     const int row = c.row + i;
     const double w = inverse_mass(row);
     double sliding = stiffest_sliding;
-    if (w > 0.0) sliding *= w / isotropic_inverse_mass(c, i, inverse_mass);
+    if (w > 0.0) sliding *= w / larger_inverse_mass(c, i, inverse_mass);
     if (!given.rigid()) {
       as_given = as_given && fits(rows.stiffness[row] * w, sliding);
       sliding = std::min(sliding, rows.stiffness[row] * w);

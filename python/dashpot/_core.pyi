@@ -280,7 +280,11 @@ class CombinationRules:
     def __init__(self) -> None: ...
 
 class DivergenceError(RuntimeError):
-    pass
+    """
+    Motion or forces that are no numbers, or beyond what MuJoCo itself calls diverged.
+
+    Names the tree or degree of freedom. Data are as they were before the step.
+    """
 
 class Law(enum.Enum):
     comfree = ...

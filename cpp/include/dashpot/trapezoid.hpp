@@ -41,9 +41,9 @@
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
-// (coupled_trees.hpp). Where none is found, or equalities would turn too
-// far even in a part of a step (turning_parts.hpp), frozen geometry stays: the second half is left
-// out, they do not turn in that step, and the work of those that did is booked as dissipation.
+// (coupled_trees.hpp). Where none is found, or equalities would turn too far even in a part of a
+// step (turning_parts.hpp), frozen geometry stays: the second half is left out, they do not turn in
+// that step, and the work of those that did is booked as dissipation.
 
 #pragma once
 
