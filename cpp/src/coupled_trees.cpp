@@ -1,19 +1,11 @@
 #include "dashpot/coupled_trees.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "dashpot/mujoco_trees.hpp"
 #include "dashpot/runge_kutta.hpp"
 
 namespace dashpot {
-
-namespace {
-
-// Fraction of the terms of a rate up to which they cancel.
-constexpr double kCancelled = 1e-9;
-
-}  // namespace
 
 bool moves_accurately(const mjModel_* model, int tree) {
   return host::is_free_body(model, tree) || host::is_runge_kutta(model);
@@ -51,29 +43,6 @@ void add_freed_trees(const mjModel_* model, const HeldMotion& before,
   for (size_t index = 0; index < first_tree.size(); ++index)
     if (first_tree[index] < 0 && before.length[index] > 0.0 && !moves_accurately(model, index))
       first_tree[index] = index;
-}
-
-bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
-                   const std::vector<int>& first_tree, int first,
-                   std::vector<double>& translation) {
-  for (int axis = 0; axis < 3; ++axis) {
-    translation.assign(trees.coordinates, 0.0);
-    for (size_t index = 0; index < first_tree.size(); ++index)
-      if (first_tree[index] == first &&
-          !host::add_translation(model, d, trees, index, axis, translation.data()))
-        return true;
-    for (const RowGroup& c : rows.group) {
-      if (c.kind != RowKind::kBilateral || first_tree[c.tree[0]] != first) continue;
-      double rate = 0.0, most = 0.0;
-      for (int k = 0; k < c.columns[0] + c.columns[1]; ++k) {
-        const double part = rows.value[c.value + k] * translation[rows.column[c.column + k]];
-        rate += part;
-        most = std::max(most, std::abs(part));
-      }
-      if (std::abs(rate) > kCancelled * most) return true;
-    }
-  }
-  return false;
 }
 
 }  // namespace dashpot

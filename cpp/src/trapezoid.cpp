@@ -36,9 +36,10 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_potential_forces(model, d, trees);
   recall_equalities(memory, constraints, rows, trees);
+  translations_.find(model, d, rows, trees, first_);
   holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
   if (!find_scales(model, d, length, memory, motion)) return;
-  correct_speeds(model, d, rows, trees);
+  correct_speeds();
   book_second_half(ledger);
   add_second_half(trees, data);
   load_drives(length, memory, trees, data);
@@ -170,17 +171,41 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
     coupled.kinetic += kinetic;
     if (!left_half_[index] || moves_accurately(model, index)) coupled.wanted += kinetic;
   }
+  find_common_momenta(model, d, motion);
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
 }
 
-void Trapezoid::correct_speeds(const mjModel_* model, const mjData_* d, const Rows& rows,
-                               const Trees& trees) {
+void Trapezoid::find_common_momenta(const mjModel_* model, const mjData_* d,
+                                    const TreeMotion& motion) {
+  for (int direction = 0; direction < kDirections; ++direction) {
+    if (!translations_.any(direction)) continue;
+    translation_.resize(momentum_.size());
+    translation_momentum_.resize(momentum_.size());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      const Tree& t = motion.trees().tree[index];
+      motion.to_generalized(index, translations_.motion(direction).data() + t.begin,
+                            translation_.data() + t.dof_begin);
+    }
+    host::times_inertia(model, d, translation_.data(), translation_momentum_.data());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      if (first_[index] < 0) continue;
+      const Tree& t = motion.trees().tree[index];
+      CommonMomentum& common = coupled_[first_[index]].common[direction];
+      for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
+        common.mass += translation_[i] * translation_momentum_[i];
+        common.of_velocity += translation_[i] * momentum_[i];
+        common.of_half += translation_[i] * momentum_of_half_[i];
+      }
+    }
+  }
+}
+
+void Trapezoid::correct_speeds() {
   for (size_t first = 0; first < coupled_.size(); ++first) {
     CoupledEnergy& coupled = coupled_[first];
     if (!coupled.left_half) continue;
-    if (coupled.scale == 0.0)
-      coupled.correct_speed(!coupled.by_equalities ||
-                            are_on_ground(model, d, rows, trees, first_, first, force_));
+    const bool on_ground = !coupled.by_equalities || translations_.count(first) < kDirections;
+    if (coupled.scale == 0.0) coupled.correct_speed(on_ground);
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
   }
 }
@@ -193,7 +218,7 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
     if (coupled.turns)
       ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
     else
-      ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
+      ledger.dissipated_constraint += coupled.inside() * coupled.brake * (2.0 - coupled.brake);
   }
 }
 
@@ -201,12 +226,15 @@ void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
   added_.assign(trees.coordinates, 0.0);
   for (size_t index = 0; index < trees.tree.size(); ++index) {
     if (first_[index] < 0) continue;
-    const double scale = coupled_[first_[index]].scale;
-    const double brake = coupled_[first_[index]].brake;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
     const Tree& t = trees.tree[index];
     for (int i = t.begin; i < t.begin + t.count; ++i) {
-      added_[i] = scale * second_half_[i];
-      added_[i] -= brake * (data.velocity[i] + added_[i]);
+      double inside = data.velocity[i] + coupled.scale * second_half_[i];
+      for (int direction = 0; direction < kDirections; ++direction)
+        if (translations_.any(direction))
+          inside -= translations_.motion(direction)[i] *
+                    coupled.common[direction].velocity(coupled.scale);
+      added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
       data.velocity[i] += added_[i];
     }
   }
@@ -234,13 +262,15 @@ void Trapezoid::load_drives(double length, const Memory& memory, const Trees& tr
   }
 }
 
-// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them.
+// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,
+// without that of common translations, which move no row.
 // Where mocap bodies drive them energy is not conserved.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
     CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
-    const double w = rows.inverse_mass[c.row], speed = std::sqrt(2.0 * w * coupled.kinetic);
+    const double w = rows.inverse_mass[c.row];
+    const double speed = std::sqrt(2.0 * w * std::max(0.0, coupled.inside()));
     const double turn = speed > 0.0 ? length * std::abs(turning_rate(rows, c)) / speed : 0.0;
     const bool is_driven = c.ground == kSurfaceCoordinate;
     // Of a row across the plane of a linkage rounding is all that moves and turns.

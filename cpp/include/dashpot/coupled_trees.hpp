@@ -13,7 +13,6 @@
 #include "dashpot/trees.hpp"
 
 struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 
@@ -26,10 +25,5 @@ void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tre
 void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree);
 // Then does the same for those that rows held in the last step and hold no more.
 void add_freed_trees(const mjModel_* model, const HeldMotion& before, std::vector<int>& first_tree);
-
-// Whether an equality ties the trees of a `first` one to what does not move: they cannot go on all
-// together. `translation` is kept from step to step.
-bool are_on_ground(const mjModel_* model, const mjData_* d, const Rows& rows, const Trees& trees,
-                   const std::vector<int>& first_tree, int first, std::vector<double>& translation);
 
 }  // namespace dashpot

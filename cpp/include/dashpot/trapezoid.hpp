@@ -49,6 +49,7 @@
 
 #include <vector>
 
+#include "dashpot/common_translation.hpp"
 #include "dashpot/coupled_energy.hpp"
 #include "dashpot/energy_ledger.hpp"
 #include "dashpot/holding_rows.hpp"
@@ -114,13 +115,14 @@ class Trapezoid {
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,
                      const TreeMotion& motion);
+  // Finds what of it is in translations that coupled trees have in common.
+  void find_common_momenta(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the second half.
   void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
                     const TreeMotion& motion);
   // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
   // do not turn.
-  void correct_speeds(const mjModel_* model, const mjData_* d, const Rows& rows,
-                      const Trees& trees);
+  void correct_speeds();
   void book_second_half(EnergyLedger& ledger) const;
   void add_second_half(const Trees& trees, RowData& data);
   // Where drives are not followed, lets them go on as they changed.
@@ -141,6 +143,7 @@ class Trapezoid {
 
   std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
   HoldingRows holding_rows_;
+  CommonTranslations translations_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
@@ -150,6 +153,8 @@ class Trapezoid {
   std::vector<double> drive_, drive_change_, load_, potential_;
   std::vector<double> servo_change_;  // by the same: of drive_, because joints moved
   std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
+  std::vector<double> translation_;   // by the same, of all trees, and its momentum
+  std::vector<double> translation_momentum_;
   std::vector<double> spring_half_;   // of one tree, by motion coordinate
   double fastest_turn_ = 0.0;
 };
