@@ -12,9 +12,9 @@ namespace dashpot::host {
 
 namespace {
 
-// rad: what rounding turns the axis of a ball joint by that keeps it, and what such a joint may
-// turn by in a step: a limit that stops one that turns faster throws it elsewhere than its velocity
-// at the start tells.
+// rad: what rounding turns the axis of a ball joint by that keeps it, and what such a joint, or its
+// axis, may turn by in a step: a limit that stops one that turns faster throws it elsewhere than
+// its velocity at the start tells.
 constexpr double kRoundedTurn = 1e-12, kMostTurn = 0.1;
 
 // Whether a tendon's path goes through space: its row changes as joints move.
@@ -115,8 +115,12 @@ void RowTurns::find(const mjModel_* m, mjData_* d, double length, const Trees& t
     turn.turning = (rate_of(trees, middle, motion) - rate) / half_length_;
     if (turn.ball < 0) continue;
     const int dof = m->jnt_dofadr[turn.ball];
-    if (mju_dist3(start + dof, middle + dof) < kRoundedTurn ||
-        mju_norm3(d->qvel + dof) * length > kMostTurn ||
+    const double speed = mju_norm3(d->qvel + dof);
+    const double half_turn = mju_dist3(start + dof, middle + dof);
+    // Where it has no range, it has not moved, and no row but that of the middle is of its motion.
+    const bool has_range = m->jnt_range[2 * turn.ball + 1] > 0.0;
+    const bool row_turns_far = has_range && 2.0 * half_turn > kMostTurn;
+    if (half_turn < kRoundedTurn || row_turns_far || speed * length > kMostTurn ||
         is_hit(turn.gap, rate, turn.turning, length))
       turn.turning = 0.0;
   }
