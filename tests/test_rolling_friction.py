@@ -147,3 +147,53 @@ def test_a_long_box_slides_straight(timestep):
         data.qpos[:2], speed**2 / (2 * friction * GRAVITY) * direction, atol=5e-5
     )
     assert np.abs(data.qpos[4:7]).max() < 1e-4
+
+
+@pytest.mark.parametrize("own", ["1 .05 .01", "1 .005 .0001", "1 .0001 0", "1 0 0"])
+@pytest.mark.parametrize("stiffness", [None, 1e5, 1e9])
+def test_coefficients_of_a_material_stop_a_ball_whatever_the_models_are(own, stiffness):
+    """The rows' stiffness went by the model's: a ball rocked on a soft spring for good."""
+    torsional, rolling, spin, speed = 0.05, 0.01, 2.0, 0.5
+    model = mujoco.MjModel.from_xml_string(
+        mjcf(
+            free_body("body", f'{SPHERE} condim="6" friction="{own}"', (0, 0, RADIUS)),
+            floor=f'condim="6" friction="{own}"',
+        )
+    )
+    model.opt.timestep = 0.002
+    engine = dashpot.Engine(model)
+    given = {} if stiffness is None else {"stiffness": stiffness, "damping_ratio": 1.0}
+    engine.set_pair_material(
+        "body", "floor", dashpot.Material(friction=(1.0, torsional, rolling), **given)
+    )
+    data = engine.make_data()
+    data.qvel[0], data.qvel[4], data.qvel[5] = speed, speed / RADIUS, spin
+    engine.step(data, nstep=round(2.0 / model.opt.timestep))
+    # Each alone would stop it within 0.9 s.
+    assert np.abs(data.qvel).max() < 1e-6
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e4, 1e6])
+@pytest.mark.parametrize("off_axis", [0.0, 1e-6, 1e-4])
+def test_torsional_friction_brakes_a_spindle_that_cannot_slide(stiffness, off_axis):
+    """A given stiffness gave it none: its torsional rows were as stiff as it can slide."""
+    torsional, rate, duration = 0.02, 20.0, 0.2
+    geom = f'name="body" {SPHERE} condim="4" friction="1 {torsional} 0"'
+    model = mujoco.MjModel.from_xml_string(
+        mjcf(
+            f"""<body pos="0 0 {RADIUS}"><joint type="slide" axis="0 0 1"/>
+            <joint axis="0 0 1" pos="{off_axis} 0 0"/><geom {geom}/></body>""",
+            floor=f'condim="4" friction="1 {torsional} 0"',
+        )
+    )
+    model.opt.timestep = 0.001
+    engine = dashpot.Engine(model)
+    if stiffness is not None:
+        material = dashpot.Material(stiffness=stiffness, damping_ratio=1.0)
+        engine.set_pair_material("body", "floor", material)
+    data = engine.make_data()
+    data.qvel[1] = rate
+    engine.step(data, nstep=round(duration / model.opt.timestep))
+    taken = torsional * MASS * GRAVITY * duration / (0.4 * MASS * RADIUS**2)
+    # Off the axis sliding friction shares the limit surface with it, to second order.
+    assert data.qvel[1] == pytest.approx(rate - taken, rel=TENTH_PERCENT)

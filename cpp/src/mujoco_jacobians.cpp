@@ -175,19 +175,23 @@ void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& inpu
   for (int i = 0; i < c.dim; ++i) rows.value[c.value + (i + 1) * c.width() - 1] = rate[i];
 }
 
-void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input,
-                          double* typical) {
+double typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input) {
+  if (input.is_of_flex()) return d->efc_diagA[d->contact[input.source].efc_address];
+  return m->body_invweight0[2 * m->geom_bodyid[input.geom[0]]] +
+         m->body_invweight0[2 * m->geom_bodyid[input.geom[1]]];
+}
+
+void typical_inverse_masses(const mjModel_* m, const mjData_* d, const ContactInput& input,
+                            const std::array<double, 5>& friction, double* typical) {
   if (input.is_of_flex()) {
     std::copy_n(d->efc_diagA + d->contact[input.source].efc_address, input.dim, typical);
     return;
   }
   // MuJoCo's efc_diagA at an impratio of 1, computed here because its rows may be left out:
   // friction rows are regularised by their part of the limit surface.
-  typical[0] = 0.0;
-  for (int geom : input.geom) typical[0] += m->body_invweight0[2 * m->geom_bodyid[geom]];
-  const mjtNum* friction = d->contact[input.source].friction;
+  typical[0] = typical_inverse_mass(m, d, input);
   for (int i = 1; i < input.dim; ++i) {
-    const double ratio = friction[0] / friction[i - 1];
+    const double ratio = std::max(friction[0], mjMINMU) / std::max(friction[i - 1], mjMINMU);
     typical[i] = typical[0] * ratio * ratio;
   }
 }

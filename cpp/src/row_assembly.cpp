@@ -65,8 +65,7 @@ void append_contacts(const mjModel_* model, const mjData_* data,
 void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& parameters,
                   const ContactInput& input, const Trees& trees, Rows& rows, RowGroup& c,
                   GroupMaterial& given) {
-  host::typical_inverse_mass(model, data, input, rows.typical_inverse_mass.data() + c.row);
-  const double typical = rows.typical_inverse_mass[c.row];
+  const double typical = host::typical_inverse_mass(model, data, input);
   const double weight = weight_at_contact(model, input, typical);
   // A contact's own solref is read at the load A F of the weight F: g for a free body on the
   // ground.
@@ -79,6 +78,8 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   c.turning = input.turning;
   const std::array<double, 5> friction = friction_of(input, material);
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
+  host::typical_inverse_masses(model, data, input, friction,
+                               rows.typical_inverse_mass.data() + c.row);
   if (c.pair >= 0)
     rows.pair[c.pair] = host::pair_geometry(model, data, input, trees);
   else

@@ -143,7 +143,8 @@ void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   if (c.dim == 1) return;
   const double tangential = material.tangential_ratio * rows.stiffness[n];
   const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
-  const double sliding_inverse_mass = mean_inverse_mass(c, 1, inverse_mass);
+  // What cannot slide, as a spindle, can turn: it does as what slides like the normal would.
+  const double sliding_inverse_mass = std::max(w_normal, mean_inverse_mass(c, 1, inverse_mass));
   for (int i = 1; i < c.dim; ++i) {
     const double mean = mean_inverse_mass(c, i, inverse_mass);
     const double k = i < 3 || mean == 0.0 ? tangential : tangential * sliding_inverse_mass / mean;

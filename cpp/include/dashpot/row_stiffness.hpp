@@ -54,7 +54,8 @@ struct RigidCoupling {
 double stiffest_rigid(double bound);
 
 // Fills the rows of a group from its material in SI units, resolved or not. Rotational rows get the
-// stiffness that gives them the natural frequency of the sliding rows.
+// stiffness that gives them the natural frequency of the sliding rows, or that of sliding as easy
+// as the normal gives way where that is higher.
 void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
 
 // A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it
