@@ -86,7 +86,7 @@ double CoupledEnergy::find_root() const {
     if (std::abs(s - 1.0) < std::abs(nearest - 1.0)) nearest = s;
   const double s = std::clamp(nearest, 1.0 - kScaleRange, 1.0 + kScaleRange);
   const double residual = std::abs(energy_with(s) - wanted);
-  return residual <= kResidual * inside() ? s : 0.0;
+  return residual <= kResidual * kinetic ? s : 0.0;
 }
 
 void CoupledEnergy::correct_speed(bool on_ground) {
@@ -99,10 +99,7 @@ void CoupledEnergy::correct_speed(bool on_ground) {
   const bool is_smooth = by_equalities && half_inside() <= kSmoothHalf * kSmoothHalf * inside() &&
                          std::abs(excess_with(1.0)) <= kSmooth;
   if (is_smooth) scale = 1.0;
-  if (!on_ground) {
-    lost = is_smooth ? wanted - energy_with(1.0) : 0.0;
-    return;
-  }
+  if (!on_ground) return;
   const double excess = excess_with(scale);
   const double most = is_smooth ? kSmooth : by_equalities ? 0.0 : kBoost;
   brake = excess < -most ? 0.0 : excess;

@@ -7,10 +7,6 @@
 
 namespace dashpot {
 
-bool moves_accurately(const mjModel_* model, int tree) {
-  return host::is_free_body(model, tree) || host::is_runge_kutta(model);
-}
-
 void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree) {
   first_tree.assign(trees, -1);
   for (bool changed = true; changed;) {
@@ -30,10 +26,11 @@ void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tre
 }
 
 void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree) {
+  if (host::is_runge_kutta(model)) return;
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact && c.kind != RowKind::kUnilateral) continue;
     for (int tree : c.tree)
-      if (tree >= 0 && first_tree[tree] < 0 && !moves_accurately(model, tree))
+      if (tree >= 0 && first_tree[tree] < 0 && !host::is_free_body(model, tree))
         first_tree[tree] = tree;
   }
 }
@@ -41,7 +38,8 @@ void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& f
 void add_freed_trees(const mjModel_* model, const HeldMotion& before,
                      std::vector<int>& first_tree) {
   for (size_t index = 0; index < first_tree.size(); ++index)
-    if (first_tree[index] < 0 && before.length[index] > 0.0 && !moves_accurately(model, index))
+    if (first_tree[index] < 0 && before.length[index] > 0.0 &&
+        !host::is_free_body(model, static_cast<int>(index)))
       first_tree[index] = index;
 }
 

@@ -16,6 +16,7 @@ constexpr int kTreesAtOnce = 16;  // by a thread
 void Stepper::Impl::find_touched_trees() {
   touched.assign(motion.tree_count(), 0);
   joined.assign(motion.tree_count(), 0);
+  carries.assign(motion.tree_count(), 0);
   held.assign(motion.tree_count(), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
@@ -24,7 +25,10 @@ void Stepper::Impl::find_touched_trees() {
     for (int tree : c.tree) {
       if (tree < 0) continue;
       touched[tree] = 1;
-      if (c.tree[0] >= 0 && c.tree[1] >= 0) joined[tree] = 1;
+      if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+        joined[tree] = 1;
+        carries[tree] |= c.kind == RowKind::kContact;
+      }
       held[tree] |= c.kind != RowKind::kSlider;
     }
   }
@@ -51,6 +55,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   RowsOnTree by_rows;
   by_rows.touched = touched[tree];
   by_rows.joined = joined[tree];
+  by_rows.carries = carries[tree];
   by_rows.held = held[tree];
   by_rows.frozen_ahead = geometry_of_middle || turned[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);

@@ -146,6 +146,7 @@ struct Stepper::Impl {
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> joined;                    // by tree: so did another one through them
+  std::vector<char> carries;                   // by tree: contacts are some of them
   std::vector<char> contact_touched;           // by place in d->contact
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it

@@ -6,6 +6,7 @@
 #include "dashpot/coupled_trees.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
 #include "dashpot/mujoco_forces.hpp"
+#include "dashpot/mujoco_trees.hpp"
 #include "dashpot/turning_parts.hpp"
 
 namespace dashpot {
@@ -59,7 +60,7 @@ void Trapezoid::couple_trees(const mjModel_* model, const Memory& memory, const 
 void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
   potential_.resize(drive_.size());
   for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!holds(index) || moves_accurately(model, index)) continue;
+    if (!holds(index) || host::is_free_body(model, index)) continue;
     const Tree& t = trees.tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       potential_[i] = host::potential_force(model, d, i);
@@ -118,7 +119,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     const double weight = before.weight[index];
     for (int i = 0; i < t.count; ++i)
       force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
-    for (int i = 0; i < t.dof_count && !moves_accurately(model, index); ++i) {
+    for (int i = 0; i < t.dof_count && !host::is_free_body(model, index); ++i) {
       const int dof = t.dof_begin + i;
       const double potential = potential_[dof];
       const double turning = potential - host::positional_force(d, dof);
@@ -169,7 +170,7 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
       coupled.damped_square += 0.5 * damped(generalized_.data());
     }
     coupled.kinetic += kinetic;
-    if (!left_half_[index] || moves_accurately(model, index)) coupled.wanted += kinetic;
+    if (!left_half_[index] || host::is_free_body(model, index)) coupled.wanted += kinetic;
   }
   find_common_momenta(model, d, motion);
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
@@ -207,6 +208,8 @@ void Trapezoid::correct_speeds() {
     const bool on_ground = !coupled.by_equalities || translations_.count(first) < kDirections;
     if (coupled.scale == 0.0) coupled.correct_speed(on_ground);
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
+    if (coupled.by_equalities && coupled.turns && coupled.brake == 0.0)
+      coupled.lost = coupled.wanted - coupled.energy_with(coupled.scale);
   }
 }
 

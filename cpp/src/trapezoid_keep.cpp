@@ -5,6 +5,8 @@
 #include "dashpot/coupled_trees.hpp"
 #include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_state.hpp"
+#include "dashpot/mujoco_trees.hpp"
+#include "dashpot/runge_kutta.hpp"
 #include "dashpot/trapezoid.hpp"
 
 namespace dashpot {
@@ -23,13 +25,16 @@ void Trapezoid::keep_equalities(double length, const std::vector<ConstraintInput
   }
 }
 
-bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
+bool Trapezoid::keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const {
+  const bool stages = host::is_runge_kutta(model);
   bool any = false;
   for (size_t index = 0; index < end.held.size(); ++index) {
-    const bool leaves =
-        end.leaves_half && end.held[index] && first_[index] >= 0 && coupled_[first_[index]].turns;
-    now.length[index] = leaves ? end.length : 0.0;
-    any = any || leaves;
+    now.length[index] = 0.0;
+    if (!end.leaves_half || !end.held[index] || first_[index] < 0) continue;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    if (!coupled.turns || (stages && !coupled.by_equalities)) continue;
+    now.length[index] = end.length;
+    any = true;
   }
   return any;
 }
@@ -51,7 +56,7 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   std::fill_n(acceleration, t.count, 0.0);
   energy = 0.0;
   weight = 0.5;
-  if (moves_accurately(model, tree)) {
+  if (host::is_free_body(model, tree)) {
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
@@ -81,7 +86,7 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, const EndOfStep& e
   if (!now.length) return;
   wrench_.assign(motion.trees().coordinates, 0.0);
   keep_equalities(end.length, constraints, rows, data, memory, ledger);
-  if (!keep_lengths(end, now)) return;
+  if (!keep_lengths(model, end, now)) return;
   generalized_.resize(end.displacement.size());
   momentum_.resize(end.displacement.size());
   host::times_inertia(model, d, host::velocity(d), momentum_.data());

@@ -4,6 +4,7 @@
 
 #include "dashpot/coupled_trees.hpp"
 #include "dashpot/mujoco_forces.hpp"
+#include "dashpot/mujoco_trees.hpp"
 #include "dashpot/trapezoid.hpp"
 
 namespace dashpot {
@@ -21,7 +22,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
     if (!left_half_[index]) continue;
     const Tree& t = motion.trees().tree[index];
     CoupledEnergy& coupled = coupled_[first_[index]];
-    if (moves_accurately(model, index)) continue;
+    if (host::is_free_body(model, index)) continue;
     double work = 0.0;
     for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof)
       work += change_of(coupled, dof) * before.displacement[dof];
@@ -41,7 +42,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
     const CoupledEnergy& coupled = coupled_[first_[index]];
     std::copy_n(before.displacement + t.dof_begin, t.dof_count, way_.begin() + t.dof_begin);
     std::copy_n(generalized_.begin() + t.dof_begin, t.dof_count, rest_.begin() + t.dof_begin);
-    if (moves_accurately(model, index)) continue;
+    if (host::is_free_body(model, index)) continue;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
       force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);

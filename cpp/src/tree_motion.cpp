@@ -186,7 +186,8 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
     for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
       end_velocity_[i] += by_rows.added_velocity[tree.begin + i];
     velocity = end_velocity_.data();
-    if (by_rows.stages && by_rows.stages->hold(index))
+    // What it carries, in a hand, goes the way of the micro-steps, and would be left behind.
+    if (by_rows.stages && by_rows.stages->hold(index) && !by_rows.carries)
       add_way_of_stages(tree, length, by_rows, data);
   } else if (!by_rows.held) {
     // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
@@ -214,9 +215,10 @@ bool TreeMotion::is_integrated(const mjData_* d, int index, double length,
                                const RowsOnTree& by_rows, const RowData& data) const {
   if (is_accurate(index)) return false;
   if (!by_rows.touched) return true;
-  if (host::is_runge_kutta(model_)) return resolves_dampers(d, index, length, by_rows, data);
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
-  return host::adds_to_smooth_motion(model_) && !by_rows.trapezoidal;
+  if (by_rows.trapezoidal) return false;
+  if (host::is_runge_kutta(model_)) return resolves_dampers(d, index, length, by_rows, data);
+  return host::adds_to_smooth_motion(model_);
 }
 
 // Whether the dampers of a tree that rows move, of joints and actuators, take less than they could

@@ -62,7 +62,9 @@ struct CoupledEnergy {
   double driven = 0.0;                              // work of w (e1 - e0)
   double scale = 0.0;                               // s
   double brake = 0.0;  // fraction of v + s k inside to take away where no s conserves energy
-  double lost = 0.0;   // J, that s = 1 leaves off what it ought to be, where there is no brake
+  // J, what it lacks with s of what it ought to be. Of a light part that an equality couples to a
+  // heavy one s = 1 is a part of its own, which the damper of the equality takes.
+  double lost = 0.0;
   bool by_equalities = false;
   bool left_half = false;  // in the last step, at least one tree
   bool turns = true;       // its equalities, in this step

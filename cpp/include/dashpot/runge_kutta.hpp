@@ -9,7 +9,8 @@
 //
 // x: positions, velocities and activations; accelerations in f are inv(M) (smooth forces + F).
 // Where F is zero this is mj_RungeKutta to the bit; where F balances the smooth forces, rest stays.
-// A tree that rows hold moves along them as it did in the micro-steps (held_stages.hpp). A light
+// Trees that equalities couple follow the trapezoidal rule instead (trapezoid.hpp). Another one
+// that rows hold moves along them as it did in the micro-steps (held_stages.hpp). A light
 // foot would otherwise leave the ground within the stages and take load off the spring of its leg.
 
 #pragma once

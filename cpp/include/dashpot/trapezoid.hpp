@@ -36,8 +36,10 @@
 // they bear the rest, as a foot on the floor what the spring of its leg gains.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
-// (J1 - J0)' lambda, and contacts leave no second half. So it is with RK4, whose stages see how
-// smooth forces change.
+// (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
+// forces change, contacts and limits leave none either. Trees that equalities couple follow this
+// rule with RK4 too: under row forces that stay as they are, stages take a light link where only
+// its own spring and spin would, far from where heavy ones let it.
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
@@ -137,7 +139,7 @@ class Trapezoid {
                        const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
   // Keeps the length of the step for trees that it leaves a second half of; returns whether there
   // are any.
-  bool keep_lengths(const EndOfStep& end, HeldMotion& now) const;
+  bool keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const;
   void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
                  double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);
 
@@ -155,7 +157,7 @@ class Trapezoid {
   std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
   std::vector<double> translation_;   // by the same, of all trees, and its momentum
   std::vector<double> translation_momentum_;
-  std::vector<double> spring_half_;   // of one tree, by motion coordinate
+  std::vector<double> spring_half_;  // of one tree, by motion coordinate
   double fastest_turn_ = 0.0;
 };
 

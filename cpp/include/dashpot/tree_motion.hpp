@@ -9,8 +9,10 @@
 // of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
 // take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
 // that dry friction alone slows its position too; those that stiff rows hold go as much farther
-// than in the micro-steps as they do in the stages (held_stages.hpp). Where rows move a tree whose
-// joint dampers RK4 does not resolve, the velocity of the micro-steps stays.
+// than in the micro-steps as they do in the stages (held_stages.hpp), unless contacts join them to
+// others, which go as in the micro-steps. That velocity stays where rows move a tree whose joint
+// dampers RK4 does not resolve, and of trees on the trapezoidal rule, which with RK4 are those that
+// equalities couple.
 
 #pragma once
 
@@ -33,6 +35,7 @@ class HeldStages;
 struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
+  bool carries = false;  // some of these are contacts
   bool held = false;     // so did rows that have a position, which dry friction has not
   // In the geometry of a time within the part, its middle or that of a hit.
   bool frozen_ahead = false;
