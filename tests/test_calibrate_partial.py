@@ -194,6 +194,30 @@ def test_long_gaps_count_right_in_times_rounded_to_milliseconds():
     assert "31 left out" in repr(trajectory)
 
 
+@pytest.mark.parametrize("first", [[0, 2, 4, 6, 8], [0, 3, 5, 6, 7]])
+def test_heads_of_frames_lost_early_stay_on_the_grid_of_the_whole(first):
+    """Every second frame of the first, or intervals of 3, 2 and 1: few frames tell no spacing."""
+    number = np.array([*first, *range(9, 60)])
+    time, position = bounces(60)
+    trajectory = Trajectory(
+        "drop", time[number], position[number], np.tile(IDENTITY, (len(number), 1)), "ball",
+        control=np.zeros((len(number) - 1, 0)), sensors={},
+    )  # fmt: skip
+    head = trajectory.head(time[first[-1]])
+    np.testing.assert_array_equal(head.frame_number, first)
+    np.testing.assert_array_equal(head.time, trajectory.time[:5])
+    assert head.control.shape == (4, 0)
+    assert head.spacing == trajectory.spacing
+    assert repr(head).startswith(f"Trajectory('drop', 5 frames {1 / RATE:.6g} s apart (")
+    assert head.head(time[first[1]]).frames == 2
+    whole_problem = problem(trajectory, NOISE)
+    objectives = [
+        Objective(whole_problem.with_window(window)) for window in (None, time[first[-1]])
+    ]
+    every, some = (o.residuals(o.start())[0] for o in objectives)
+    np.testing.assert_array_equal(some, every[: 5 * 6])
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

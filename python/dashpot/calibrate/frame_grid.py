@@ -63,8 +63,11 @@ def even_grid(time: Array, frame: NDArray[np.intp]) -> tuple[float, Array]:
     return spacing, centered - spacing * centered_frame
 
 
-def check_grid(time: Array, frame: NDArray[np.intp]) -> None:
-    """Raise ValueError, without a label, where the clock drifts away from an even grid."""
+def check_grid(time: Array, frame: NDArray[np.intp]) -> float:
+    """Return the spacing of the even grid; raise ValueError where the clock drifts away from it.
+
+    The message has no label.
+    """
     even, off = even_grid(time, frame)
     worst = int(np.argmax(np.abs(off)))
     if abs(off[worst]) > GRID_TOLERANCE * even:
@@ -73,3 +76,4 @@ def check_grid(time: Array, frame: NDArray[np.intp]) -> None:
             f"{abs(off[worst]):.3g} s off an even grid of {even:.6g} s, more than "
             f"{GRID_TOLERANCE:.0%} of that (resample the trajectory)"
         )
+    return even

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dashpot.calibrate.frame_grid import check_grid, even_grid, frame_numbers
+from dashpot.calibrate.frame_grid import check_grid, frame_numbers
 from dashpot.checks import number
 
 Array = NDArray[np.float64]
@@ -79,6 +80,8 @@ class Trajectory:
     initial_qvel: Array | None = None
     control: Array | None = None
     sensors: Mapping[str, Array] = field(default_factory=dict)
+    _frame_number: NDArray[np.intp] = field(init=False, repr=False)
+    _spacing: float = field(init=False, repr=False)
 
     if TYPE_CHECKING:
         # What is taken, which is more than the types that fields have in the end.
@@ -116,9 +119,13 @@ class Trajectory:
         if time.ndim != 1 or time.size < 2:
             raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
         try:
-            check_grid(time, frame_numbers(time))
+            frame = frame_numbers(time)
+            spacing = check_grid(time, frame)
         except ValueError as error:
             raise ValueError(f"{self._label}: {error}") from None
+        frame.flags.writeable = False
+        object.__setattr__(self, "_frame_number", frame)
+        object.__setattr__(self, "_spacing", spacing)
         n, b = time.size, len(bodies)
         position = self._poses("position", self.position, n, b, 3)
         quaternion = self._poses("quaternion", self.quaternion, n, b, 4)
@@ -129,8 +136,7 @@ class Trajectory:
             raise ValueError(
                 f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
             )
-        if bodies and missing.all() and np.isnan(position).all() and not self.sensors:
-            raise ValueError(f"{self._label}: all positions and quaternions are nan")
+        self._check_measured(position, quaternion)
         sensors = {name: self._readings(name, value, n) for name, value in self.sensors.items()}
         object.__setattr__(self, "sensors", sensors)
         norm = np.linalg.norm(quaternion, axis=-1)
@@ -211,12 +217,12 @@ class Trajectory:
     @property
     def spacing(self) -> float:
         """Time between frames, s: that of the even grid that fits their times best."""
-        return even_grid(self.time, self.frame_number)[0]
+        return self._spacing
 
     @property
     def frame_number(self) -> NDArray[np.intp]:
         """(n,) places of the frames on the even grid, from 0; with gaps where frames were lost."""
-        return frame_numbers(self.time)
+        return self._frame_number
 
     @property
     def measured(self) -> NDArray[np.bool_]:
@@ -230,7 +236,10 @@ class Trajectory:
         return dict(zip(self.sensors, np.split(channels, ends, axis=-1)[:-1], strict=True))
 
     def head(self, duration: float) -> Trajectory:
-        """Return the frames up to `duration` s after the first, at least two of them."""
+        """Return the frames up to `duration` s after the first, at least two of them.
+
+        They keep their places on the grid of the whole, which few of them may not tell.
+        """
         if not number(f"{self._label}: a window", duration) > 0:
             raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
         # Half a spacing of slack, so that a window of k spacings holds k + 1 frames.
@@ -238,21 +247,25 @@ class Trajectory:
         n = max(n, 2)
         if n == self.frames:
             return self
-        return Trajectory(
-            name=self.name,
-            time=self.time[:n],
-            position=self.position[:n],
-            quaternion=self.quaternion[:n],
-            bodies=self.bodies,
-            initial_qpos=self.initial_qpos,
-            initial_qvel=self.initial_qvel,
-            control=None if self.control is None else self.control[: n - 1],
-            sensors={name: readings[:n] for name, readings in self.sensors.items()},
-        )
+        self._check_measured(self.position[:n], self.quaternion[:n])
+        head = copy.copy(self)
+        for name in ("time", "position", "quaternion", "_frame_number"):
+            object.__setattr__(head, name, getattr(self, name)[:n])
+        if self.control is not None:
+            object.__setattr__(head, "control", self.control[: n - 1])
+        sensors = {name: readings[:n] for name, readings in self.sensors.items()}
+        object.__setattr__(head, "sensors", sensors)
+        return head
 
     @property
     def _label(self) -> str:
         return f"trajectory '{self.name}'"
+
+    def _check_measured(self, position: Array, quaternion: Array) -> None:
+        """Raise ValueError where poses are all that is observed, and none was measured."""
+        nothing = np.isnan(position).all() and np.isnan(quaternion).all()
+        if self.bodies and nothing and not self.sensors:
+            raise ValueError(f"{self._label}: all positions and quaternions are nan")
 
     def _finite(self, field: str, value: ArrayLike, *, lost: bool = False) -> Array:
         """Return an array of finite numbers; with `lost`, NaN too."""
