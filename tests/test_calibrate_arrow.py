@@ -98,6 +98,30 @@ def test_covariances_are_those_in_full(loss, clustered):
     np.testing.assert_allclose(found.correlation, full.correlation[:COUNT, :COUNT], atol=1e-9)
 
 
+@pytest.mark.parametrize("clustered", [False, True])
+def test_states_known_beforehand_are_one_more_residual_each(clustered):
+    """``H^-1 s^2`` or ``H^-1 B H^-1``, ``H = J^T J + diag(1 / hold^2)``; idle states stay so."""
+    matrix, rng = arrow(), np.random.default_rng(2)
+    matrix.own[matrix.rows(2), 1] = 0.0
+    residuals, hold = rng.normal(size=41), np.array([0.3, 1e-4])
+    options = {"offsets": OFFSETS if clustered else None}
+    found = covariance(matrix, residuals, hold=hold, **options)
+    assert found.residual_variance == covariance(matrix, residuals, **options).residual_variance
+    dense = matrix.dense()
+    pull = np.concatenate([np.zeros(COUNT), np.tile(1.0 / hold**2, 4)])
+    idle = columns_of(2)[-1]
+    pull[idle] = 1.0  # of any size: nothing else depends on it
+    inverse = np.linalg.inv(dense.T @ dense + np.diag(pull))
+    if clustered:
+        moves = np.array([residuals[matrix.rows(t)] @ dense[matrix.rows(t)] for t in range(4)])
+        full = 4 / 3 * inverse @ moves.T @ moves @ inverse
+    else:
+        full = found.residual_variance * inverse
+    expected = np.sqrt(np.diag(full))
+    expected[idle] = np.inf
+    np.testing.assert_allclose(found.standard_error, expected, rtol=1e-8)
+
+
 class Growth:
     """Curves ``b_t exp(-a time) + c_t + d sin(time)``: a and d shared, b and c of each curve."""
 

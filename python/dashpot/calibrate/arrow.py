@@ -83,6 +83,23 @@ class ArrowMatrix:
         weights = rows[:, None].astype(np.float64)
         return ArrowMatrix(self.shared * weights, self.own * weights, self.offsets)
 
+    def held(self, weights: Array) -> tuple[ArrowMatrix, NDArray[np.intp]]:
+        """Return the matrix with one more row for each initial state, and where its rows are then.
+
+        The rows, behind those of the trajectory, weigh the distance from a state by (s,) `weights`;
+        they are 0 for states on which nothing depends.
+        """
+        count, size = self.shared.shape[1], self.own.shape[1]
+        rows = np.arange(len(self.shared))
+        places = rows + size * (np.searchsorted(self.offsets, rows, side="right") - 1)
+        offsets = self.offsets + size * np.arange(len(self.offsets))
+        shared, own = np.zeros((offsets[-1], count)), np.zeros((offsets[-1], size))
+        shared[places], own[places] = self.shared, self.own
+        for t in range(self.trajectories):
+            moves = self.own[self.rows(t)].any(axis=0)
+            own[offsets[t + 1] - size : offsets[t + 1]] = np.diag(np.where(moves, weights, 0.0))
+        return ArrowMatrix(shared, own, offsets), places
+
     def dense(self) -> Array:
         """Return it as an array (m, n), for problems that are small."""
         matrix = np.zeros((len(self.shared), self.size))

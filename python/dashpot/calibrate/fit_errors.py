@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.intervals import Covariance, covariance
-from dashpot.calibrate.linearisation import over_its_region
+from dashpot.calibrate.linearisation import over_its_region, possible
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
 
@@ -40,13 +40,15 @@ def covariance_around(
     live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
 
-    def from_jacobian(jacobian: ArrowMatrix) -> Covariance:
-        return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets)
+    def from_jacobian(jacobian: ArrowMatrix, hold: Array) -> Covariance:
+        return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets, hold=hold)
 
     own = np.array([p.difference for p in objective.problem.parameters])
     widths = np.maximum(own, _WIDEST_DIFFERENCE)
+    hold = possible(objective)
     while True:
-        estimated = from_jacobian(objective.jacobian(point, widths=widths))
+        jacobian = objective.jacobian(point, widths=widths)
+        estimated = from_jacobian(jacobian, hold)
         implied = estimated.half_width(confidence)[: objective.parameters]
         wanted = np.clip(implied, own, widths)
         if (widths <= _WIDTH_SLACK * wanted).all():
@@ -61,7 +63,7 @@ def covariance_around(
         return estimated, np.zeros(objective.size), None
     relative = slopes / rise if loss.robust else None
     try:
-        region = over_its_region(objective, point, estimated, from_jacobian, relative, seed)
+        region = over_its_region(objective, point, jacobian, from_jacobian, relative, seed)
     except SimulationError as error:
         return estimated, np.zeros(objective.size), str(error)
     return *region, None

@@ -123,6 +123,7 @@ def covariance(
     loss: Loss | None = None,
     live: NDArray[np.bool_] | None = None,
     offsets: NDArray[np.intp] | None = None,
+    hold: Array | None = None,
 ) -> Covariance:
     """Return the covariance of an estimate.
 
@@ -138,6 +139,9 @@ def covariance(
         (m,) whether a residual carries noise; others count as no degree of freedom. None: all do.
     offsets
         (G + 1,) row ranges of the clusters, G >= 2; None: residuals are independent.
+    hold
+        (s,) standard deviations to which each initial state counts as known beforehand, so that
+        what data hardly determine stays near; None: to none.
 
     Raises
     ------
@@ -162,11 +166,19 @@ def covariance(
     if not rise > 0:
         each = np.diag(np.full(count + matrix.own.shape[1], np.inf))
         return Covariance(np.stack([each] * matrix.trajectories), count, degrees, variance)
-    if offsets is not None:
+    all_scores = loss.scores(residuals)
+    ranges = offsets
+    if hold is not None and matrix.own.shape[1]:
+        matrix, places = matrix.held(1.0 / hold)
+        inverse = pseudo_inverse(matrix)
+        all_scores = np.zeros(len(matrix.shared))
+        all_scores[places] = loss.scores(residuals)
+        ranges = matrix.offsets
+    if offsets is not None and ranges is not None:
         clusters = len(offsets) - 1
         if clusters < 2:
             raise ValueError("clustered errors need at least two trajectories")
-        blocks = inverse.clustered(loss.scores(residuals), offsets)
+        blocks = inverse.clustered(all_scores, ranges)
         factor = clusters / (clusters - 1) / rise**2
     elif loss.robust:
         blocks, scores = inverse.independent(), loss.scores(noisy)

@@ -45,6 +45,11 @@ _DEPENDENT = 1e-12
 # infinite one.
 _UNKNOWN = 1e12
 _MOST_FAILURES = 3
+# Initial states are drawn within the first multiple of the widths of their differences, whatever
+# the data say (0.1 m and rad, 1 m/s and rad/s), and count as known to the second beforehand (10 m
+# and rad, 100 m/s and rad/s). What data hardly determine would be drawn kilometres away, where
+# nothing is as it is here, or make up there for a parameter by what a regression leaves of it.
+_NEAR, _POSSIBLE = 1e5, 1e7
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +144,8 @@ def _draw(region: Array, count: int, number: int, rng: np.random.Generator) -> A
 def over_its_region(
     objective: Objective,
     point: Array,
-    local: Covariance,
-    covariance: Callable[[ArrowMatrix], Covariance],
+    local: ArrowMatrix,
+    covariance: Callable[[ArrowMatrix, Array], Covariance],
     slopes: Array | None,
     seed: int,
 ) -> tuple[Covariance, Array]:
@@ -151,9 +156,10 @@ def over_its_region(
     objective, point
         The residuals and their minimum.
     local
-        Covariance from derivatives at the minimum, to start from.
+        Jacobian at the minimum, to start from.
     covariance
-        Covariance of the estimate from a Jacobian.
+        Covariance of the estimate from a Jacobian, and to which standard deviations (s,) initial
+        states count as known beforehand.
     slopes
         (residual_count,) slopes psi' of a robust loss's scores, over the mean of those that carry
         noise; None: linear loss.
@@ -168,7 +174,8 @@ def over_its_region(
     rng = np.random.default_rng(seed)
     count = objective.parameters
     floor = objective.differences()
-    region = _region(local, _FIRST_REGION, floor, count)
+    near, hold = _NEAR / _POSSIBLE * possible(objective), possible(objective)
+    region = _region(covariance(local, near), _FIRST_REGION, floor, count)
     failures, regions = 0, 0
     while True:
         try:
@@ -180,14 +187,14 @@ def over_its_region(
             region /= _NARROWER**2
             continue
         regions += 1
-        linear = covariance(model.jacobian)
-        implied = _region(linear, 1.0, floor, count)
+        implied = _region(covariance(model.jacobian, near), 1.0, floor, count)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.sqrt(np.diag(implied[0]) / np.diag(region[0]))[:count]
         ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
         same = ((ratio < _SAME_WIDTH) & (ratio > 1.0 / _SAME_WIDTH)).all()
         if same or regions == _MOST_REGIONS or failures:
-            return _with_departure(linear, model, slopes)
+            linear = covariance(model.jacobian, hold)
+            return _with_departure(linear, model, slopes, hold)
         region = implied
 
 
@@ -224,8 +231,13 @@ def _diagonal(blocks: Array) -> Array:
     return np.diagonal(blocks, axis1=1, axis2=2)
 
 
+def possible(objective: Objective) -> Array:
+    """Return the standard deviations (s,) to which initial states count as known beforehand."""
+    return _POSSIBLE * objective.differences()[objective.parameters :][: objective.initial_size]
+
+
 def _with_departure(
-    linear: Covariance, model: Linearisation, slopes: Array | None
+    linear: Covariance, model: Linearisation, slopes: Array | None, hold: Array
 ) -> tuple[Covariance, Array]:
     """Add the shift of the valley's middle and its scatter to the covariance.
 
@@ -239,7 +251,10 @@ def _with_departure(
     departures = np.concatenate([model.center[None], model.scatter])
     if slopes is not None:
         departures = departures * slopes
-    moves = np.where(known, pseudo_inverse(model.jacobian).solve(departures), 0.0)
+    held, places = model.jacobian.held(1.0 / hold)
+    padded = np.zeros((len(departures), len(held.shared)))
+    padded[:, places] = departures
+    moves = np.where(known, pseudo_inverse(held).solve(padded), 0.0)
     moves[1:] /= np.sqrt(len(model.scatter) // 2)
     each = blocks_of(model.jacobian, moves)
     added = np.einsum("nti,ntj->tij", each, each)

@@ -80,6 +80,7 @@ class Problem:
         every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well:
         the choice for measured poses. With the other two a trajectory without ``initial_qpos``
         starts at its first observed pose as if that had no noise, and intervals are too narrow.
+        For intervals a state counts as known to 10 m, 10 rad, 100 m/s and 100 rad/s beforehand.
 
     Raises
     ------
