@@ -12,7 +12,7 @@ from scipy import stats
 import dashpot
 from ball_throws import FALL, IDENTITY, SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.identifiability import judge
+from dashpot.calibrate.identifiability import judge, leaders
 from dashpot.calibrate.intervals import covariance
 
 
@@ -152,6 +152,41 @@ def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(valu
     )
     assert found.identified == (reason is None)
     assert reason is None or f"the estimate lies at its {reason}" in found.statement
+
+
+def test_what_goes_along_with_a_parameter_at_a_bound_is_not_identified():
+    """With both of two at bounds, of which each alone explains half of its variance."""
+    names = "abcd"
+    parameters = [Parameter(n, start=10.0, bounds=(1.0, 1000.0), transform="log") for n in names]
+    point = np.log([30.0, 1.0, 1000.0, 50.0])
+    half = 0.7
+    correlation = np.array(
+        [[1.0, half, -half, 0.1], [half, 1, 0, 0], [-half, 0, 1, 0.9], [0.1, 0, 0.9, 1]]
+    )
+    assert leaders(parameters, point, correlation) == ("b", None, None, None)
+    assert leaders(parameters, np.log([30.0, 1.0, 100.0, 50.0]), correlation) == (None,) * 4
+    led = statement(math.log(30.0), 0.01, leader="d")
+    assert not led.identified
+    assert led.statement == "not identified: it goes along with d, whose estimate lies at a bound"
+
+
+@pytest.mark.parametrize(("end", "seed"), [(3.0, 2), (30.0, 1)])
+def test_a_valley_that_ends_at_a_bound_identifies_nothing(end, seed):
+    """Stiffness, damping and mass of a ball that drops: all larger by a factor move it alike."""
+    engine = ball_engine()
+    trajectory = observe(engine, np.zeros(6), frames=80, noise=np.random.default_rng(seed))
+    # The search starts where the valley meets a bound of the mass; 1 kg is the truth.
+    factor = end * (1.0 + 1e-6 if end == 3.0 else 1.0 - 1e-6)
+    mass = Parameter.model("body_mass", "body", start=factor, bounds=(3.0, 30.0))
+    starts = [replace(p, start=p.start * factor) for p in ball_parameters((1e4, 20.0, 0.3))[:2]]
+    result = fit(Problem(engine, [*starts, mass], [trajectory], 1e-4, 1e-3), starts=0)
+    assert result.noise_explains
+    assert "lies at its" in result["body_mass"].statement
+    for name, value in (("stiffness", 1e4), ("damping", 20.0), ("body_mass", 1.0)):
+        assert not result[name].identified
+        # As far as bounds allow, intervals reach over the valley.
+        assert result[name].lower < 5.0 * value
+        assert result[name].upper > 25.0 * value
 
 
 @pytest.mark.parametrize(

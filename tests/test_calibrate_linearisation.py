@@ -55,6 +55,20 @@ def test_points_that_meet_a_bound_keep_the_jacobian_exact():
     np.testing.assert_allclose(model.scatter, 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("place", [0.5, -0.5])
+def test_what_moves_together_does_so_at_a_bound(place):
+    """Residuals depend on the difference of two alone, not linearly."""
+    rng = np.random.default_rng(3)
+    a, q = rng.normal(size=(2, 30))
+    valley = Residuals(lambda x: a * (x[0] - x[1]) + q * (x[0] - x[1]) ** 2, 2, bound=0.5)
+    region = 0.04 * np.ones((2, 2)) + 1e-6 * np.eye(2)
+    point = np.array([place, place])
+    model = linearise(valley, point, region[None], rng)
+    # Draws off the valley have a standard deviation of 0.0014.
+    jacobian = model.jacobian.dense()
+    np.testing.assert_allclose(jacobian, np.stack([a, -a], axis=1), atol=1e-9)
+
+
 def test_unknowns_outside_the_region_stay():
     rng = np.random.default_rng(2)
     seen = []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
 from dashpot.calibrate.fit_errors import covariance_around
-from dashpot.calibrate.identifiability import judge, noise_explains
+from dashpot.calibrate.identifiability import judge, leaders, noise_explains
 from dashpot.calibrate.intervals import Covariance, check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
@@ -218,6 +218,7 @@ def _result(
         unfinished = f"the search ended before it converged ({search.message})"
     elif failure is not None:
         unfinished = f"simulations next to the estimate fail ({failure})"
+    leading = leaders(problem.parameters, point[: objective.parameters], correlation)
     estimates = tuple(
         judge(
             parameter,
@@ -231,6 +232,7 @@ def _result(
             unexplained=None if explained else estimated.residual_variance,
             clustered=errors == "clustered",
             nonlinearity=float(departure[i]),
+            leader=leading[i],
         )
         for i, parameter in enumerate(problem.parameters)
     )

@@ -12,6 +12,8 @@ A parameter is called *not identified* when
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or its interval reaches one: the data then say nothing of how far it
   would go on, as where friction never slips, or
+* it goes along with what lies at a bound (parameters there together explain it with a correlation
+  above 0.95): it is then known for that bound, not for what they would be beyond, or
 * its interval covers more than half of the allowed range, or
 * (log parameters) the ends of its interval differ by more than a factor of four: it is then not
   known to within a factor of two either way.
@@ -30,6 +32,7 @@ cost so rough over the interval that this makes most of its width.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -134,6 +137,7 @@ def judge(
     unexplained: float | None = None,
     clustered: bool = False,
     nonlinearity: float = 0.0,
+    leader: str | None = None,
 ) -> Estimate:
     """Return the estimate of one parameter with its statement.
 
@@ -155,6 +159,8 @@ def judge(
         Whether errors are clustered, and so do not need the noise to explain the residuals.
     nonlinearity
         As in `Estimate`.
+    leader
+        The parameter at a bound that it goes along with, as `leaders` says.
     """
     coordinate = parameter.coordinate
     value = coordinate.to_value(z)
@@ -183,6 +189,8 @@ def judge(
         )
     else:
         reason = bound or _reason(parameter, z, half_width, lower, upper, confidence)
+        if reason is None and leader is not None:
+            reason = f"it goes along with {leader}, whose estimate lies at a bound"
     if bound is not None and reason is not None and reason != bound:
         reason = f"{bound}, and {reason}"
     partner = _partner(parameter.name, correlation, names)
@@ -210,6 +218,39 @@ def judge(
         identified=reason is None,
         statement=statement,
         nonlinearity=nonlinearity,
+    )
+
+
+def leaders(
+    parameters: Sequence[Parameter], point: Array, correlation: Array
+) -> tuple[str | None, ...]:
+    """Return by parameter which one at a bound it goes along with; None: with none.
+
+    It does where those at bounds together explain it with a multiple correlation that is high; the
+    one that is correlated most is named.
+
+    Parameters
+    ----------
+    parameters
+        All p.
+    point
+        (p,) their estimates in search coordinates.
+    correlation
+        (p, p).
+    """
+    bound = np.array(
+        [_bound(p, float(z)) is not None for p, z in zip(parameters, point, strict=True)]
+    )
+    known = np.flatnonzero(bound & (np.abs(correlation).sum(axis=1) > 1.0))
+    if known.size == 0:
+        return (None,) * len(parameters)
+    among = correlation[np.ix_(known, known)]
+    to_them = correlation[:, known]
+    explained = np.einsum("ij,ji->i", to_them, np.linalg.pinv(among, hermitian=True) @ to_them.T)
+    most = known[np.abs(to_them).argmax(axis=1)]
+    return tuple(
+        parameters[most[i]].name if not bound[i] and explained[i] > HIGH_CORRELATION**2 else None
+        for i in range(len(parameters))
     )
 
 

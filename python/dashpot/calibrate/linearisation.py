@@ -39,6 +39,8 @@ _MOST_REGIONS = 6
 _WIDEST = 0.1
 # A region where a simulation fails is narrowed by this factor, so often at most.
 _NARROWER = 4.0
+# The centre of a region is at least so many of its standard deviations off all bounds.
+_INSIDE = 2.0
 # Correlated parameters whose eigenvalues are below this fraction count as dependent in a draw.
 _DEPENDENT = 1e-12
 # Unknowns of a larger variance (of parameters: a million e-folds or ranges) are as good as of an
@@ -84,8 +86,8 @@ def linearise(
         (size,) centre of the region, within the bounds.
     region
         (trajectories, p + s, p + s) covariance of the region, as `Covariance.blocks`; unknowns with
-        zero rows stay as they are, and their columns of the Jacobian are 0. Points outside the
-        bounds are put on them.
+        zero rows stay as they are, and their columns of the Jacobian are 0. Where bounds are near,
+        its centre moves inwards, all unknowns together as it says.
     rng
         Draws the points.
     """
@@ -93,7 +95,12 @@ def linearise(
     pairs = 2 * (count + block) + 8
     draws = _draw(region, count, pairs, rng)
     lower, upper = objective.bounds()
-    up, down = (np.clip(point + sign * draws, lower, upper) for sign in (1.0, -1.0))
+    centre = _within_bounds(point, region, count, lower, upper)
+    # As a whole, so that unknowns that move together still do.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        room = np.minimum(centre - lower, upper - centre) / np.abs(draws)
+    draws *= np.minimum(room.min(axis=1, where=draws != 0.0, initial=1.0), 1.0)[:, None]
+    up, down = (np.clip(centre + sign * draws, lower, upper) for sign in (1.0, -1.0))
     residuals = objective.residuals(np.concatenate([up, down]))
     half = 0.5 * (residuals[:pairs] - residuals[pairs:])
     middle = 0.5 * (residuals[:pairs] + residuals[pairs:])
@@ -121,24 +128,53 @@ def linearise(
 
 def _draw(region: Array, count: int, number: int, rng: np.random.Generator) -> Array:
     """Return normal draws (number, n) of the parameters, and of initial states given them."""
-    parameters = region[0, :count, :count]
-    scale = np.sqrt(np.maximum(np.diag(parameters), 0.0))  # rounding may leave less
-    scale[scale == 0.0] = 1.0
-    values, vectors = np.linalg.eigh(parameters)
+    values, vectors = np.linalg.eigh(region[0, :count, :count])
     shared = rng.normal(size=(number, count)) @ (vectors * np.sqrt(np.maximum(values, 0.0))).T
     trajectories, size = len(region), region.shape[1] - count
     if size == 0:
         return np.asarray(shared)
-    # How states follow the parameters, which may be as good as dependent.
-    standard = parameters / np.outer(scale, scale)
-    inverse = np.linalg.pinv(standard, rcond=_DEPENDENT, hermitian=True) / np.outer(scale, scale)
-    follow = region[:, count:, :count] @ inverse
+    follow = _following(region, np.arange(count), np.arange(count, count + size))
     rest = region[:, count:, count:] - follow @ region[:, :count, count:]
     values, vectors = np.linalg.eigh(rest)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     noise = rng.normal(size=(number, trajectories, size))
     own = np.einsum("tij,ntj->nti", root, noise) + np.einsum("tij,nj->nti", follow, shared)
     return np.concatenate([shared, own.reshape(number, -1)], axis=1)
+
+
+def _following(region: Array, leading: NDArray[np.intp], following: NDArray[np.intp]) -> Array:
+    """Return (trajectories, f, l) how some unknowns of a region follow others on average.
+
+    Those may be as good as dependent.
+    """
+    covariance = region[np.ix_(np.arange(len(region)), leading, leading)]
+    scale = np.sqrt(np.maximum(_diagonal(covariance), 0.0))  # rounding may leave less
+    scale[scale == 0.0] = 1.0
+    units = scale[:, :, None] * scale[:, None, :]
+    inverse = np.linalg.pinv(covariance / units, rcond=_DEPENDENT, hermitian=True) / units
+    return np.asarray(region[np.ix_(np.arange(len(region)), following, leading)] @ inverse)
+
+
+def _within_bounds(point: Array, region: Array, count: int, lower: Array, upper: Array) -> Array:
+    """Return the point next to `point` along a region from which that hardly meets a bound.
+
+    An unknown that its bound stops moves inwards, and others as they do along with it.
+    """
+    low, high, start = lower[:count], upper[:count], point[:count]
+    wanted = _INSIDE * np.sqrt(np.maximum(np.diag(region[0])[:count], 0.0))
+    wanted = np.minimum(wanted, 0.5 * (high - low))
+    shift = np.clip(start, low + wanted, high - wanted) - start
+    near = np.flatnonzero(shift)
+    if near.size == 0:
+        return point
+    follow = _following(region[:1], near, np.arange(count))[0]
+    parameters = np.clip(start + follow @ shift[near], low + wanted, high - wanted)
+    trajectories, size = len(region), region.shape[1] - count
+    states = _following(region, np.arange(count), np.arange(count, count + size))
+    moved = point.copy()
+    moved[:count] = parameters
+    moved[count:] += (states @ (parameters - start)).reshape(trajectories * size)
+    return moved
 
 
 def over_its_region(
