@@ -12,6 +12,7 @@
 #include "dashpot/mujoco_hull_vertices.hpp"
 #include "dashpot/mujoco_names.hpp"
 #include "dashpot/mujoco_velocities.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot {
 
@@ -116,10 +117,12 @@ Motion geom_motion(const mjModel* model, const mjData* data, int geom) {
   const int body = model->geom_bodyid[geom];
   double velocity[6];  // angular, linear
   mj_objectVelocity(model, data, mjOBJ_BODY, body, velocity, 0);
+  const Eigen::Map<const Eigen::Vector3d> own_centre(data->xipos + 3 * body);
   Motion motion;
-  motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
+  motion.centre = Eigen::Map<const Eigen::Vector3d>(host::centre_of_motion(model, data, body));
   motion.angular = Eigen::Map<const Eigen::Vector3d>(velocity);
-  motion.linear = Eigen::Map<const Eigen::Vector3d>(velocity + 3);
+  motion.linear = Eigen::Map<const Eigen::Vector3d>(velocity + 3) +
+                  motion.angular.cross(motion.centre - own_centre);
   if (!motion.centre.allFinite() || !motion.angular.allFinite() || !motion.linear.allFinite()) {
     throw std::invalid_argument("the velocity of the body of " + host::contact_side(model, geom) +
                                 " is not finite");
@@ -165,7 +168,7 @@ GeomBounds geom_bounds(const mjModel* model, int geom) {
 Motion body_motion(const mjModel* model, const mjData* data, int body, const double* spatial) {
   const Eigen::Map<const Eigen::Vector3d> about(data->subtree_com + 3 * model->body_rootid[body]);
   Motion motion;
-  motion.centre = Eigen::Map<const Eigen::Vector3d>(data->xipos + 3 * body);
+  motion.centre = Eigen::Map<const Eigen::Vector3d>(host::centre_of_motion(model, data, body));
   motion.angular = Eigen::Map<const Eigen::Vector3d>(spatial);
   motion.linear =
       Eigen::Map<const Eigen::Vector3d>(spatial + 3) + motion.angular.cross(motion.centre - about);

@@ -10,6 +10,7 @@
 #include "dashpot/mujoco_jacobians.hpp"
 #include "dashpot/mujoco_row_turns.hpp"
 #include "dashpot/mujoco_trees.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot::host {
 
@@ -135,7 +136,7 @@ Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
 void to_centre(const mjModel_* m, const mjData_* d, const Tree& t, double* row) {
   const int body = m->dof_bodyid[t.dof_begin];
   mjtNum arm[3], turn[3], angular[3];
-  mju_sub3(arm, d->xipos + 3 * body, d->xpos + 3 * body);
+  mju_sub3(arm, centre_of_motion(m, d, body), d->xpos + 3 * body);
   mju_cross(turn, arm, row);
   mju_mulMatVec3(angular, d->xmat + 9 * body, row + 3);
   mju_sub3(row + 3, angular, turn);

@@ -7,6 +7,7 @@
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_moved_geom.hpp"
 #include "dashpot/mujoco_properties.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot::host {
 
@@ -14,6 +15,8 @@ namespace {
 
 // Cosine of the angle of a normal to a cylinder's axis up to which it is one of its side.
 constexpr double kOnSide = 1e-6;
+// Of the radius of a ball, by which rounding may take its centre from the centre of mass.
+constexpr double kRounding = 1e-9;
 
 bool is_round_all_over(int type) {
   return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
@@ -32,6 +35,7 @@ bool ContactMotion::find(const ContactInput& contact, const Trees& trees, const 
     side.geom = contact.geom[i];
     if (side.geom < 0 || model_->geom_type[side.geom] == mjGEOM_SDF) return false;
     side.body = model_->geom_bodyid[side.geom];
+    side.centre = centre_of_motion(model_, data_, side.body);
   }
   for (int i = 0; i < 2; ++i) find_velocity(contact.tree[i], trees, motion, side_[i]);
   mju_sub3(relative_, side_[1].linear, side_[0].linear);
@@ -47,20 +51,23 @@ void ContactMotion::find_velocity(int tree, const Trees& trees, const double* mo
     mju_copy3(side.angular, motion + trees.tree[tree].begin + 4);
     return;
   }
-  velocity_at(model_, data_, side.body, data_->xipos + 3 * side.body, side.angular, side.linear);
+  velocity_at(model_, data_, side.body, side.centre, side.angular, side.linear);
 }
 
 void ContactMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* velocity) const {
   mjtNum arm[3];
-  mju_sub3(arm, point, data_->xipos + 3 * side.body);
+  mju_sub3(arm, point, side.centre);
   mju_cross(velocity, side.angular, arm);
   mju_addTo3(velocity, side.linear);
 }
 
 bool ContactMotion::is_free_ball(int side) const {
   const int geom = side_[side].geom;
-  return side_[side].is_free && model_->geom_type[geom] == mjGEOM_SPHERE &&
-         mju_dist3(model_->geom_pos + 3 * geom, model_->body_ipos + 3 * side_[side].body) == 0.0;
+  if (!side_[side].is_free || model_->geom_type[geom] != mjGEOM_SPHERE) return false;
+  if (has_welded_parts(model_, model_->body_treeid[side_[side].body]))
+    return mju_dist3(data_->geom_xpos + 3 * geom, side_[side].centre) <=
+           kRounding * model_->geom_rbound[geom];
+  return mju_dist3(model_->geom_pos + 3 * geom, model_->body_ipos + 3 * side_[side].body) == 0.0;
 }
 
 bool ContactMotion::are_round() const {
@@ -96,9 +103,8 @@ double ContactMotion::way() const {
 double ContactMotion::way_in(double time) const {
   double speed = mju_norm3(relative_);
   for (const Side& side : side_)
-    speed += mju_norm3(side.angular) *
-             (model_->geom_rbound[side.geom] +
-              mju_dist3(data_->geom_xpos + 3 * side.geom, data_->xipos + 3 * side.body));
+    speed += mju_norm3(side.angular) * (model_->geom_rbound[side.geom] +
+                                        mju_dist3(data_->geom_xpos + 3 * side.geom, side.centre));
   return time * speed;
 }
 
@@ -118,7 +124,7 @@ double ContactMotion::inverse_mass(const ContactInput& contact, const Trees& tre
       continue;
     }
     mjtNum arm[3], torque[3];
-    mju_sub3(arm, contact.position.data(), data_->xipos + 3 * side.body);
+    mju_sub3(arm, contact.position.data(), side.centre);
     mju_cross(torque, arm, contact.frame.data());
     const double* inverse = trees.inverse.data() + trees.tree[contact.tree[i]].inverse;
     sum += inverse[0];
@@ -147,8 +153,8 @@ std::array<double, 3> ContactMotion::point_rate(const ContactInput& contact, Whe
   for (int i = 0; i < 2; ++i) {
     const Side& side = side_[i];
     const mjtNum sign = i == 0 ? -1.0 : 1.0;
-    const mjtNum* centre = side.is_free ? data_->xipos + 3 * side.body
-                                        : data_->subtree_com + 3 * model_->body_rootid[side.body];
+    const mjtNum* centre =
+        side.is_free ? side.centre : data_->subtree_com + 3 * model_->body_rootid[side.body];
     const mjtNum* twist = side.twist[when == When::kStart ? 0 : 1];
     mjtNum arm[3], velocity[3];
     for (int k = 0; k < 3; ++k)

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"
 #include "dashpot/runge_kutta.hpp"
 
@@ -45,11 +46,20 @@ bool has_rigid_body_inertia(const mjModel* m, const mjData* d, const Trees& tree
 }
 
 // In the form of Trees::inverse for free bodies.
-void invert_body_inertia(const mjModel* m, const mjData* d, int tree, double* inverse) {
+void invert_body_inertia(const mjModel* m, const mjData* d, int tree, const WeldedParts* parts,
+                         double* inverse) {
   const int body = m->dof_bodyid[m->tree_dofadr[tree]];
+  mjtNum of_parts[9];
   const mjtNum* rotation = d->ximat + 9 * body;
   const mjtNum* moments = m->body_inertia + 3 * body;
-  for (int i = 0; i < 3; ++i) inverse[i] = 1.0 / m->body_mass[body];
+  if (parts) {
+    Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>{of_parts} =
+        (orientation(m, d, tree) * parts->principal()).normalized().matrix();
+    rotation = of_parts;
+    moments = parts->moments().data();
+  }
+  const double mass = parts ? parts->mass() : m->body_mass[body];
+  for (int i = 0; i < 3; ++i) inverse[i] = 1.0 / mass;
   inverse[3] = 0.0;
   for (int j = 0; j < 3; ++j) {
     double* column = inverse + 4 * (j + 1);
@@ -201,7 +211,8 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
   mjd_actuator_vel(m, d);
 }
 
-void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees, Team& team) {
+void find_effective_inertia(const mjModel_* m, const mjData_* d,
+                            const std::vector<WeldedParts>& parts, Trees& trees, Team& team) {
   const double weight = joint_damping_weight(m);
   for (int i = 0; i < m->nv; ++i)
     trees.joint_damping[i] = weight > 0.0 ? weight * joint_damping(m, i, d->qvel[i]) : 0.0;
@@ -210,7 +221,7 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees, T
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
     t.damped = false;
     if (t.free_body)
-      invert_body_inertia(m, d, index, trees.inverse.data() + t.inverse);
+      invert_body_inertia(m, d, index, parts_of(m, parts, index), trees.inverse.data() + t.inverse);
     else
       factor_tree(m, d, trees, index, m->opt.timestep, trees.factor.data() + t.inverse);
   });

@@ -13,6 +13,7 @@
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_row_turns.hpp"
 #include "dashpot/mujoco_velocities.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot::host {
 
@@ -49,7 +50,7 @@ Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjt
   Acceleration a = generalized_acceleration(m, d, body, point);
   const int tree = m->body_treeid[body];
   if (tree < 0 || !trees.tree[tree].free_body) return a;
-  const Acceleration centre = generalized_acceleration(m, d, body, d->xipos + 3 * body);
+  const Acceleration centre = generalized_acceleration(m, d, body, centre_of_motion(m, d, body));
   mju_subFrom3(a.linear, centre.linear);
   return a;
 }

@@ -9,6 +9,7 @@
 #include "dashpot/mujoco_moved_axes.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_velocities.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot::host {
 
@@ -137,7 +138,7 @@ PairGeometry pair_geometry(const mjModel_* m, const mjData_* d, const ContactInp
     const int tree = input.tree[side];
     if (tree < 0) continue;
     pair.begin[side] = trees.tree[tree].begin;
-    const mjtNum* centre = d->xipos + 3 * m->geom_bodyid[input.geom[side]];
+    const mjtNum* centre = centre_of_motion(m, d, m->geom_bodyid[input.geom[side]]);
     const std::array<double, 3> point = acting_point(input, side);
     for (int i = 0; i < 3; ++i) pair.arm[side][i] = point[i] - centre[i];
   }

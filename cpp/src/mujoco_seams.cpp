@@ -39,12 +39,20 @@ double inner_radius(const mjModel* m, int geom) {
   }
 }
 
+// Whether a body that moves has more than one geom, with those of what is welded to it.
+bool has_more_geoms(const mjModel* m, int body) {
+  int count = m->body_geomnum[body];
+  for (int other = body + 1; other < m->nbody && m->body_parentid[other] >= body; ++other)
+    if (m->body_weldid[other] == body) count += m->body_geomnum[other];
+  return count > 1;
+}
+
 // Whether a contact is that of a round geom and a tile: of a geom without flat faces, and of one
 // with on a body that may have others beside it.
 bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
   if (contact.is_of_flex()) return false;
-  const int body = m->geom_bodyid[contact.geom[1]], held_by = m->body_weldid[body];
-  if (held_by == body && held_by != 0 && m->body_geomnum[body] == 1) return false;
+  const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
+  if (held_by != 0 && !has_more_geoms(m, held_by)) return false;
   const int round = m->geom_type[contact.geom[0]], other = m->geom_type[contact.geom[1]];
   return (round == mjGEOM_SPHERE || round == mjGEOM_CAPSULE || round == mjGEOM_ELLIPSOID ||
           round == mjGEOM_CYLINDER) &&
@@ -166,8 +174,10 @@ class Seams {
     return overlap <= kDepths * -rest.gap + tolerance(rest);
   }
 
+  // The body that moves a geom, or, of one that none does, its own.
   int body_of(const ContactInput& contact, int side) const {
-    return m_->geom_bodyid[contact.geom[side]];
+    const int body = m_->geom_bodyid[contact.geom[side]], held_by = m_->body_weldid[body];
+    return held_by != 0 ? held_by : body;
   }
 
   // Whether there may be a face beneath the geom on `side`, which has an end.

@@ -24,16 +24,24 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree) {
   return {q[0], q[1], q[2], q[3]};
 }
 
-FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration) {
+FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const WeldedParts* parts,
+                        const double* acceleration) {
   const int dof = m->tree_dofadr[tree];
   const int body = m->dof_bodyid[dof];
   const mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
-  const mjtNum* principal = m->body_iquat + 4 * body;
   FreeBody free;
-  free.mass = m->body_mass[body];
-  free.inertia = Eigen::Map<const Eigen::Vector3d>(m->body_inertia + 3 * body);
-  free.principal = {principal[0], principal[1], principal[2], principal[3]};
-  free.offset = Eigen::Map<const Eigen::Vector3d>(m->body_ipos + 3 * body);
+  if (parts) {
+    free.mass = parts->mass();
+    free.inertia = parts->moments();
+    free.principal = parts->principal();
+    free.offset = parts->offset();
+  } else {
+    const mjtNum* principal = m->body_iquat + 4 * body;
+    free.mass = m->body_mass[body];
+    free.inertia = Eigen::Map<const Eigen::Vector3d>(m->body_inertia + 3 * body);
+    free.principal = {principal[0], principal[1], principal[2], principal[3]};
+    free.offset = Eigen::Map<const Eigen::Vector3d>(m->body_ipos + 3 * body);
+  }
   free.origin = Eigen::Map<const Eigen::Vector3d>(q);
   free.orientation = orientation(m, d, tree);
   free.velocity = Eigen::Map<const Vector6>(d->qvel + dof);

@@ -13,6 +13,7 @@ namespace dashpot::host {
 namespace {
 
 constexpr double kOrthogonal = 1e-9;  // cosine of the axes of slides
+constexpr int kFreeDofs = 6;
 
 using TreeSet = std::set<int>;
 
@@ -103,7 +104,7 @@ int tree_count(const mjModel_* m) {
 
 bool is_free_body(const mjModel_* m, int tree) {
   const int joint = m->dof_jntid[m->tree_dofadr[tree]];
-  return m->tree_bodynum[tree] == 1 && m->jnt_type[joint] == mjJNT_FREE;
+  return m->jnt_type[joint] == mjJNT_FREE && m->tree_dofnum[tree] == kFreeDofs;
 }
 
 int translations(const mjModel_* m, const mjData_* d, int tree, double* direction) {

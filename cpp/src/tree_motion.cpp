@@ -54,7 +54,8 @@ bool TreeMotion::is_accurate(int tree) const {
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {
   host::prepare_effective_inertia(model_, d);
-  host::find_effective_inertia(model_, d, trees_, team);
+  host::read_welded_parts(model_, tree_count(), parts_, team);
+  host::find_effective_inertia(model_, d, parts_, trees_, team);
   data.reset_motion(trees_.coordinates);
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
@@ -67,8 +68,9 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     host::smooth_acceleration(d, trees_, index, acceleration);
     if (host::is_free_body(model_, index)) {
       FreeMotion& motion = free_motion_[index];
-      motion =
-          predict_free_motion(host::read_free_body(model_, d, index, acceleration), length, rough);
+      const host::WeldedParts* parts = host::parts_of(model_, parts_, index);
+      motion = predict_free_motion(host::read_free_body(model_, d, index, parts, acceleration),
+                                   length, rough);
       if (is_accurate(index))
         Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
     }
@@ -84,7 +86,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
 }
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team& team) {
-  host::find_effective_inertia(model_, d, trees_, team);
+  host::find_effective_inertia(model_, d, parts_, trees_, team);
   data.velocity[kTurningCoordinate] = -0.5 * length;
   for (int index = 0; index < tree_count(); ++index) {
     const Tree& tree = trees_.tree[index];

@@ -42,8 +42,9 @@ class GeomShapes {
 Pose unchecked_geom_pose(const mjData_* data, int geom);
 Pose geom_pose(const mjModel_* model, const mjData_* data, int geom);
 
-// The velocity of its body, at the body's centre of mass, as the data's kinematics last left it
-// (cvel). Throws std::invalid_argument naming the geom where it is not finite.
+// The velocity of its body, at the body's centre of mass, or, of a free body, that of all that is
+// welded together, as the data's kinematics last left it (cvel). Throws std::invalid_argument
+// naming the geom where it is not finite.
 Motion geom_motion(const mjModel_* model, const mjData_* data, int geom);
 
 // Whether queries cover the type of a geom: all but signed distance fields.
@@ -61,11 +62,11 @@ struct GeomBounds {
 };
 GeomBounds geom_bounds(const mjModel_* model, int geom);
 
-// Motion of a body, `centre` its centre of mass, of its spatial velocity: rotation and translation
+// Motion of a body, `centre` as in geom_motion, of its spatial velocity: rotation and translation
 // (6) about the centre of mass of its tree, as in cvel.
 Motion body_motion(const mjModel_* model, const mjData_* data, int body, const double* spatial);
 // Motion of every body for the generalized velocities `qvel` (nv) at the positions of `data`;
-// `centre` is its centre of mass.
+// `centre` as in geom_motion.
 std::vector<Motion> body_motions(const mjModel_* model, const mjData_* data, const double* qvel);
 
 int geom_body(const mjModel_* model, int geom);

@@ -35,7 +35,7 @@ class ContactMotion {
   // Whether the geom belongs to a free body.
   bool is_free(int side) const { return side_[side].is_free; }
   const mjtNum* angular(int side) const { return side_[side].angular; }
-  // Velocity of the centre of mass of the body.
+  // Velocity of the centre of mass of the body, with what is welded to it if it is free.
   const mjtNum* linear(int side) const { return side_[side].linear; }
   // Velocity of the centre of mass of the second body relative to that of the first.
   const mjtNum* relative() const { return relative_; }
@@ -76,6 +76,7 @@ class ContactMotion {
   struct Side {
     int geom = -1, body = -1;
     bool is_free = false;
+    const mjtNum* centre = nullptr;  // see centre_of_motion
     mjtNum angular[3]{}, linear[3]{};
     // Of all but free bodies, about the centre of mass of the tree: at the start, and then.
     mjtNum twist[2][6]{};

@@ -10,6 +10,7 @@
 
 #pragma once
 
+#include "dashpot/mujoco_welded_parts.hpp"
 #include "dashpot/team.hpp"
 #include "dashpot/trees.hpp"
 
@@ -49,8 +50,9 @@ void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, do
 // Computes the derivatives where they are needed: of all smooth forces, or of actuators alone.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
-// factor_inertia.
-void find_effective_inertia(const mjModel_* m, const mjData_* d, Trees& trees, Team& team);
+// factor_inertia. `parts` as read_welded_parts leaves them.
+void find_effective_inertia(const mjModel_* m, const mjData_* d,
+                            const std::vector<WeldedParts>& parts, Trees& trees, Team& team);
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
 // micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);

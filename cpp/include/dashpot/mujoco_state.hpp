@@ -4,6 +4,7 @@
 #pragma once
 
 #include "dashpot/free_body.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 #include "dashpot/trees.hpp"
 
 struct mjModel_;
@@ -14,8 +15,10 @@ namespace dashpot::host {
 const double* position(const mjData_* d);
 const double* velocity(const mjData_* d);
 
-// `acceleration` is the smooth generalized acceleration of the tree.
-FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const double* acceleration);
+// `acceleration` is the smooth generalized acceleration of the tree; `parts` are those of a body
+// that has_welded_parts, null of all others.
+FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const WeldedParts* parts,
+                        const double* acceleration);
 Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 

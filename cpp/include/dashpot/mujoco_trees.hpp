@@ -10,7 +10,7 @@ struct mjData_;
 namespace dashpot::host {
 
 int tree_count(const mjModel_* m);  // without those joined to others
-// Trees that are one free body without children.
+// Trees that are one free body: no other joint is in it, whatever is welded to it.
 bool is_free_body(const mjModel_* m, int tree);
 // Directions of the world at right angles to each other (at most three unit vectors) along which
 // the first joints of a tree let it go as a whole; returns how many.

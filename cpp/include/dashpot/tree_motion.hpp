@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "dashpot/free_body.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/team.hpp"
 #include "dashpot/trees.hpp"
@@ -109,6 +110,7 @@ class TreeMotion {
   const mjModel_* model_;
   bool accurate_free_bodies_;
   Trees trees_;
+  std::vector<host::WeldedParts> parts_;                 // by tree, if any has some
   std::vector<double> start_position_, start_velocity_;  // generalized
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
