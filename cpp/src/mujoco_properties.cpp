@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "dashpot/mocap_bodies.hpp"
+#include "dashpot/mujoco_welded_parts.hpp"
 
 namespace dashpot::host {
 
@@ -85,7 +86,11 @@ int moved_body(const mjModel_* m, int geom) {
 int geom_tree(const mjModel_* m, int geom) { return m->body_treeid[m->geom_bodyid[geom]]; }
 
 double geom_inverse_mass(const mjModel_* m, int geom) {
-  return m->body_invweight0[2 * m->geom_bodyid[geom]];
+  const int body = m->geom_bodyid[geom], tree = m->body_treeid[body];
+  // MuJoCo has that of the root at its own centre of mass for all that is welded to it.
+  if (tree >= 0 && has_welded_parts(m, tree))
+    return 1.0 / m->body_subtreemass[m->body_rootid[body]];
+  return m->body_invweight0[2 * body];
 }
 
 int last_dof(const mjModel_* m, int body) {
