@@ -48,15 +48,16 @@ bool has_more_geoms(const mjModel* m, int body) {
 }
 
 // Whether a contact is that of a round geom and a tile: of a geom without flat faces, and of one
-// with on a body that may have others beside it.
+// with some on a body that may have others beside it.
 bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
   if (contact.is_of_flex()) return false;
-  const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
-  if (held_by != 0 && !has_more_geoms(m, held_by)) return false;
   const int round = m->geom_type[contact.geom[0]], other = m->geom_type[contact.geom[1]];
-  return (round == mjGEOM_SPHERE || round == mjGEOM_CAPSULE || round == mjGEOM_ELLIPSOID ||
-          round == mjGEOM_CYLINDER) &&
-         (other == mjGEOM_BOX || other == mjGEOM_MESH);
+  if (round != mjGEOM_SPHERE && round != mjGEOM_CAPSULE && round != mjGEOM_ELLIPSOID &&
+      round != mjGEOM_CYLINDER)
+    return false;
+  if (other != mjGEOM_BOX && other != mjGEOM_MESH) return false;
+  const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
+  return held_by == 0 || has_more_geoms(m, held_by);
 }
 
 class Seams {

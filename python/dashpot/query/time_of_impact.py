@@ -82,7 +82,8 @@ def time_of_impact(
     """First contact of two geoms along their present velocities, rotation included.
 
     Each body moves on as a rigid body with constant velocity of its centre of mass and constant
-    angular velocity in the world; loads do not act. Conservative advancement: the time is never
+    angular velocity in the world, a free body with all that is welded to it; loads do not act.
+    Conservative advancement: the time is never
     after the first contact, and the gap left at it is at most 1e-9 of the geoms' size, which also
     is the clearance below which geoms that pass each other count as touching.
 
