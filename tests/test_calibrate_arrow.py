@@ -211,6 +211,45 @@ def test_a_minimum_at_a_bound_is_that_of_the_others_there(bounds):
     assert 0.5 * np.sum(end.residuals**2) <= exact.cost * (1.0 + 1e-9)
 
 
+@pytest.mark.parametrize(("each", "most"), [(1e-3, 10), (1e-2, 100)])
+def test_a_search_that_creeps_on_rough_ground_ends(each, most):
+    """Every step lowers the cost by two thirds of what its model says, and the next says as much.
+
+    That of 1e-3 makes less than 0.02 in eight; that of 1e-2 goes on to the last evaluation.
+    """
+    count = 0
+
+    def residuals(x):
+        nonlocal count
+        count += 1
+        return np.array([np.sqrt(3.0 * each), np.sqrt(2.0 * (30.0 - each * count)), *np.zeros(40)])
+
+    def minimum(level_tolerance):
+        nonlocal count
+        count = 0
+        return minimise(
+            residuals, lambda _: ArrowMatrix.of_dense(np.eye(42, 1)), np.zeros(1), ([-99], [99]),
+            loss=Loss(), hold=1e-6, most_evaluations=100, cost_tolerance=1e-7,
+            step_tolerance=1e-8, level_tolerance=level_tolerance,
+        )  # fmt: skip
+
+    assert not minimum(0.0).converged
+    assert count == 100
+    assert minimum(0.02).converged == (most < 100)
+    assert count <= most
+
+
+def test_steps_that_fail_are_no_level_ground():
+    problem, way = Growth(), 1e-6
+
+    def residuals(x):
+        near = abs(x[0] - START[0]) < way
+        return problem.residuals(x) if near else np.full(problem.offsets[-1], np.inf)
+
+    end = search(problem, residuals=residuals, level_tolerance=0.02)
+    assert abs(end.point[0] - START[0]) > 0.5 * way
+
+
 def test_steps_to_where_nothing_can_be_simulated_are_taken_back():
     """Here nothing can beyond a short way from the last point: the first full step is 1.2 long."""
     problem, reached, failures = Growth(), [START[0]], []

@@ -65,6 +65,8 @@ def fit(
     at once, from the best start.
     A model that is not quite right explains no end, and such fits spend most of their budget on
     better ones; ``starts=0`` saves that.
+    On rough ground, as of blocks that slide from the first frame on, a search ends where the cost
+    changes by a small part of what one standard error does.
 
     What was not measured, or carries no noise (see `Problem`), counts as no residual in any of
     this.

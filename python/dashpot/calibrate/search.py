@@ -21,6 +21,10 @@ Array = NDArray[np.float64]
 # standard error changes it, and of the point.
 _COST_TOLERANCE = 1e-7
 _STEP_TOLERANCE = 1e-8
+# Change of the cost, of residuals of unit variance, that counts as none where it is rough: a
+# twenty-fifth of the half unit above, and more in windows whose ends are starts of the next.
+LEVEL = 0.02
+EARLY_LEVEL = 0.2
 # Weight of the distance from the start, in standard deviations per unit of the search coordinate:
 # with it the Jacobian keeps full rank, which scipy's steps need, where residuals do not depend on
 # an unknown, or only on a combination. It adds 5e-9 per squared unit to the cost.
@@ -85,6 +89,12 @@ class Search:
     def best_explained(self, deviations: float) -> bool:
         """Whether noise explains the best point so far, as `explained` says."""
         return self.best_residuals.size > 0 and self.explained(self.best_residuals, deviations)
+
+    def end_where_level(self, before: float) -> None:
+        """Count as converged where a whole search from a point of cost `before` changes nothing."""
+        tolerance = LEVEL * max(1.0, 2.0 * self.best_cost / self.best_residuals.size)
+        if not self.converged and self.budget.left > 0 and before - self.best_cost < tolerance:
+            self.converged, self.message = True, "the cost changes no more"
 
     def costs(self, residuals: Array) -> Array:
         """Return the cost of each row of `residuals`, infinite where the simulation failed."""
@@ -172,8 +182,12 @@ def best_starts(search: Search, points: Array, keep: int) -> list[Array]:
     return [points[i] for i in np.argsort(costs, kind="stable")[:keep]]
 
 
-def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[Array, Array]:
+def least_squares(
+    search: Search, start: Array, most_iterations: int, *, level: float = LEVEL
+) -> tuple[Array, Array]:
     """Trust-region least squares with bounds: return its end and residuals.
+
+    It ends where the cost of residuals of unit variance changes by less than `level`.
 
     Where initial states are given it is scipy's reflective method; where they are unknown, one that
     makes use of their Jacobian's zeros. A step to a point whose simulation fails is taken back, as
@@ -198,7 +212,7 @@ def least_squares(search: Search, start: Array, most_iterations: int) -> tuple[A
 
     find = _arrow_least_squares if objective.initial_size else _dense_least_squares
     try:
-        end = find(search, residuals, start, (lower, upper), iterations)
+        end = find(search, residuals, start, (lower, upper), iterations, level)
     except SimulationError as error:
         if search.best_cost < before:
             search.converged, search.message = False, str(error)
@@ -220,6 +234,7 @@ def _arrow_least_squares(
     start: Array,
     bounds: tuple[Array, Array],
     iterations: int,
+    level: float,
 ) -> Minimum:
     lower, upper = (bound[: search.objective.parameters] for bound in bounds)
     return minimise(
@@ -231,6 +246,7 @@ def _arrow_least_squares(
         hold=_HOLD,
         most_evaluations=iterations,
         cost_tolerance=_COST_TOLERANCE,
+        level_tolerance=level,
         step_tolerance=_STEP_TOLERANCE,
     )
 
@@ -241,6 +257,7 @@ def _dense_least_squares(
     start: Array,
     bounds: tuple[Array, Array],
     iterations: int,
+    level: float,
 ) -> Minimum:
     hold = _HOLD * np.eye(start.size)
     result = optimize.least_squares(

@@ -15,8 +15,10 @@ from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.search import (
+    EARLY_LEVEL,
     FIRST_SIGMA,
     LATER_SIGMA,
+    LEVEL,
     Search,
     best_starts,
     cma_es,
@@ -118,10 +120,14 @@ def run_automatic(
 
 
 def _finish(search: Search) -> None:
-    """Go on from the best end if it has not converged, as on a rough cost, with what is left."""
-    if not search.converged and search.budget.left > 0:
-        with _going_on(search):
+    """Go on from the best end until it has converged, as on a rough cost, or nothing is left."""
+    while not search.converged and search.budget.left > 0:
+        before = search.best_cost
+        try:
             least_squares(search, search.best_point, _MOST_ITERATIONS)
+        except SimulationError:
+            return
+        search.end_where_level(before)
 
 
 def _wake(search: Search) -> None:
@@ -163,38 +169,73 @@ def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> 
 def _descend(searches: list[Search], points: list[Array]) -> None:
     """Search all windows from one point after the other until noise explains what is left.
 
-    An end in the first window that noise does not explain is a bad valley, or the model is not
-    quite right: the next start is tried, and if none does better, the best such end goes on. An
-    end that an earlier start reached too does not go on again. Searches that a failing simulation
-    ends are left out; where all are, it is an error.
+    An end in an earlier window that noise does not explain is a bad valley, or the model is not
+    quite right: the next start is tried, and if none does better, such ends go on, those in later
+    windows first and the best first. An end that an earlier start reached too does not go on
+    again. Searches that a failing simulation ends are left out; where all are, it is an error.
     """
     last = searches[-1]
     failure: SimulationError | None = None
-    unfinished: list[tuple[float, Array]] = []
-    finished: list[float] = []
+    ends = _Ends()
     for start in points:
         try:
-            point, residuals = least_squares(searches[0], start, _MOST_ITERATIONS)
-            cost = float(searches[0].costs(residuals))
-            if len(searches) > 1 and not searches[0].explained(residuals, _EXPLAINED):
-                unfinished.append((cost, point))
-            elif all(abs(cost - end) > _SAME_END for end in finished):
-                finished.append(cost)
-                _go_on(searches[1:], point)
+            _go_on(searches, 0, start, ends)
         except SimulationError as error:
             failure = failure or error
         if last.best_explained(_EXPLAINED) or last.budget.left == 0:
             break
-    if unfinished and not last.best_explained(_EXPLAINED):
+    while ends.bad and not last.best_explained(_EXPLAINED):
+        # Without a budget one still tells what the best end is worth.
+        window, _, point = ends.next()
         try:
-            _go_on(searches[1:], min(unfinished, key=lambda end: end[0])[1])
+            _go_on(searches, window + 1, point, None)
         except SimulationError as error:
             failure = failure or error
+        if last.budget.left == 0 and last.best_residuals.size:
+            break
     if failure is not None and last.best_residuals.size == 0:
         raise failure
 
 
-def _go_on(searches: list[Search], point: Array) -> None:
-    """Search one window after the other, each from the estimate of the last."""
-    for search in searches:
-        point, _ = least_squares(search, point, _MOST_ITERATIONS)
+class _Ends:
+    """Ends of searches in earlier windows: all costs by window, and the bad ends to go on from."""
+
+    def __init__(self) -> None:
+        self.bad: list[tuple[int, float, Array]] = []
+        self._costs: dict[int, list[float]] = {}
+
+    def new(self, window: int, cost: float) -> bool:
+        """Note the cost of an end in a window; return whether there was none of the same before."""
+        costs = self._costs.setdefault(window, [])
+        same = any(abs(cost - other) <= _SAME_END for other in costs)
+        costs.append(cost)
+        return not same
+
+    def next(self) -> tuple[int, float, Array]:
+        """Take the best of the bad ends in the latest window; return window, cost and point."""
+        latest = max(window for window, _, _ in self.bad)
+        best = min(
+            (i for i, end in enumerate(self.bad) if end[0] == latest),
+            key=lambda i: self.bad[i][1],
+        )
+        return self.bad.pop(best)
+
+
+def _go_on(searches: list[Search], first: int, point: Array, ends: _Ends | None) -> None:
+    """Search one window after the other from `first` on, each from the end of the last.
+
+    With `ends`, only from ends that are new and that noise explains; bad ones are noted there.
+    """
+    for window in range(first, len(searches)):
+        search = searches[window]
+        early = window < len(searches) - 1
+        level = EARLY_LEVEL if early else LEVEL
+        point, residuals = least_squares(search, point, _MOST_ITERATIONS, level=level)
+        if ends is None or not early:
+            continue
+        cost = float(search.costs(residuals))
+        if not ends.new(window, cost):
+            return
+        if not search.explained(residuals, _EXPLAINED):
+            ends.bad.append((window, cost, point))
+            return

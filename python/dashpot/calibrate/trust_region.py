@@ -30,6 +30,8 @@ _WHOLE_LENGTH = 0.95
 # reach.
 _RIGHT_LENGTH = 0.01
 _MOST_CORRECTIONS = 10
+# A cost is level when so many evaluations together lower it by less than its tolerance.
+_LEVEL_EVALUATIONS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,7 @@ def minimise(
     most_evaluations: int,
     cost_tolerance: float,
     step_tolerance: float,
+    level_tolerance: float = 0.0,
 ) -> Minimum:
     """Return a minimum of the summed loss of residuals.
 
@@ -86,6 +89,9 @@ def minimise(
         Of the residuals, >= 1.
     cost_tolerance, step_tolerance
         Relative changes of cost and point at which it stops.
+    level_tolerance
+        Change of the cost, of residuals of unit variance, at which it stops on rough ground: where
+        several evaluations one after the other do not reach it, and the last is not predicted to.
     """
     lower, upper = bounds
     count = len(lower)
@@ -99,6 +105,7 @@ def minimise(
     linear = _Linear(jacobian_at(point), residuals, loss, hold, point - start)
     scale = linear.norms
     radius = float(np.linalg.norm(scale * point)) or 1.0
+    costs = [cost]
     for _ in range(most_evaluations - 1):
         room = lower - point[:count], upper - point[:count]
         step = _step_in_bounds(linear, scale, radius, *room)
@@ -120,6 +127,15 @@ def minimise(
             radius *= _GROW
         if new_cost < cost:
             point, residuals, cost = new_point, new_residuals, new_cost
+        costs.append(cost)
+        # Where no step lowers it at all, steps are too long yet, or it is still soon.
+        tolerance = level_tolerance * max(1.0, 2.0 * cost / len(residuals))
+        lately = costs[-1 - _LEVEL_EVALUATIONS :]
+        level |= (
+            predicted < tolerance
+            and len(lately) > _LEVEL_EVALUATIONS
+            and 0.0 < lately[0] - cost < tolerance
+        )
         if level or still:
             changed = "the cost" if level else "the point"
             return Minimum(point, residuals, True, f"{changed} changes no more")
