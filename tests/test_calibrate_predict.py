@@ -132,6 +132,9 @@ def test_bad_values_and_starts_of_others_are_named():
     problem = problem_of([throw])
     with pytest.raises(ValueError, match="values must be given for exactly stiffness, damping"):
         predict(problem, {"stiffness": 1e4})
+    unknown = problem_of([unknown_start(throw)], initial_state="pose_and_velocity")
+    with pytest.raises(ValueError, match="values must be given for exactly stiffness, damping"):
+        predict(unknown, {"stiffness": 1e4})
     with pytest.raises(TypeError, match="values must be a mapping from names to values, got 3"):
         predict(problem, 3)
     with pytest.raises(TypeError, match="parameter 'damping' must be a number, got 'soft'"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 
 import mujoco
 import numpy as np
@@ -332,6 +333,10 @@ def test_comparison_can_be_shown_and_stored(tmp_path):
     stored = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))
     assert stored["runs"][0]["statistics"]["energy_gained"] < 1e-9
     assert len(stored["runs"][1]["time"]) == len(comparison.runs[1].time)
+    for kept, run in zip(stored["runs"], comparison.runs, strict=True):
+        assert {f.name for f in fields(run)} <= {*kept, *kept["statistics"]}
+        assert kept["position"] == run.position.tolist()
+        assert kept["penetration_sum"] == run.penetration_sum.tolist()
     with pytest.raises(KeyError, match="elliptic"):
         comparison["elliptic"]
     for heading in ("mujoco-default", "settled", "[mm]"):

@@ -223,6 +223,8 @@ class Parameter:
             ``dof_frictionloss`` ...
             Moving the centre of mass (``body_ipos``) of a body that MuJoCo compiled as simple, its
             frame being that of its inertia, needs ``simple="false"`` of the body in the MJCF.
+            ``body_mass`` leaves ``body_inertia`` as it is: for a body that grows heavier as a whole
+            give `Parameter` an ``apply`` that scales both, and ``changes_model``.
         elements
             Name or id of the body, geom ... whose row is set, or several; of the joint, for all of
             its degrees of freedom.

@@ -117,6 +117,7 @@ def predict(
     chosen_loss = Loss(loss, positive_number("loss_scale", loss_scale))
     threads = thread_count(nthread)
     held = {name: number(f"parameter '{name}'", value) for name, value in values.items()}
+    problem.check_values(held)
     estimated = problem.initial_state != "given"
     if head is not None:
         head = positive_number("head", head)

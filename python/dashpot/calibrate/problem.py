@@ -188,13 +188,17 @@ class Problem:
         ValueError
             Naming the parameter that is missing or unknown, or whose value was refused.
         """
+        self.check_values(values)
+        system = own_system(self.system, values)
+        put_in(system, self.parameters, values)
+        return system
+
+    def check_values(self, values: Mapping[str, float]) -> None:
+        """Raise ValueError where `values` are not those of all parameters by name."""
         if set(values) != set(self.names):
             raise ValueError(
                 f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
             )
-        system = own_system(self.system, values)
-        put_in(system, self.parameters, values)
-        return system
 
     def layouts(self) -> list[Layout]:
         """Return by trajectory where its residuals within the window stand."""

@@ -262,12 +262,14 @@ class Comparison:
                         for key, value in asdict(run.statistics(self.settled_after)).items()
                     },
                     "time": run.time.tolist(),
+                    "penetration_sum": run.penetration_sum.tolist(),
                     "penetration_mean": run.penetration_mean.tolist(),
                     "penetration_max": run.penetration_max.tolist(),
                     "contacts": run.contacts.tolist(),
                     "kinetic": run.kinetic.tolist(),
                     "potential": run.potential.tolist(),
                     "elastic": [_plain(value) for value in run.elastic.tolist()],
+                    "position": [_plain(value) for value in run.position.tolist()],
                 }
                 for run in self.runs
             ],
