@@ -124,6 +124,36 @@ Distance cylinder_point(double radius, double half, const Vector3d& point) {
   return result;
 }
 
+bool has_axis(const Shape& shape) {
+  return shape.type == ShapeType::kCapsule || shape.type == ShapeType::kCylinder;
+}
+
+// Two cylinders or segments along the same axis, in the frame of the first, `apart` from centre to
+// centre. Their difference is a cylinder.
+Distance parallel_distance(const Shape& shape1, const Shape& shape2, const Vector3d& apart) {
+  const double radius1 = shape1.type == ShapeType::kCylinder ? shape1.size[0] : 0.0;
+  const double radius2 = shape2.type == ShapeType::kCylinder ? shape2.size[0] : 0.0;
+  const double half1 = shape1.size[1], half2 = shape2.size[1];
+  Distance result = cylinder_point(radius1 + radius2, half1 + half2, apart);
+  const double radial = std::hypot(apart.x(), apart.y());
+  Vector3d outward = Vector3d::UnitX();
+  if (radial > 0.0) outward = Vector3d(apart.x() / radial, apart.y() / radial, 0.0);
+  // Opposite points of surfaces that face each other; where they pass each other, the middle.
+  const auto middle = [](double half_width1, double half_width2, double offset) {
+    return 0.5 * (std::max(-half_width1, offset - half_width2) +
+                  std::min(half_width1, offset + half_width2));
+  };
+  const bool walls = result.normal.head<2>().any(), caps = result.normal.z() != 0.0;
+  const double across = middle(radius1, radius2, radial);
+  const double along = middle(half1, half2, apart.z());
+  const double side = apart.z() < 0.0 ? -1.0 : 1.0;
+  result.point1 = (walls ? radius1 : across) * outward;
+  result.point1.z() = caps ? side * half1 : along;
+  result.point2 = (walls ? radial - radius2 : across) * outward;
+  result.point2.z() = caps ? apart.z() - side * half2 : along;
+  return result;
+}
+
 Distance to_world(const Distance& local, const Pose& pose) {
   return {local.distance, pose.position + pose.rotation * local.point1,
           pose.position + pose.rotation * local.point2, pose.rotation * local.normal};
@@ -150,6 +180,11 @@ std::optional<Distance> closed_form_distance(const Shape& shape1, const Pose& po
   if (shape2.type == ShapeType::kSphere) return point_distance(shape1, pose1, pose2.position);
   if (shape1.type == ShapeType::kSphere) {
     if (const auto found = point_distance(shape2, pose2, pose1.position)) return swapped(*found);
+  }
+  if (has_axis(shape1) && has_axis(shape2) &&
+      pose1.rotation.col(2).cross(pose2.rotation.col(2)).norm() <= kParallel) {
+    const Vector3d apart = pose1.rotation.transpose() * (pose2.position - pose1.position);
+    return to_world(parallel_distance(shape1, shape2, apart), pose1);
   }
   return std::nullopt;
 }

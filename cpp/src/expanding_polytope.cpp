@@ -29,6 +29,8 @@ constexpr double kFlat = 1e-12;
 // Sine of a corner below which a face is a sliver without direction: its edges are rounded to
 // 1e-16. None at all or 1e-10 leaves depths as they are.
 constexpr double kSliver = 1e-14;
+// Weight of a corner up to which a point beyond the opposite edge is on it.
+constexpr double kOnEdge = 1e-12;
 
 struct Face {
   std::array<int, 3> vertex{};         // counter-clockwise from outside
@@ -87,21 +89,29 @@ class Polytope {
     for (const auto& [from, to] : rim_) add_face(from, to, apex);
   }
 
-  // The point of a face's plane nearest to the origin, as points of the two cores.
-  std::pair<Vector3d, Vector3d> witness(const Face& face) const {
-    const Vector3d origin = at(face.vertex[0]);
-    const Vector3d edge1 = at(face.vertex[1]) - origin, edge2 = at(face.vertex[2]) - origin;
-    const Vector3d normal = edge1.cross(edge2);
-    const double area = normal.squaredNorm();
-    const double weight1 = -normal.dot(origin.cross(edge2)) / area;
-    const double weight2 = -normal.dot(edge1.cross(origin)) / area;
-    const std::array<double, 3> weight{1.0 - weight1 - weight2, weight1, weight2};
-    Vector3d point1 = Vector3d::Zero(), point2 = Vector3d::Zero();
-    for (int k = 0; k < 3; ++k) {
-      point1 += weight[k] * vertices_[face.vertex[k]].point1;
-      point2 += weight[k] * vertices_[face.vertex[k]].point2;
+  // Gives the point nearest to the origin of a plane, `depth` along `normal`, as points of the two
+  // cores. Of the faces in it, to `flat`, that is the one which holds the point; false where none
+  // does, as where rounding has made slivers of it.
+  bool find_witness(double depth, const Vector3d& normal, double flat, Distance& result) const {
+    for (const Face& face : faces_) {
+      if (face.offset > depth + flat) continue;
+      const Vector3d origin = at(face.vertex[0]);
+      const Vector3d edge1 = at(face.vertex[1]) - origin, edge2 = at(face.vertex[2]) - origin;
+      const Vector3d across = edge1.cross(edge2);
+      const double area = across.squaredNorm();
+      const double weight1 = -across.dot(origin.cross(edge2)) / area;
+      const double weight2 = -across.dot(edge1.cross(origin)) / area;
+      const std::array<double, 3> weight{1.0 - weight1 - weight2, weight1, weight2};
+      if (*std::min_element(weight.begin(), weight.end()) < -kOnEdge) continue;
+      result.point1.setZero();
+      result.point2.setZero();
+      for (int k = 0; k < 3; ++k) {
+        result.point1 += weight[k] * vertices_[face.vertex[k]].point1;
+        result.point2 += weight[k] * vertices_[face.vertex[k]].point2;
+      }
+      if ((result.point2 - result.point1 - depth * normal).norm() <= flat) return true;
     }
-    return {point1, point2};
+    return false;
   }
 
  private:
@@ -180,14 +190,16 @@ std::optional<Penetration> expand_polytope(const Shape& shape1, const Pose& pose
     const DifferencePoint point = furthest(face.normal);
     const double reach = face.normal.dot(point.difference);
     best.bound = -face.offset;
-    best.exact = reach - face.offset <= kTolerance * size;
-    // A later face is no worse a witness where it proves the same depth.
-    if (-reach >= best.distance.distance - (best.exact ? kTolerance * size : 0.0)) {
-      const auto [point1, point2] = polytope.witness(face);
-      best.distance = {-reach, point1, point2, -face.normal};
+    const bool meet = reach - face.offset <= kTolerance * size;
+    if (meet || -reach > best.distance.distance) {
+      best.distance.distance = -reach;
+      best.distance.normal = -face.normal;
+    }
+    if (meet) {
+      best.exact = polytope.find_witness(reach, face.normal, kTolerance * size, best.distance);
     }
     const double gap = best.bound - best.distance.distance;
-    if (best.exact || (round >= kPatience && gap <= kImpatientTolerance * size)) break;
+    if (meet || (round >= kPatience && gap <= kImpatientTolerance * size)) break;
     polytope.grow(point, nearest, 0.1 * kFlat * size);
     if (polytope.face_count() > kMaxFaces) break;
   }

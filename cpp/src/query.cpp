@@ -1,6 +1,7 @@
 #include "dashpot/query.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -17,33 +18,53 @@ using Eigen::Vector3d;
 namespace {
 
 // Relative to the size of the pair: a clearance whose direction the closest points give to 1e-12
-// rad; bounds so far apart that rounding has torn the polytope.
+// rad; depth up to which cores touch; bounds that meet as well as many nearly equal directions let
+// them, and so far apart that rounding has torn the polytope.
 constexpr double kClear = 1e-3;
+constexpr double kTouching = 1e-12;
+constexpr double kProven = 1e-5;
 constexpr double kTorn = 1e-3;
 
-// Penetration without a start: the best few of many directions, refined.
+// Penetration without a start: the best few of many directions, refined. Near concentric overlap
+// all are nearly as short and several are locally shortest, so that the few keep their distance.
 Distance search_penetration(const Shape& shape1, const Pose& pose1, const Shape& shape2,
                             const Pose& pose2) {
   constexpr int kDirections = 256;
   constexpr int kRefined = 8;
+  constexpr int kFewRounds = 64;
+  constexpr double kSpread = 0.9;  // cosine of two: 0.45 rad, twice what directions are apart
   const double golden_angle = M_PI * (3.0 - std::sqrt(5.0));
   std::vector<std::pair<double, Vector3d>> candidates;
+  const auto propose = [&](const Vector3d& normal) {
+    const auto point = difference_support(shape1, pose1, shape2, pose2, normal);
+    candidates.emplace_back(point.difference.dot(normal), normal);
+  };
   for (int i = 0; i < kDirections; ++i) {  // Fibonacci sphere
     const double z = 1.0 - (2.0 * i + 1.0) / kDirections;
     const double radial = std::sqrt(1.0 - z * z);
-    const Vector3d normal(radial * std::cos(golden_angle * i), radial * std::sin(golden_angle * i),
-                          z);
-    const auto point = difference_support(shape1, pose1, shape2, pose2, normal);
-    candidates.emplace_back(point.difference.dot(normal), normal);
+    propose({radial * std::cos(golden_angle * i), radial * std::sin(golden_angle * i), z});
   }
-  std::partial_sort(candidates.begin(), candidates.begin() + kRefined, candidates.end(),
-                    [](const auto& a, const auto& b) { return a.first > b.first; });
-  Distance best = refine_distance(shape1, pose1, shape2, pose2, candidates[0].second);
-  for (int i = 1; i < kRefined; ++i) {
-    const Distance found = refine_distance(shape1, pose1, shape2, pose2, candidates[i].second);
-    if (found.distance > best.distance) best = found;
+  for (const Pose* pose : {&pose1, &pose2}) {  // flat ends make narrow peaks
+    for (int axis = 0; axis < 3; ++axis) {
+      propose(pose->rotation.col(axis));
+      propose(-pose->rotation.col(axis));
+    }
   }
-  return best;
+  std::sort(candidates.begin(), candidates.end(),
+            [](const auto& a, const auto& b) { return a.first > b.first; });
+  Distance best;
+  std::array<Vector3d, kRefined> refined;
+  int count = 0;
+  for (const auto& candidate : candidates) {
+    const Vector3d& normal = candidate.second;
+    const auto is_near = [&](const Vector3d& other) { return other.dot(normal) > kSpread; };
+    if (std::any_of(refined.begin(), refined.begin() + count, is_near)) continue;
+    const Distance found = refine_distance(shape1, pose1, shape2, pose2, normal, kFewRounds);
+    if (count == 0 || found.distance > best.distance) best = found;
+    refined[count++] = normal;
+    if (count == kRefined) break;
+  }
+  return refine_distance(shape1, pose1, shape2, pose2, best.normal);
 }
 
 // The direction in which a search begins.
@@ -61,12 +82,18 @@ Distance core_distance(const Shape& shape1, const Pose& pose1, const Shape& shap
   const Vector3d ahead = from_centre_to_centre(pose1, pose2);
   if (const auto apart = separated_distance(shape1, pose1, shape2, pose2, ahead)) {
     if (apart->distance > kClear * size) return *apart;
-    return refine_distance(shape1, pose1, shape2, pose2, apart->normal);
+    const Distance refined = refine_distance(shape1, pose1, shape2, pose2, apart->normal);
+    // What rounding leaves of overlap looks apart, in a direction that means nothing.
+    if (refined.distance > -kTouching * size) return refined;
   }
   if (const auto start = expand_polytope(shape1, pose1, shape2, pose2)) {
     if (start->exact) return start->distance;
     if (start->bound - start->distance.distance <= kTorn * size) {
-      return refine_distance(shape1, pose1, shape2, pose2, start->distance.normal);
+      const Distance near = refine_distance(shape1, pose1, shape2, pose2, start->distance.normal);
+      if (start->bound - near.distance <= kProven * size) return near;
+      // Another direction may be shorter by as much.
+      const Distance any = search_penetration(shape1, pose1, shape2, pose2);
+      return any.distance > near.distance ? any : near;
     }
   }
   return search_penetration(shape1, pose1, shape2, pose2);

