@@ -22,6 +22,15 @@ double rotation_energy(const FreeBody& body, const Eigen::Vector3d& local) {
   return 0.5 * body.inertia.dot(local.cwiseProduct(local));
 }
 
+// Of the principal frame.
+Rotation rotation_at_start(const FreeMotion& motion) {
+  Rotation start;
+  start.orientation = motion.start.orientation * motion.start.principal;
+  start.angular_momentum =
+      momentum_of(start.orientation, motion.start.inertia, motion.angular_velocity);
+  return start;
+}
+
 }  // namespace
 
 FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough) {
@@ -34,16 +43,28 @@ FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough) {
   motion.centre_velocity = body.velocity.head<3>() + omega.cross(motion.arm);
   motion.centre_acceleration =
       body.acceleration.head<3>() + alpha.cross(motion.arm) + omega.cross(omega.cross(motion.arm));
-  Rotation start;
-  start.orientation = body.orientation * body.principal;
-  start.angular_momentum = momentum_of(start.orientation, body.inertia, omega);
+  const Rotation start = rotation_at_start(motion);
   const Eigen::Vector3d euler = momentum_of(start.orientation, body.inertia, alpha);
   const Eigen::Vector3d gyroscopic = omega.cross(start.angular_momentum);
-  Eigen::Vector3d torque = euler + gyroscopic;
+  motion.torque = euler + gyroscopic;
   // A free spin is exact and cheaper without the rounding error of the two.
-  if (torque.squaredNorm() <= kNoTorque * kNoTorque * gyroscopic.squaredNorm()) torque.setZero();
-  motion.end = rotate_free(start, body.inertia, torque, step, rough);
+  if (motion.torque.squaredNorm() <= kNoTorque * kNoTorque * gyroscopic.squaredNorm())
+    motion.torque.setZero();
+  motion.end = rotate_free(start, body.inertia, motion.torque, step, rough);
   return motion;
+}
+
+FreeMotion kicked(const FreeMotion& motion, double step, const Vector6& wrench) {
+  FreeMotion result = motion;
+  const Eigen::Vector3d acceleration = wrench.head<3>() / motion.start.mass;
+  result.centre_velocity += step * acceleration;
+  result.centre_acceleration -= acceleration;
+  result.torque -= wrench.tail<3>();
+  Rotation start = rotation_at_start(motion);
+  start.angular_momentum += step * wrench.tail<3>();
+  result.angular_velocity = angular_velocity(start, motion.start.inertia);
+  result.end = rotate_free(start, motion.start.inertia, result.torque, step, false);
+  return result;
 }
 
 void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation) {
@@ -161,6 +182,13 @@ Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench) {
   force.tail<3>() =
       motion.frame.conjugate() * (wrench.tail<3>() + motion.arm.cross(wrench.head<3>()));
   return force;
+}
+
+Vector6 wrench_of_force(const FreeMotion& motion, const Vector6& force) {
+  Vector6 wrench;
+  wrench.head<3>() = force.head<3>();
+  wrench.tail<3>() = motion.frame * force.tail<3>() - motion.arm.cross(force.head<3>());
+  return wrench;
 }
 
 Vector6 wrench_of(const FreeMotion& motion, const Vector6& centre_acceleration) {

@@ -8,6 +8,7 @@
 #include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
+#include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
@@ -61,6 +62,8 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   smooth_acceleration_.resize(start_velocity_.size());
   inverted_.resize(trees_.tree.size());
   integrated_.assign(trees_.tree.size(), 1);
+  elastic_wrench_.resize(trees_.tree.size());
+  if (accurate_free_bodies_) host::elastic_forces(model_, d, elastic_force_);
   team.for_each(tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
@@ -71,8 +74,10 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
       const host::WeldedParts* parts = host::parts_of(model_, parts_, index);
       motion = predict_free_motion(host::read_free_body(model_, d, index, parts, acceleration),
                                    length, rough);
-      if (is_accurate(index))
+      if (is_accurate(index)) {
         Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
+        find_elastic_wrench(d, index);
+      }
     }
     to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
     to_coordinates(index, start_velocity_.data() + tree.dof_begin,
@@ -83,6 +88,25 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
       throw DivergenceError("smooth acceleration of degree of freedom " + std::to_string(i) +
                             " diverged; data are as they were before the step");
+}
+
+// What compensates the weight of some parts of a body is constant, but for its torque, as that of a
+// pendulum.
+void TreeMotion::find_elastic_wrench(const mjData_* d, int index) {
+  const int begin = trees_.tree[index].dof_begin;
+  Vector6 wrench = Eigen::Map<const Vector6>(elastic_force_.data() + begin);
+  if (!wrench.isZero(0.0)) wrench = wrench_of_force(free_motion_[index], wrench);
+  if (host::has_welded_parts(model_, index)) {
+    Vector6 compensation;
+    for (int i = 0; i < 6; ++i) compensation[i] = host::compensation_of_gravity(d, begin + i);
+    if (!compensation.isZero(0.0))
+      wrench.tail<3>() += wrench_of_force(free_motion_[index], compensation).tail<3>();
+  }
+  elastic_wrench_[index] = wrench;
+}
+
+bool TreeMotion::is_sprung(int index) const {
+  return is_accurate(index) && !elastic_wrench_[index].isZero(0.0);
 }
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team& team) {
@@ -176,6 +200,10 @@ void TreeMotion::to_generalized_force(int index, const double* coordinates, doub
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
   integrated_[index] = is_integrated(d, index, length, by_rows, data);
+  if (!by_rows.touched && is_sprung(index) && host::is_runge_kutta(model_)) {
+    integrated_[index] = 1;
+    return 0.0;
+  }
   if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
   if (!by_rows.touched) return 0.0;
   const Tree& tree = trees_.tree[index];
@@ -282,7 +310,10 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
       shift = motion_of_centre(motion, Eigen::Map<const Vector6>(move));
     }
   }
-  FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
+  const bool swings = !by_rows.touched && is_sprung(index);
+  FreeBody end =
+      finish_free_motion(swings ? kicked(motion, length, elastic_wrench_[index]) : motion, length,
+                         velocity_change, shift);
   double lost = 0.0;
   const double turn =
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm());

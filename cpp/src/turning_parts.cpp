@@ -27,7 +27,8 @@ double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double r
   const double share = followed(m);
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (motion.is_accurate(index)) continue;
+    const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
+    if (motion.is_accurate(index) && !by_stages) continue;
     const Tree& tree = motion.trees().tree[index];
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {
       const double turn = share * rest * std::abs(motion.start_velocity()[dof]);

@@ -30,6 +30,9 @@ void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velo
 // force is not at the end of its range.
 void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
                    std::vector<double>& change);
+// Forces (nv) that change with positions as those of springs do: springs themselves, and servos.
+void elastic_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
+double compensation_of_gravity(const mjData_* d, int dof);
 // M x in generalized coordinates (nv), with the inertia last computed.
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
 

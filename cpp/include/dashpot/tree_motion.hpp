@@ -56,6 +56,9 @@ class TreeMotion {
 
   // Whether it is a free body that moves as one, not as MuJoCo moves it.
   bool is_accurate(int tree) const;
+  // Whether springs or servos act on such a body. In flight their force comes first in the step, or
+  // it moves as RK4 moves it.
+  bool is_sprung(int tree) const;
 
   // Reads the state at the start of a step.
   void start(const mjData_* d);
@@ -96,6 +99,7 @@ class TreeMotion {
 
  private:
   void fill_inverse(int tree);
+  void find_elastic_wrench(const mjData_* d, int tree);
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
   bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                      const RowData& data) const;
@@ -114,6 +118,8 @@ class TreeMotion {
   std::vector<double> start_position_, start_velocity_;  // generalized
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
+  std::vector<double> elastic_force_;                    // generalized
+  std::vector<Vector6> elastic_wrench_;                  // by tree; of bodies that are accurate
   std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
   std::vector<int> to_invert_;  // trees
   std::vector<char> integrated_;
