@@ -112,10 +112,24 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
        &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated(),
        data.braked.data(), added_in_flight.data()});
   ledger.dissipated_damping -= smooth_work.damping;
-  ledger.work += smooth_work.applied;
+  ledger.work += smooth_work.applied + work_ahead_of_servos();
   book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
   for (const RowGroup& c : rows.group)
     ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
+}
+
+// Work that servos did on free bodies by the force of the middle of the step beyond that of its
+// start.
+double Stepper::Impl::work_ahead_of_servos() const {
+  double work = 0.0;
+  if (motion.servo_change().empty()) return work;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!motion.is_sprung(index) || motion.integrated()[index]) continue;
+    const Tree& tree = motion.trees().tree[index];
+    for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
+      work += motion.servo_change()[i] * mean_displacement[i];
+  }
+  return work;
 }
 
 void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {

@@ -54,17 +54,11 @@ FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough) {
   return motion;
 }
 
-FreeMotion kicked(const FreeMotion& motion, double step, const Vector6& wrench) {
-  FreeMotion result = motion;
-  const Eigen::Vector3d acceleration = wrench.head<3>() / motion.start.mass;
-  result.centre_velocity += step * acceleration;
-  result.centre_acceleration -= acceleration;
-  result.torque -= wrench.tail<3>();
-  Rotation start = rotation_at_start(motion);
-  start.angular_momentum += step * wrench.tail<3>();
-  result.angular_velocity = angular_velocity(start, motion.start.inertia);
-  result.end = rotate_free(start, motion.start.inertia, result.torque, step, false);
-  return result;
+void add_load(FreeMotion& motion, double step, const Vector6& wrench) {
+  motion.centre_acceleration += wrench.head<3>() / motion.start.mass;
+  motion.torque += wrench.tail<3>();
+  motion.end =
+      rotate_free(rotation_at_start(motion), motion.start.inertia, motion.torque, step, false);
 }
 
 void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation) {
@@ -125,12 +119,7 @@ double energy_gain(const FreeMotion& motion, const Vector6& displacement, const 
       start, motion.end.orientation.conjugate() * angular_velocity(motion.end, start.inertia));
   const double rotation =
       rotation_energy(start, start.principal.conjugate() * end.velocity.tail<3>()) - smooth;
-  const Eigen::Vector3d alpha = start.orientation * start.acceleration.tail<3>();
-  const Eigen::Quaterniond principal = start.orientation * start.principal;
-  const Eigen::Vector3d torque =
-      momentum_of(principal, start.inertia, alpha) +
-      motion.angular_velocity.cross(momentum_of(principal, start.inertia, motion.angular_velocity));
-  return translation + rotation - torque.dot(displacement.tail<3>());
+  return translation + rotation - motion.torque.dot(displacement.tail<3>());
 }
 
 double kinetic_energy(const FreeBody& body) {
@@ -182,13 +171,6 @@ Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench) {
   force.tail<3>() =
       motion.frame.conjugate() * (wrench.tail<3>() + motion.arm.cross(wrench.head<3>()));
   return force;
-}
-
-Vector6 wrench_of_force(const FreeMotion& motion, const Vector6& force) {
-  Vector6 wrench;
-  wrench.head<3>() = force.head<3>();
-  wrench.tail<3>() = motion.frame * force.tail<3>() - motion.arm.cross(force.head<3>());
-  return wrench;
 }
 
 Vector6 wrench_of(const FreeMotion& motion, const Vector6& centre_acceleration) {

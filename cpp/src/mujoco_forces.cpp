@@ -22,8 +22,9 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
   return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
 }
 
-// What an actuator's force falls by with its length, unless it is at the end of its range.
-double servo_stiffness(const mjModel* m, const mjData* d, int actuator) {
+}  // namespace
+
+double servo_stiffness(const mjModel_* m, const mjData_* d, int actuator) {
   if (m->actuator_biastype[actuator] != mjBIAS_AFFINE) return 0.0;
   if (m->actuator_forcelimited[actuator]) {
     const mjtNum force = d->actuator_force[m->actuator_outadr[actuator]];
@@ -32,8 +33,6 @@ double servo_stiffness(const mjModel* m, const mjData* d, int actuator) {
   }
   return -m->actuator_biasprm[mjNBIAS * actuator + 1];
 }
-
-}  // namespace
 
 double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
 
@@ -85,19 +84,6 @@ void servo_changes(const mjModel_* m, const mjData_* d, const double* displaceme
       change[d->moment_colind[k]] -= stiffness * length * d->actuator_moment[k];
   }
 }
-
-void elastic_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force) {
-  force.assign(d->qfrc_spring, d->qfrc_spring + m->nv);
-  if (m->opt.disableflags & mjDSBL_ACTUATION) return;
-  for (int i = 0; i < m->nactuator; ++i) {
-    if (servo_stiffness(m, d, i) == 0.0) continue;
-    const int output = m->actuator_outadr[i], first = d->moment_rowadr[output];
-    for (int k = first; k < first + d->moment_rownnz[output]; ++k)
-      force[d->moment_colind[k]] += d->actuator_force[output] * d->actuator_moment[k];
-  }
-}
-
-double compensation_of_gravity(const mjData_* d, int dof) { return d->qfrc_gravcomp[dof]; }
 
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {
   mj_mulM(m, d, product, x);

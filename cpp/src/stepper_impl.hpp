@@ -105,6 +105,7 @@ struct Stepper::Impl {
 
   // Energies, memory and statistics (engine_books.cpp).
   void account_smooth_work(mjData_* d);
+  double work_ahead_of_servos() const;
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepStats statistics() const;

@@ -8,7 +8,6 @@
 #include "dashpot/held_stages.hpp"
 #include "dashpot/mujoco_data_checks.hpp"
 #include "dashpot/mujoco_effective_inertia.hpp"
-#include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_host.hpp"
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
@@ -62,8 +61,6 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   smooth_acceleration_.resize(start_velocity_.size());
   inverted_.resize(trees_.tree.size());
   integrated_.assign(trees_.tree.size(), 1);
-  elastic_wrench_.resize(trees_.tree.size());
-  if (accurate_free_bodies_) host::elastic_forces(model_, d, elastic_force_);
   team.for_each(tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
@@ -74,15 +71,14 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
       const host::WeldedParts* parts = host::parts_of(model_, parts_, index);
       motion = predict_free_motion(host::read_free_body(model_, d, index, parts, acceleration),
                                    length, rough);
-      if (is_accurate(index)) {
+      if (is_accurate(index))
         Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(motion, length);
-        find_elastic_wrench(d, index);
-      }
     }
     to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
     to_coordinates(index, start_velocity_.data() + tree.dof_begin,
                    data.velocity.data() + tree.begin);
   });
+  if (accurate_free_bodies_) load_from_springs(d, length, data);
   data.start_motion = data.velocity;
   for (size_t i = 0; i < smooth_acceleration_.size(); ++i)
     if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
@@ -90,23 +86,21 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
                             " diverged; data are as they were before the step");
 }
 
-// What compensates the weight of some parts of a body is constant, but for its torque, as that of a
-// pendulum.
-void TreeMotion::find_elastic_wrench(const mjData_* d, int index) {
-  const int begin = trees_.tree[index].dof_begin;
-  Vector6 wrench = Eigen::Map<const Vector6>(elastic_force_.data() + begin);
-  if (!wrench.isZero(0.0)) wrench = wrench_of_force(free_motion_[index], wrench);
-  if (host::has_welded_parts(model_, index)) {
-    Vector6 compensation;
-    for (int i = 0; i < 6; ++i) compensation[i] = host::compensation_of_gravity(d, begin + i);
-    if (!compensation.isZero(0.0))
-      wrench.tail<3>() += wrench_of_force(free_motion_[index], compensation).tail<3>();
+// Puts the load of the middle of the step on the free bodies that springs act on.
+void TreeMotion::load_from_springs(const mjData_* d, double length, RowData& data) {
+  elastic_forces_.find(model_, d, length);
+  for (int index = 0; index < tree_count(); ++index) {
+    if (!is_sprung(index)) continue;
+    const Tree& tree = trees_.tree[index];
+    double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
+    add_load(free_motion_[index], length, elastic_forces_.change(model_, d, index));
+    Eigen::Map<Vector6>(acceleration, 6) = mean_acceleration(free_motion_[index], length);
+    to_coordinates(index, acceleration, data.smooth_acceleration.data() + tree.begin);
   }
-  elastic_wrench_[index] = wrench;
 }
 
 bool TreeMotion::is_sprung(int index) const {
-  return is_accurate(index) && !elastic_wrench_[index].isZero(0.0);
+  return is_accurate(index) && elastic_forces_.act_on(index);
 }
 
 void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team& team) {
@@ -310,10 +304,7 @@ double TreeMotion::advance_free_body(mjData_* d, int index, double length,
       shift = motion_of_centre(motion, Eigen::Map<const Vector6>(move));
     }
   }
-  const bool swings = !by_rows.touched && is_sprung(index);
-  FreeBody end =
-      finish_free_motion(swings ? kicked(motion, length, elastic_wrench_[index]) : motion, length,
-                         velocity_change, shift);
+  FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
   double lost = 0.0;
   const double turn =
       length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm());

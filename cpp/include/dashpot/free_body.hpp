@@ -42,10 +42,8 @@ FreeMotion predict_free_motion(const FreeBody& body, double step, bool rough = f
 // Freezes the geometry, and so the body frame, at another attitude of the step.
 void freeze_at(FreeMotion& motion, const Eigen::Quaterniond& orientation);
 
-// The motion under a load of which a part, a wrench at the centre of mass (world), changes with the
-// place of the body, as that of a spring does: all that it does to the momentum in the step comes
-// first. With it spread over the step springs would gain energy, as with any explicit rule.
-FreeMotion kicked(const FreeMotion& motion, double step, const Vector6& wrench);
+// Adds to the smooth load a wrench (world) at the centre of mass.
+void add_load(FreeMotion& motion, double step, const Vector6& wrench);
 
 // Generalized velocity at the start, with the same motion of the centre of mass and the same
 // angular velocity in the world, in the frozen frame.
@@ -80,8 +78,6 @@ double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double e
 Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized);
 Vector6 motion_of_origin(const FreeMotion& motion, const Vector6& centre);
 Vector6 generalized_force(const FreeMotion& motion, const Vector6& wrench);
-// The wrench (world) at the centre of mass of a generalized force.
-Vector6 wrench_of_force(const FreeMotion& motion, const Vector6& force);
 // The wrench at the centre of mass that accelerates the body in the frozen frame.
 Vector6 wrench_of(const FreeMotion& motion, const Vector6& centre_acceleration);
 

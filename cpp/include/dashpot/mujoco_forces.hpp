@@ -25,14 +25,14 @@ void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& fo
 // step. At the start of a step from `velocity`.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
+// What an actuator's force falls by with its length, N/m or N m/rad: of servos, whose bias is
+// affine in it, unless their force is at the end of its range.
+double servo_stiffness(const mjModel_* m, const mjData_* d, int actuator);
 // What the forces of actuators (nv) change by, to first order, because joints move by a
 // `displacement` (nv): those of servos, whose bias is affine in the actuator's length, where their
 // force is not at the end of its range.
 void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
                    std::vector<double>& change);
-// Forces (nv) that change with positions as those of springs do: springs themselves, and servos.
-void elastic_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
-double compensation_of_gravity(const mjData_* d, int dof);
 // M x in generalized coordinates (nv), with the inertia last computed.
 void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product);
 

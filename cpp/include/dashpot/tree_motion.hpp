@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "dashpot/free_body.hpp"
+#include "dashpot/mujoco_elastic_forces.hpp"
 #include "dashpot/mujoco_welded_parts.hpp"
 #include "dashpot/row_data.hpp"
 #include "dashpot/team.hpp"
@@ -56,8 +57,7 @@ class TreeMotion {
 
   // Whether it is a free body that moves as one, not as MuJoCo moves it.
   bool is_accurate(int tree) const;
-  // Whether springs or servos act on such a body. In flight their force comes first in the step, or
-  // it moves as RK4 moves it.
+  // Whether springs or servos act on such a body. In flight RK4 moves it then.
   bool is_sprung(int tree) const;
 
   // Reads the state at the start of a step.
@@ -92,6 +92,10 @@ class TreeMotion {
   // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
   void advance_semi_implicitly(mjData_* d, int tree, double length);
 
+  // What generalized forces of servos on free bodies change by up to the middle of the step, where
+  // they act; empty without.
+  const std::vector<double>& servo_change() const { return elastic_forces_.servo_change(); }
+
   const Trees& trees() const { return trees_; }
   int tree_count() const { return static_cast<int>(trees_.tree.size()); }
   const std::vector<double>& start_velocity() const { return start_velocity_; }            // (nv)
@@ -99,7 +103,7 @@ class TreeMotion {
 
  private:
   void fill_inverse(int tree);
-  void find_elastic_wrench(const mjData_* d, int tree);
+  void load_from_springs(const mjData_* d, double length, RowData& data);
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
   bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                      const RowData& data) const;
@@ -118,8 +122,7 @@ class TreeMotion {
   std::vector<double> start_position_, start_velocity_;  // generalized
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
-  std::vector<double> elastic_force_;                    // generalized
-  std::vector<Vector6> elastic_wrench_;                  // by tree; of bodies that are accurate
+  host::ElasticForces elastic_forces_;
   std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
   std::vector<int> to_invert_;  // trees
   std::vector<char> integrated_;

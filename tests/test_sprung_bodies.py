@@ -1,0 +1,135 @@
+"""Springs and servos on free bodies give them no energy."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dashpot import Engine, Material
+
+BAR = '<geom name="bar" type="box" size=".03 .1 .12" mass="1.5"/><site name="top" pos=".02 0 .12"/>'
+TENDON = """<tendon><spatial stiffness="{}" springlength=".3">
+  <site site="hook"/><site site="top"/></spatial></tendon>"""
+
+
+def make(timestep, body=BAR, rest="", *, option="", joint="<freejoint/>", floor=""):
+    return Engine(
+        mujoco.MjModel.from_xml_string(
+            f'<mujoco><option timestep="{timestep}" {option}/><worldbody>{floor}'
+            f'<site name="hook" pos="0 0 1.8"/><body name="bar" pos="0 0 1.4">{joint}{body}</body>'
+            f"</worldbody>{rest}</mujoco>"
+        )
+    )
+
+
+def energies(engine, data, duration):
+    """Return the kinetic and potential energy, and the total, each 50 ms from now on, J."""
+    found = []
+    for _ in range(round(duration / 0.05)):
+        now = engine.energy(data)
+        found.append([now.kinetic + now.potential, now.total])
+        engine.step(data, nstep=round(0.05 / engine.model.opt.timestep))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("option", ["", 'integrator="implicitfast"', 'integrator="RK4"'])
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("stiffness", [200, 5000])
+def test_a_body_on_a_spring_keeps_its_energy(stiffness, timestep, option):
+    # Under the force of the start of each step the stiff one diverges from 2 ms on.
+    engine = make(timestep, rest=TENDON.format(stiffness), option=option)
+    data = engine.make_data()
+    data.qvel[3:] = 1, 2, 1
+    found = energies(engine, data, 10.0)
+    assert np.ptp(found, axis=0).max() < 4000 * timestep**2
+
+
+def test_a_body_on_a_spring_of_its_joint_swings_as_long_as_it_should():
+    stiffness, mass = 150.0, 1.5
+    joint = f'<joint type="free" stiffness="{stiffness}"/>'
+    errors = []
+    for timestep in (0.002, 0.004):
+        engine = make(timestep, joint=joint, option='gravity="0 0 0"')
+        data = engine.make_data()
+        data.qpos[0] += 0.1
+        engine.step(data, nstep=round(10.0 / timestep))
+        errors.append(abs(data.qpos[0] - 0.1 * np.cos(10.0 * np.sqrt(stiffness / mass))))
+    # Of second order; the phase of 100 rad is late by (omega H)^2 / 24 of it.
+    assert errors[0] < 0.1 * 100 * 0.02**2 / 24
+    assert errors[0] < errors[1] / 3
+
+
+def test_a_body_that_hangs_on_a_spring_stays():
+    engine = make(0.005, rest=TENDON.format(200))
+    data = engine.make_data()
+    # Its site hangs below the hook, its centre of mass below the site.
+    length = 0.3 + 1.5 * 9.81 / 200
+    tilt = np.arctan2(0.02, 0.12)
+    data.qpos[:3] = 0, 0, 1.8 - length - np.hypot(0.02, 0.12)
+    data.qpos[3:] = np.cos(tilt / 2), 0, -np.sin(tilt / 2), 0
+    start = data.qpos.copy()
+    engine.step(data, nstep=1000)
+    assert data.qpos == pytest.approx(start, abs=1e-12)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+def test_a_pivoted_body_on_a_spring_keeps_its_energy(timestep):
+    """Equalities hold it in all steps; it had 4 times its energy after 5 s at 1 ms."""
+    rest = (
+        '<equality><connect body1="bar" anchor=".02 0 .12"/></equality>'
+        '<tendon><spatial stiffness="200" springlength=".1"><site site="low"/><site site="foot"/>'
+        "</spatial></tendon>"
+    )
+    engine = make(
+        timestep,
+        BAR + '<site name="foot" pos=".02 0 -.15"/>',
+        rest,
+        option='gravity="0 0 0"',
+        floor='<site name="low" pos=".2 0 1"/>',
+    )
+    data = engine.make_data()
+    data.qvel[3:] = 0, 4, 1
+    data.qvel[:3] = -np.cross(data.qvel[3:], [0.02, 0, 0.12])
+    found = energies(engine, data, 5.0)
+    assert np.ptp(found[:, 0]) < 3000 * timestep**2
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.005])
+def test_a_body_bounces_under_a_spring(timestep):
+    engine = make(
+        timestep,
+        rest=TENDON.format(50).replace('".3"', '"1.2"'),
+        floor='<geom name="floor" type="plane" size="9 9 1"/>',
+    )
+    engine.set_pair_material("bar", "floor", Material(1e4, restitution=1.0, friction=0.0))
+    data = engine.make_data()
+    data.qpos[2] = 0.5
+    data.qvel[3:] = 1, 2, 1
+    found = energies(engine, data, 5.0)
+    assert np.ptp(found[:, 1]) < 250 * timestep**2
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.005])
+def test_a_servo_on_a_free_body_gives_it_no_energy_unseen(timestep):
+    rest = '<actuator><position site="top" refsite="hook" gear="0 0 1 0 0 0" kp="400"/></actuator>'
+    engine = make(timestep, rest=rest, option='gravity="0 0 0"')
+    data = engine.make_data()
+    data.ctrl[0] = -0.2
+    found = energies(engine, data, 10.0)
+    swing = 0.5 * 400 * (1.8 - 1.52 - 0.2) ** 2
+    assert found[:, 0].max() < 1.05 * swing
+    assert np.ptp(found[:, 1]) < 2000 * timestep**2
+
+
+def test_a_part_whose_weight_is_compensated_holds_the_rest_as_a_pendulum():
+    child = '<body name="float" pos="0 0 .3" gravcomp="1"><geom size=".05" mass="1.5"/></body>'
+    engine = make(0.002, BAR + child)
+    model, data = engine.model, engine.make_data()
+    data.qpos[3:] = np.cos(0.3), np.sin(0.3), 0, 0
+    found, float_body = [], model.body("float").id
+    for _ in range(200):
+        now = engine.energy(data)
+        mujoco.mj_kinematics(model, data)
+        lift = 9.81 * model.body_mass[float_body] * data.xipos[float_body, 2]
+        found.append(now.kinetic + now.potential - lift)
+        engine.step(data, nstep=10)
+    assert np.ptp(found) < 2e-3
