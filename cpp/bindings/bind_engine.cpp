@@ -21,8 +21,10 @@
 #include "dashpot/mujoco_properties.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"
+#include "dashpot/parallel.hpp"
 #include "dashpot/team.hpp"
 #include "model_lock.hpp"
+#include "signals.hpp"
 
 namespace py = pybind11;
 
@@ -32,9 +34,6 @@ namespace {
 
 mjModel_* model_at(std::uintptr_t address) { return reinterpret_cast<mjModel_*>(address); }
 mjData_* data_at(std::uintptr_t address) { return reinterpret_cast<mjData_*>(address); }
-
-// How often a call of many steps asks for signals, as of Ctrl-C.
-constexpr std::chrono::milliseconds kSignalInterval{50};
 
 // A stepper that Python threads may share, and other steppers of the same model with it.
 class SharedStepper {
@@ -59,10 +58,9 @@ class SharedStepper {
     auto asked = std::chrono::steady_clock::now();
     return stepper_.step(data, nstep, true, [&] {
       const auto now = std::chrono::steady_clock::now();
-      if (now - asked < kSignalInterval) return;
+      if (now - asked < kInterruptInterval) return;
       asked = now;
-      const py::gil_scoped_acquire acquire;
-      if (PyErr_CheckSignals() != 0) throw py::error_already_set();
+      handle_signals();
     });
   }
 

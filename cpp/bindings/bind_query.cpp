@@ -12,6 +12,7 @@
 #include "dashpot/distances.hpp"
 #include "dashpot/geometry_host.hpp"
 #include "dashpot/query.hpp"
+#include "signals.hpp"
 
 namespace py = pybind11;
 
@@ -66,7 +67,7 @@ py::tuple distances_at(std::uintptr_t model_address, int geom1, int geom2, const
   {
     py::gil_scoped_release release;
     found = geom_distances(model_at(model_address), geom1, geom2, qpos.data(), static_cast<int>(n),
-                           nthread);
+                           nthread, handle_signals);
   }
   return to_arrays(n, [&](py::ssize_t i) -> const Distance& { return found[i]; });
 }
@@ -80,7 +81,7 @@ py::tuple times_of_impact_at(std::uintptr_t model_address, int geom1, int geom2,
   {
     py::gil_scoped_release release;
     found = geom_times_of_impact(model_at(model_address), geom1, geom2, qpos.data(), qvel.data(),
-                                 static_cast<int>(n), horizon, nthread);
+                                 static_cast<int>(n), horizon, nthread, handle_signals);
   }
   py::array_t<bool> hit(n);
   Array time(n);

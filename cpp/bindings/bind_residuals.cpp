@@ -12,6 +12,7 @@
 
 #include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/residuals.hpp"
+#include "signals.hpp"
 
 namespace py = pybind11;
 
@@ -67,7 +68,7 @@ Array run(const std::vector<PyVariant>& py_variants,
   const double* qvel_in = qvel.data();
   {
     const py::gil_scoped_release release;
-    function(variants, trajectories, qpos_in, qvel_in, nthread, out);
+    function(variants, trajectories, qpos_in, qvel_in, nthread, out, handle_signals);
   }
   return result;
 }

@@ -13,6 +13,7 @@
 #include "dashpot/mujoco_simple_inertia.hpp"
 #include "dashpot/rollout.hpp"
 #include "model_lock.hpp"
+#include "signals.hpp"
 
 namespace py = pybind11;
 
@@ -72,9 +73,10 @@ class SharedRollouts {
       alone.unlock();
       const std::unique_lock<std::mutex> have_kept(using_kept_, std::try_to_lock);
       if (have_kept) {
-        kept_.run(view.get(), input, nthread, state_out, sensor_out);
+        kept_.run(view.get(), input, nthread, state_out, sensor_out, handle_signals);
       } else {
-        Rollouts(parameters_).run(view.get(), input, nthread, state_out, sensor_out);
+        Rollouts(parameters_)
+            .run(view.get(), input, nthread, state_out, sensor_out, handle_signals);
       }
     }
     return py::make_tuple(state, sensordata);

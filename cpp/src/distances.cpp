@@ -27,11 +27,13 @@ struct GeomShapePair {
 
 // Calls task(data, item) for every item, each worker with data of its own.
 template <typename Task>
-void for_each_state(const mjModel* model, int count, int nthread, const Task& task) {
+void for_each_state(const mjModel* model, int count, int nthread, const Interrupt& interrupt,
+                    const Task& task) {
   const int threads = thread_count(nthread, count);
   std::vector<host::OwnedData> data;
   for (int worker = 0; worker < threads; ++worker) data.push_back(host::make_data(model));
-  parallel_for(count, threads, [&](int worker, int item) { task(data[worker].get(), item); });
+  parallel_for(count, threads, interrupt,
+               [&](const Worker& worker, int item) { task(data[worker.index()].get(), item); });
 }
 
 Distance distance_at(const mjModel* model, const mjData* data, const GeomShapePair& pair) {
@@ -66,10 +68,10 @@ TimeOfImpact geom_time_of_impact(const mjModel* model, const mjData* data, int g
 }
 
 std::vector<Distance> geom_distances(const mjModel* model, int geom1, int geom2, const double* qpos,
-                                     int count, int nthread) {
+                                     int count, int nthread, const Interrupt& interrupt) {
   const GeomShapePair pair(model, geom1, geom2);
   std::vector<Distance> result(count);
-  for_each_state(model, count, nthread, [&](mjData* data, int item) {
+  for_each_state(model, count, nthread, interrupt, [&](mjData* data, int item) {
     std::copy_n(qpos + std::size_t(item) * model->nq, model->nq, data->qpos);
     mj_kinematics(model, data);
     result[item] = distance_at(model, data, pair);
@@ -79,10 +81,11 @@ std::vector<Distance> geom_distances(const mjModel* model, int geom1, int geom2,
 
 std::vector<TimeOfImpact> geom_times_of_impact(const mjModel* model, int geom1, int geom2,
                                                const double* qpos, const double* qvel, int count,
-                                               double horizon, int nthread) {
+                                               double horizon, int nthread,
+                                               const Interrupt& interrupt) {
   const GeomShapePair pair(model, geom1, geom2);
   std::vector<TimeOfImpact> result(count);
-  for_each_state(model, count, nthread, [&](mjData* data, int item) {
+  for_each_state(model, count, nthread, interrupt, [&](mjData* data, int item) {
     std::copy_n(qpos + std::size_t(item) * model->nq, model->nq, data->qpos);
     std::copy_n(qvel + std::size_t(item) * model->nv, model->nv, data->qvel);
     mj_kinematics(model, data);

@@ -79,7 +79,7 @@ class Readings {
 };
 
 void simulate(Simulation& simulation, const ObservedTrajectory& trajectory, int nu,
-              const double* qpos, const double* qvel, const FrameSink& sink) {
+              const double* qpos, const double* qvel, const Worker& worker, const FrameSink& sink) {
   simulation.set_timestep(trajectory.timestep);
   simulation.reset();
   simulation.set_position_velocity(qpos, qvel);
@@ -89,6 +89,7 @@ void simulate(Simulation& simulation, const ObservedTrajectory& trajectory, int 
   for (std::size_t frame = 0; frame < trajectory.frame_step.size(); ++frame) {
     const int frame_step = trajectory.frame_step[frame];
     for (; step < frame_step; ++step) {
+      worker.look();
       if (!trajectory.control.empty()) {
         simulation.set_control(trajectory.control.data() + std::size_t(step) * nu);
       }
@@ -115,7 +116,8 @@ using BatchSink =
 
 void simulate_all(const std::vector<Variant>& variants,
                   const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-                  const double* qvel, int nthread, const BatchSink& sink) {
+                  const double* qvel, int nthread, const Interrupt& interrupt,
+                  const BatchSink& sink) {
   if (variants.empty() || trajectories.empty()) return;
   const ModelSizes sizes = sizes_of(variants.front().model);
   for (const Variant& variant : variants) {
@@ -130,27 +132,27 @@ void simulate_all(const std::vector<Variant>& variants,
   const int ntrajectory = static_cast<int>(trajectories.size());
   const int items = static_cast<int>(variants.size()) * ntrajectory;
   const int threads = thread_count(nthread, items);
-  struct Worker {
+  struct Own {
     int variant = -1;
     std::unique_ptr<Simulation> simulation;
   };
-  std::vector<Worker> workers(threads);
+  std::vector<Own> of_worker(threads);
 
-  parallel_for(items, threads, [&](int worker_id, int item) {
+  parallel_for(items, threads, interrupt, [&](const Worker& worker, int item) {
     const int variant = item / ntrajectory;
     const int t = item % ntrajectory;
     const ObservedTrajectory& trajectory = trajectories[t];
-    Worker& worker = workers[worker_id];
+    Own& own = of_worker[worker.index()];
     try {
-      if (worker.variant != variant) {
-        worker.simulation =
+      if (own.variant != variant) {
+        own.simulation =
             std::make_unique<Simulation>(variants[variant].model, variants[variant].parameters);
-        worker.variant = variant;
+        own.variant = variant;
       }
-      simulate(*worker.simulation, trajectory, sizes.nu, qpos + std::size_t(item) * sizes.nq,
-               qvel + std::size_t(item) * sizes.nv, [&](std::size_t frame, const Frame& simulated) {
-                 sink(variant, t, frame, simulated);
-               });
+      simulate(
+          *own.simulation, trajectory, sizes.nu, qpos + std::size_t(item) * sizes.nq,
+          qvel + std::size_t(item) * sizes.nv, worker,
+          [&](std::size_t frame, const Frame& simulated) { sink(variant, t, frame, simulated); });
     } catch (const std::exception& error) {
       fail(trajectory, "variant " + std::to_string(variant) + ", " + error.what());
     }
@@ -222,9 +224,9 @@ std::size_t observation_count(const std::vector<ObservedTrajectory>& trajectorie
 
 void residuals(const std::vector<Variant>& variants,
                const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-               const double* qvel, int nthread, double* residuals) {
+               const double* qvel, int nthread, double* residuals, const Interrupt& interrupt) {
   const std::vector<std::size_t> offsets = offsets_of(trajectories, &ObservedTrajectory::residuals);
-  simulate_all(variants, trajectories, qpos, qvel, nthread,
+  simulate_all(variants, trajectories, qpos, qvel, nthread, interrupt,
                [&](int variant, int t, std::size_t frame, const Frame& simulated) {
                  const ObservedTrajectory& trajectory = trajectories[t];
                  double* of_trajectory = residuals + variant * offsets.back() + offsets[t];
@@ -252,11 +254,11 @@ void residuals(const std::vector<Variant>& variants,
 
 void observe(const std::vector<Variant>& variants,
              const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-             const double* qvel, int nthread, double* observations) {
+             const double* qvel, int nthread, double* observations, const Interrupt& interrupt) {
   const std::vector<std::size_t> offsets =
       offsets_of(trajectories, &ObservedTrajectory::observations);
   simulate_all(
-      variants, trajectories, qpos, qvel, nthread,
+      variants, trajectories, qpos, qvel, nthread, interrupt,
       [&](int variant, int t, std::size_t frame, const Frame& simulated) {
         double* of_trajectory = observations + variant * offsets.back() + offsets[t];
         std::copy(simulated.poses.begin(), simulated.poses.end(),

@@ -18,25 +18,26 @@ int state_size(const ModelSizes& sizes, StateKind kind) {
 }  // namespace
 
 void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
-                   double* sensordata) {
+                   double* sensordata, const Interrupt& interrupt) {
   const ModelSizes sizes = sizes_of(model);
   const int from = state_size(sizes, input.kind), to = state_size(sizes, input.record);
   const int threads = thread_count(nthread, input.nbatch);
   if (threads > static_cast<int>(simulations_.size())) simulations_.resize(threads);
   std::vector<char> updated(threads, 0);
 
-  parallel_for(input.nbatch, threads, [&](int worker, int item) {
-    std::unique_ptr<Simulation>& own = simulations_[worker];
+  parallel_for(input.nbatch, threads, interrupt, [&](const Worker& worker, int item) {
+    std::unique_ptr<Simulation>& own = simulations_[worker.index()];
     if (!own) {
       own = std::make_unique<Simulation>(model, &parameters_);
-    } else if (!updated[worker]) {
+    } else if (!updated[worker.index()]) {
       own->update_model(model);
     }
-    updated[worker] = 1;
+    updated[worker.index()] = 1;
     Simulation& simulation = *own;
     simulation.reset();
     simulation.set_state(input.initial_state + std::size_t(item) * from, input.kind);
     for (int step = 0; step < input.nstep; ++step) {
+      worker.look();
       const std::size_t row = std::size_t(item) * input.nstep + step;
       if (input.control) simulation.set_control(input.control + row * sizes.nu);
       try {

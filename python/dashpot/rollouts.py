@@ -23,9 +23,9 @@ def rollout(
 ) -> tuple[Array, Array]:
     """Step many initial states, or many control sequences, in parallel C++ threads.
 
-    Shapes are those of `mujoco.rollout.rollout`; the GIL is released, and Ctrl-C takes effect when
-    the batch is through. Every rollout is what `Engine.step` on one data would give, bit for bit,
-    whatever the number of threads.
+    Shapes are those of `mujoco.rollout.rollout`; the GIL is released, and Ctrl-C ends the batch, of
+    which nothing comes back then. Every rollout is what `Engine.step` on one data would give, bit
+    for bit, whatever the number of threads.
 
     Parameters
     ----------

@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "dashpot/parallel.hpp"
 #include "dashpot/query.hpp"
 
 struct mjModel_;
@@ -24,9 +25,11 @@ TimeOfImpact geom_time_of_impact(const mjModel_* model, const mjData_* data, int
 // The signed distance of two geoms for each of `count` configurations, rows of `qpos` (count, nq).
 // Bodies moved by mocap are where the model has them. Every entry depends on its row alone, so
 // results are the same bit for bit for every number of threads; `nthread` 0: one per core.
-// Throws std::invalid_argument as distance() and geom_shape() do.
+// Throws std::invalid_argument as distance() and geom_shape() do, and what `interrupt` throws,
+// which is asked between configurations.
 std::vector<Distance> geom_distances(const mjModel_* model, int geom1, int geom2,
-                                     const double* qpos, int count, int nthread);
+                                     const double* qpos, int count, int nthread,
+                                     const Interrupt& interrupt = {});
 
 // The first contact of two geoms for each of `count` states, rows of `qpos` (count, nq) and `qvel`
 // (count, nv), along the velocities of that state. Otherwise as geom_distances. Throws
@@ -34,6 +37,7 @@ std::vector<Distance> geom_distances(const mjModel_* model, int geom1, int geom2
 // geoms.
 std::vector<TimeOfImpact> geom_times_of_impact(const mjModel_* model, int geom1, int geom2,
                                                const double* qpos, const double* qvel, int count,
-                                               double horizon, int nthread);
+                                               double horizon, int nthread,
+                                               const Interrupt& interrupt = {});
 
 }  // namespace dashpot

@@ -47,7 +47,8 @@ class Stepper {
   Stepper& operator=(Stepper&&) noexcept;
 
   // Advances `data` by nstep * timestep. Throws std::invalid_argument, before anything is changed,
-  // on a state that is not finite or data of another model.
+  // on a state that is not finite or data of another model; DivergenceError where motion or forces
+  // diverge, which leaves `data` as they were before that step.
   // MuJoCo's constraint rows of contacts (efc_*), which its force queries and sensors read, are
   // left in `data` for the last step if they fit into the memory of the model, or, where
   // `leave_rows` is false, not at all. Sensors, plugins and flexes need them in every step:

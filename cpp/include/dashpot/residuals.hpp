@@ -24,6 +24,7 @@
 #include <string>
 #include <vector>
 
+#include "dashpot/parallel.hpp"
 #include "dashpot/simulation_host.hpp"
 
 namespace dashpot {
@@ -76,15 +77,17 @@ std::size_t observation_count(const std::vector<ObservedTrajectory>& trajectorie
 // trajectories, nv) without contact memory, and writes `residuals` (variants, residual_count):
 // trajectories in order, within one (frames, bodies, 6), position before rotation, then (frames,
 // channels). Identical bit for bit for every `nthread` (0: one per core). Throws
-// std::invalid_argument naming the trajectory, variant and step of a simulation that fails.
+// std::invalid_argument naming the trajectory, variant and step of a simulation that fails, and
+// what `interrupt` throws, which is asked between steps.
 void residuals(const std::vector<Variant>& variants,
                const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-               const double* qvel, int nthread, double* residuals);
+               const double* qvel, int nthread, double* residuals, const Interrupt& interrupt = {});
 
 // What is simulated instead of residuals: (variants, observation_count), within a trajectory
 // (frames, bodies, 7), positions and quaternions, then (frames, channels).
 void observe(const std::vector<Variant>& variants,
              const std::vector<ObservedTrajectory>& trajectories, const double* qpos,
-             const double* qvel, int nthread, double* observations);
+             const double* qvel, int nthread, double* observations,
+             const Interrupt& interrupt = {});
 
 }  // namespace dashpot

@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "dashpot/parallel.hpp"
 #include "dashpot/simulation_host.hpp"
 
 namespace dashpot {
@@ -33,10 +34,11 @@ class Rollouts {
   // `sensordata` (nbatch, nstep, nsensordata). Full-physics states start without contact memory,
   // integration states carry it. `model`: the same in every call, or one of its sizes; its values
   // are those of the call, but for the vertices of meshes, which stay those of the first one.
-  // `nthread` 0: one per core. Throws std::invalid_argument naming rollout
-  // and step where one fails. One call at a time.
+  // `nthread` 0: one per core. Throws std::invalid_argument, or DivergenceError, naming rollout and
+  // step where one fails, and what `interrupt` throws, which is asked between steps. One call at a
+  // time.
   void run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
-           double* sensordata);
+           double* sensordata, const Interrupt& interrupt = {});
 
  private:
   Parameters parameters_;
