@@ -100,6 +100,41 @@ CLOSED = """<mujoco><option timestep="0.002"/><worldbody>
 <equality><connect body1="coupler" body2="rocker" anchor="0 0 -.3"/></equality></mujoco>"""
 
 
+PRESSED = """<mujoco><option timestep="0.002"/><worldbody>
+  <geom name="floor" type="plane" size="9 9 1" friction=".5"/>
+  <body pos="0 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="{0}"/></body>
+  <body pos="0 1 .1"><joint type="slide" axis="0 0 1"/>
+    <geom type="box" size=".1 .1 .1" mass="{0}"/></body>
+  <body pos="0 2 .1"><joint axis="0 1 0"/><geom type="box" pos=".3 0 0" size=".1 .1 .1" mass="{0}"/>
+    <body pos=".5 0 0"><joint name="end" axis="0 1 0" range="-5 5"/>
+      <geom type="box" pos=".2 0 0" size=".1 .1 .1" mass="{0}"/></body></body>
+  <body pos="0 3 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="{0}" solref="-1e3 -20"/>
+  </body></worldbody>
+<tendon><fixed name="end"><joint joint="end" coef="1"/></fixed></tendon></mujoco>"""
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1e3, 1e5])
+def test_what_rests_on_a_floor_sags_by_the_masses_that_it_has(factor):
+    """The least stiffness of a rigid contact goes by a hundredth of the typical inverse mass."""
+    compiled = Engine(mujoco.MjModel.from_xml_string(PRESSED.format(factor)))
+    edited = Engine(mujoco.MjModel.from_xml_string(PRESSED.format(1.0)))
+    edited.model.body_mass[1:] *= factor
+    edited.model.body_inertia[1:] *= factor
+    data = [engine.make_data() for engine in (compiled, edited)]
+    for engine, one in zip((compiled, edited), data, strict=True):
+        engine.step(one, nstep=300)
+    for name in ("body_invweight0", "dof_invweight0", "tendon_invweight0", "body_subtreemass"):
+        wanted, found = getattr(compiled.model, name), getattr(edited.model, name)
+        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-300, err_msg=name)
+    assert len(compiled.contacts(data[0]).gap) > 10
+    sag = [
+        engine.contacts(one).compression
+        for engine, one in zip((compiled, edited), data, strict=True)
+    ]
+    np.testing.assert_allclose(sag[1], sag[0], rtol=1e-6)
+    np.testing.assert_allclose(data[1].qpos, data[0].qpos, rtol=1e-9, atol=1e-10)
+
+
 def test_gravity_does_the_work_of_masses_that_are_edited():
     engine = Engine(mujoco.MjModel.from_xml_string(CLOSED))
     model, data = engine.model, engine.make_data()

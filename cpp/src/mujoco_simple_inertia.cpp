@@ -2,13 +2,17 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
+#include <memory>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "dashpot/finite.hpp"
+#include "dashpot/mujoco_errors.hpp"
 #include "dashpot/mujoco_names.hpp"
+#include "dashpot/mujoco_owned.hpp"
 
 namespace dashpot::host {
 
@@ -47,13 +51,53 @@ bool is_rounding(double value, double exact) {
   return std::abs(value - exact) <= kRoundingOfInertia * exact;
 }
 
-void follow_in_subtrees(mjModel* m) {
+// Simple, without a joint but a free one: nothing else changes its inertia.
+bool is_lone(const mjModel* m, int body) {
+  return m->body_simple[body] == 1 && m->body_dofnum[body] == 6;
+}
+
+// Whether that of another body than lone ones was edited.
+bool follow_in_subtrees(mjModel* m) {
   thread_local std::vector<double> mass;  // kept by the thread: no allocation in a step
   mass.assign(m->body_mass, m->body_mass + m->nbody);
   for (int body = static_cast<int>(m->nbody) - 1; body > 0; --body)
     mass[m->body_parentid[body]] += mass[body];
-  for (int body = 0; body < m->nbody; ++body)
-    if (!is_rounding(m->body_subtreemass[body], mass[body])) m->body_subtreemass[body] = mass[body];
+  bool any = false;
+  for (int body = 0; body < m->nbody; ++body) {
+    if (is_rounding(m->body_subtreemass[body], mass[body])) continue;
+    m->body_subtreemass[body] = mass[body];
+    any = any || (body > 0 && !is_lone(m, body));
+  }
+  return any;
+}
+
+// Means of the inverse inertia of its translations, and of its rotations.
+void follow_in_lone_body(mjModel* m, int body) {
+  for (int kind = 0; kind < 2; ++kind) {
+    const int first = m->body_dofadr[body] + 3 * kind;
+    double mean = 0.0;
+    for (int i = 0; i < 3; ++i) mean += 1.0 / m->dof_M0[first + i] / 3.0;
+    m->body_invweight0[2 * body + kind] = mean;
+    std::fill_n(m->dof_invweight0 + first, 3, mean);
+  }
+}
+
+struct ModelDeleter {
+  void operator()(mjModel* m) const { mj_deleteModel(m); }
+};
+
+// By MuJoCo, in a copy: it changes much beside.
+void follow_in_all_bodies(mjModel* m) {
+  check_masses(m);
+  const ErrorGuard guard;
+  const std::unique_ptr<mjModel, ModelDeleter> copy(mj_copyModel(nullptr, m));
+  if (!copy) throw MujocoError("MuJoCo could not copy the model");
+  const OwnedData data = make_data(copy.get());
+  mj_setConst(copy.get(), data.get());
+  std::copy_n(copy->body_invweight0, 2 * m->nbody, m->body_invweight0);
+  std::copy_n(copy->dof_invweight0, m->nv, m->dof_invweight0);
+  std::copy_n(copy->tendon_invweight0, m->ntendon, m->tendon_invweight0);
+  std::copy_n(copy->flexedge_invweight0, m->nflexedge, m->flexedge_invweight0);
 }
 
 }  // namespace
@@ -73,12 +117,19 @@ void check_masses(const mjModel_* m) {
 }
 
 void follow_edited_masses(mjModel_* m) {
-  follow_in_subtrees(m);
+  bool any = follow_in_subtrees(m);
   for (int dof = 0; dof < m->nv; ++dof) {
     if (m->dof_simplenum[dof] == 0) continue;
     const double inertia = own_inertia(m, dof) + m->dof_armature[dof];
-    if (!is_rounding(m->dof_M0[dof], inertia)) m->dof_M0[dof] = inertia;
+    if (is_rounding(m->dof_M0[dof], inertia)) continue;
+    m->dof_M0[dof] = inertia;
+    const int body = m->dof_bodyid[dof];
+    if (is_lone(m, body))
+      follow_in_lone_body(m, body);
+    else
+      any = true;
   }
+  if (any) follow_in_all_bodies(m);
 }
 
 }  // namespace dashpot::host

@@ -44,8 +44,9 @@ class Engine:
     gravity); sizes are fixed, and so is the memory for contacts, of which geoms that could
     touch nothing when the engine was made have little. Edits of masses, inertias and armature act
     from the next step on, where MuJoCo takes those of free bodies and other leaves whose
-    inertial frame is their own from a constant, ``dof_M0``, which the step brings up to date.
-    What a ``solref`` stands for and edits of positions or joints need
+    inertial frame is their own from a constant, ``dof_M0``, which the step brings up to date, and
+    with it what a ``solref`` stands for (``body_invweight0`` and its like; for bodies with joints
+    that takes as long as ``mj_setConst``). Edits of positions or joints need
     ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in
     MuJoCo (which resets the state of the data that it is given), and a geom that grows needs
     its ``geom_rbound`` and ``geom_aabb`` too. Save the model that you gave, not :attr:`model`,
