@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include "dashpot/mujoco_effective_inertia.hpp"
+#include "dashpot/mujoco_flex_energy.hpp"
 
 namespace dashpot::host {
 
@@ -107,7 +108,7 @@ std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d) {
   mj_comVel(m, d);
   mj_energyPos(m, d);
   mj_energyVel(m, d);
-  return {d->energy[1], d->energy[0]};
+  return {d->energy[1], d->energy[0] + flex_energy(m, d)};
 }
 
 }  // namespace dashpot::host

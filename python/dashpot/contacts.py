@@ -76,7 +76,9 @@ class Contacts:
 class Energy:
     """Energies in J; dissipated ones are totals since the data were made or reset.
 
-    ``elastic`` is stored in the springs of contacts, limits and equalities, and
+    ``potential`` is that of gravity, of springs of joints and tendons, and of flexes, but for those
+    that are interpolated between nodes (``dof="trilinear"`` and its like), whose totals change with
+    what they store. ``elastic`` is stored in the springs of contacts, limits and equalities, and
     ``dissipated_constraint`` is what limits, equalities and dry friction loss have dissipated.
     ``dissipated_normal`` has, besides what dampers took, what bodies that turn within a step gained
     from hits less or more than the work of their springs; of elastic hits it is that alone, of

@@ -39,7 +39,8 @@ void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double*
 // Work (J) of gravity and passive springs over a displacement (nv) from where the step started.
 double potential_work(const mjModel_* m, const mjData_* d, const double* displacement);
 
-// Kinetic and potential energy of the present state, J. Overwrites what the last step computed.
+// Kinetic and potential energy of the present state, J, with what flexes store. Overwrites what the
+// last step computed.
 std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d);
 
 }  // namespace dashpot::host
