@@ -266,8 +266,8 @@ void Trapezoid::load_drives(double length, const Memory& memory, const Trees& tr
 }
 
 // Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,
-// without that of common translations, which move no row.
-// Where mocap bodies drive them energy is not conserved.
+// without that of common translations, which move no row. Where mocap bodies drive them energy is
+// not conserved.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;

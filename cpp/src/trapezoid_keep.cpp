@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "dashpot/coupled_trees.hpp"
 #include "dashpot/mujoco_forces.hpp"
 #include "dashpot/mujoco_state.hpp"
 #include "dashpot/mujoco_trees.hpp"

@@ -79,6 +79,8 @@ def linearize(
         `centered` no bool.
     ValueError
         If `eps` is out of range, `data` was made from another model, or a step fails.
+    DivergenceError
+        If the motion of a step diverges.
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")

@@ -31,7 +31,7 @@ class Distance:
     point1, point2
         Shape (3,), m, world: the closest points, or the deepest ones of a penetration, on the
         surfaces of the first and second geom. ``point2 - point1 == distance * normal`` to rounding,
-        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part: 2e-4 where
+        and to 1e-5 of the size of the pair where a cylinder or an ellipsoid takes part: 5e-4 where
         these overlap about a common centre, as many directions are nearly as short there.
     normal
         Shape (3,), unit, world, from the first geom to the second.
