@@ -1,7 +1,7 @@
 """Linkages keep their energy at hits after which they are free again at once.
 
 In flight MuJoCo's integrator has velocities of half a step before, so energies there are those of
-positions taken back by as much (cpp/include/dashpot/leapfrog.hpp).
+positions taken back by as much (cpp/include/dashpot/motion/leapfrog.hpp).
 """
 
 from __future__ import annotations

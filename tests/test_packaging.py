@@ -63,9 +63,9 @@ def test_pages_link_to_files_that_exist(page: str, link: str) -> None:
 
 def test_method_has_the_constants_of_the_source() -> None:
     method = read("docs/method.md")
-    islands = read("cpp/include/dashpot/islands.hpp")
-    stiffness = read("cpp/include/dashpot/row_stiffness.hpp")
-    motion = read("cpp/include/dashpot/lane_motion.hpp")
+    islands = read("cpp/include/dashpot/islands/islands.hpp")
+    stiffness = read("cpp/include/dashpot/islands/row_stiffness.hpp")
+    motion = read("cpp/include/dashpot/microsteps/lane_motion.hpp")
 
     def constant(name: str, source: str) -> float:
         return float(only(rf"{name} = ([0-9.e-]+);", source))

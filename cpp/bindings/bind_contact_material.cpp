@@ -6,8 +6,8 @@
 #include <limits>
 #include <optional>
 
-#include "dashpot/group_material.hpp"
-#include "dashpot/mujoco_contact_parameters.hpp"
+#include "dashpot/islands/group_material.hpp"
+#include "dashpot/mujoco/contact_parameters.hpp"
 
 namespace py = pybind11;
 

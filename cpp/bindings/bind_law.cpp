@@ -12,10 +12,10 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/friction.hpp"
-#include "dashpot/kelvin_voigt.hpp"
-#include "dashpot/material.hpp"
-#include "dashpot/solref.hpp"
+#include "dashpot/law/friction.hpp"
+#include "dashpot/law/kelvin_voigt.hpp"
+#include "dashpot/law/material.hpp"
+#include "dashpot/law/solref.hpp"
 
 namespace py = pybind11;
 

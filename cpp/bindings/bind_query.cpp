@@ -8,10 +8,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "dashpot/closest.hpp"
-#include "dashpot/distances.hpp"
-#include "dashpot/geometry_host.hpp"
-#include "dashpot/query.hpp"
+#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/geometry/closest.hpp"
+#include "dashpot/geometry/query.hpp"
+#include "dashpot/simulations/distances.hpp"
 #include "signals.hpp"
 
 namespace py = pybind11;

@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "dashpot/mujoco_simple_inertia.hpp"
-#include "dashpot/residuals.hpp"
+#include "dashpot/mujoco/simple_inertia.hpp"
+#include "dashpot/simulations/residuals.hpp"
 #include "signals.hpp"
 
 namespace py = pybind11;

@@ -9,9 +9,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "dashpot/mujoco_model_view.hpp"
-#include "dashpot/mujoco_simple_inertia.hpp"
-#include "dashpot/rollout.hpp"
+#include "dashpot/mujoco/model_view.hpp"
+#include "dashpot/mujoco/simple_inertia.hpp"
+#include "dashpot/simulations/rollout.hpp"
 #include "model_lock.hpp"
 #include "signals.hpp"
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <random>
 
-#include "dashpot/body_sum.hpp"
+#include "dashpot/islands/body_sum.hpp"
 
 namespace {
 

@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "dashpot/coupled_sum.hpp"
-#include "dashpot/mass_weighted.hpp"
+#include "dashpot/islands/coupled_sum.hpp"
+#include "dashpot/rows/mass_weighted.hpp"
 
 namespace {
 

@@ -19,17 +19,17 @@
 #include <vector>
 
 #include "compiled_scene.hpp"
-#include "dashpot/closest.hpp"
-#include "dashpot/contacts.hpp"
-#include "dashpot/engine.hpp"
-#include "dashpot/geometry_host.hpp"
-#include "dashpot/islands.hpp"
-#include "dashpot/microstep.hpp"
-#include "dashpot/mujoco_detection.hpp"
-#include "dashpot/mujoco_errors.hpp"
-#include "dashpot/mujoco_state.hpp"
-#include "dashpot/query.hpp"
-#include "dashpot/rollout.hpp"
+#include "dashpot/detection/detection.hpp"
+#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/engine/contacts.hpp"
+#include "dashpot/engine/engine.hpp"
+#include "dashpot/geometry/closest.hpp"
+#include "dashpot/geometry/query.hpp"
+#include "dashpot/islands/islands.hpp"
+#include "dashpot/microsteps/microstep.hpp"
+#include "dashpot/mujoco/errors.hpp"
+#include "dashpot/mujoco/state.hpp"
+#include "dashpot/simulations/rollout.hpp"
 
 namespace {
 

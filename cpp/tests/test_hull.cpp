@@ -8,8 +8,8 @@
 #include <memory>
 #include <random>
 
-#include "dashpot/hull.hpp"
-#include "dashpot/query.hpp"
+#include "dashpot/geometry/hull.hpp"
+#include "dashpot/geometry/query.hpp"
 
 namespace {
 

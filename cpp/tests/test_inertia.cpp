@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "dashpot/trees.hpp"
+#include "dashpot/rows/trees.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 #include <type_traits>
 #include <vector>
 
-#include "dashpot/aligned.hpp"
-#include "dashpot/friction.hpp"
-#include "dashpot/sweep_kernels.hpp"
+#include "dashpot/lanes/aligned.hpp"
+#include "dashpot/law/friction.hpp"
+#include "dashpot/microsteps/sweep_kernels.hpp"
 
 namespace {
 

@@ -11,10 +11,10 @@
 #include <random>
 #include <stdexcept>
 
-#include "dashpot/friction.hpp"
-#include "dashpot/hit_time.hpp"
-#include "dashpot/kelvin_voigt.hpp"
-#include "dashpot/material.hpp"
+#include "dashpot/law/friction.hpp"
+#include "dashpot/law/kelvin_voigt.hpp"
+#include "dashpot/law/material.hpp"
+#include "dashpot/rows/hit_time.hpp"
 
 namespace {
 

@@ -9,9 +9,9 @@
 #include <random>
 #include <vector>
 
-#include "dashpot/islands.hpp"
-#include "dashpot/mass_weighted.hpp"
-#include "dashpot/recovery_system.hpp"
+#include "dashpot/islands/islands.hpp"
+#include "dashpot/microsteps/recovery_system.hpp"
+#include "dashpot/rows/mass_weighted.hpp"
 
 namespace {
 

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "compiled_scene.hpp"
-#include "dashpot/engine.hpp"
+#include "dashpot/engine/engine.hpp"
 
 namespace {
 

@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "dashpot/pace.hpp"
-#include "dashpot/team.hpp"
+#include "dashpot/threads/pace.hpp"
+#include "dashpot/threads/team.hpp"
 
 namespace {
 

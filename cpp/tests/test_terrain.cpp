@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-#include "dashpot/terrain.hpp"
+#include "dashpot/geometry/terrain.hpp"
 
 namespace {
 

@@ -1,0 +1,93 @@
+// Detection of contacts and limits.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/detection/candidates.hpp"
+#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/narrowing.hpp"
+#include "dashpot/detection/narrowphase.hpp"
+#include "dashpot/detection/reach.hpp"
+#include "dashpot/detection/seams.hpp"
+#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/threads/team.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// MuJoCo's rows of contacts, which its force queries read: none, left out where the memory of the
+// model is too small for them, or required.
+enum class ContactRows { kNone, kIfTheyFit, kRequired };
+
+// How to detect, and what detection keeps from step to step.
+struct Detection {
+  ContactRows contact_rows = ContactRows::kRequired;
+  bool takes_faces = true;  // see detection/collisions.hpp
+  FaceBuffers faces;
+  ReachBuffers buffers;
+  Narrowing narrowing;
+  CandidatePairs candidates;
+  Narrowphase narrowphase;
+  SeamBuffers seams;
+  Workplaces workplaces;
+  std::vector<char> may_be_loaded;  // by contact found
+};
+
+// Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the
+// contacts of flexes. Callbacks cannot: but for those of sensors they are asked before detection.
+bool anything_reads_rows(const mjModel_* m);
+
+// Collision and limits with a reach that covers the motion of every body and joint in this step,
+// and MuJoCo's own constraint rows for what was found, those of contacts as `detection` asks. The
+// model's gaps and margins are widened during the call and restored. Throws std::runtime_error
+// where contacts or required rows exceed the memory of the model.
+// `acceleration` is the smooth generalized acceleration over the step (nv).
+void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, Detection& detection,
+            std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+            Team& team);
+// The same once more in this step, with the reach that detection.buffers now ask for at least, and
+// with the points where `body_velocity` (6 by body, as in cvel) leads in place of the present one.
+void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                  const std::vector<double>& body_velocity, Detection& detection,
+                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
+                  Team& team);
+
+// While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
+// `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it
+// in half of the model's time step. leave() brings back positions, kinematics and inertia of the
+// present state. Without it, as where detection or anything else throws, its end brings back the
+// positions, and the others as far as MuJoCo finds room for them: the next step finds them anew.
+class MiddleGeometry {
+ public:
+  MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
+                 Detection& detection, std::vector<ContactInput>& contacts,
+                 std::vector<ConstraintInput>& constraints, Team& team);
+
+  // Throws what MuJoCo throws.
+  void leave() { start_.restore(); }
+
+ private:
+  // The configuration when it was made.
+  class Start {
+   public:
+    Start(const mjModel_* m, mjData_* d);
+    ~Start();
+    Start(const Start&) = delete;
+    Start& operator=(const Start&) = delete;
+
+    void restore();
+
+   private:
+    const mjModel_* model_;
+    mjData_* data_;
+    std::vector<double> position_;
+    bool restored_ = false;
+  };
+  Start start_;
+};
+
+}  // namespace dashpot::host

@@ -1,0 +1,42 @@
+// Pairs of geoms that go on far in a step, and whether a contact in the middle is one of the start.
+//
+//
+// What goes on far may be past an edge by then: a ball that slides off a tile meets its edge in the
+// middle, though it is on the next tile. What is round is still what it was on one face, whose
+// normal it meets; on what is round itself, which has no edges; and over an edge with nothing
+// behind it that the two may touch, too, from where on it falls. All others, and blows, which are
+// over or to come by then, keep the geometry of the start.
+
+#pragma once
+
+#include "dashpot/detection/contact_motion.hpp"
+#include "dashpot/detection/lone_pairs.hpp"
+#include "dashpot/detection/seen_contacts.hpp"
+#include "dashpot/rows/rows.hpp"
+
+namespace dashpot::host {
+
+class FarPair {
+ public:
+  explicit FarPair(const ContactMotion& motion) : motion_(motion) {}
+
+  // Of a pair whose first contact at the start is `contact`. False: it goes far, and its contacts
+  // keep the geometry of the start.
+  bool find(const mjData* d, const ContactInput& contact);
+
+  // Whether a contact that is seen in the middle of a step of `length` (s) may be one of the start.
+  bool follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
+               const LonePairs& pairs, double length) const;
+
+ private:
+  bool runs_along(const ContactInput& contact) const;
+  bool touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const;
+  bool stays_on_face(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
+
+  const ContactMotion& motion_;
+  bool is_far_ = false, on_round_ = false;
+  int side_with_face_ = -1;  // where they touch, -1 where both or neither have one
+  double size_ = 0.0;        // m, radius about the smaller geom
+};
+
+}  // namespace dashpot::host

@@ -1,0 +1,57 @@
+// A geom on a height field, and what of it lies flat there.
+
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "dashpot/detection/round_surfaces.hpp"
+#include "dashpot/geometry/face_manifold.hpp"
+#include "dashpot/geometry/shape.hpp"
+#include "dashpot/geometry/terrain.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+struct FaceBuffers;
+
+// The pose of a geom in the frame of another one.
+Pose pose_in(const mjData_* d, int frame, int geom);
+
+// All but `frame` in the frame of the field, where the geom is when this is made.
+struct GeomOnTerrain {
+  GeomOnTerrain(const mjModel_* m, const mjData_* d, int terrain_id, int geom_id, double within,
+                FaceBuffers& face_buffers);
+  GeomOnTerrain(const GeomOnTerrain&) = delete;  // the terrain refers to the field
+  GeomOnTerrain& operator=(const GeomOnTerrain&) = delete;
+
+  Eigen::Vector3d to_local(const Eigen::Vector3d& point) const {
+    return frame.rotation.transpose() * (point - frame.position);
+  }
+  bool has_round_surfaces() const { return round.count() > 0; }
+  // From the rim or the base of the field to a point inside.
+  double inward_way(const Eigen::Vector3d& point) const;
+  // Whether a triangle is part of a larger flat one.
+  bool has_flat_edge(const TerrainTriangle& triangle) const;
+  // The face, or the line of a side, that lies flat on a triangle; and what they share.
+  std::optional<PlacedFace> turned_to(const TerrainTriangle& triangle) const;
+  FaceManifold shared_with(const TerrainTriangle& triangle) const;
+
+  const mjModel_* model;
+  int id;
+  double margin;  // m
+  double radius;  // m, of the geom about its centre
+  FaceBuffers& buffers;
+  HeightField field;
+  Terrain terrain;
+  RoundSurfaces round;
+  Pose frame, pose;    // of the field in the world, of the geom in the field
+  Eigen::Vector3d up;  // normal of the terrain beneath the centre of the geom
+  // It touches with a round side: on surfaces that bend everywhere what MuJoCo finds of that is
+  // right. The rest is corners, and an ellipsoid's lowest point, which are right on every triangle.
+  bool on_side;
+};
+
+}  // namespace dashpot::host

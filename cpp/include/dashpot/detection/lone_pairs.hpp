@@ -1,0 +1,56 @@
+// Which pairs of geoms hit each other alone in a step.
+//
+// Contacts are found ahead, as far as bodies go in the step by any path: of a corner that falls on
+// one tile of a floor those with the tiles beside it, too. Other pairs matter to a hit only if
+// their gap closes at the rate that it has, before the hit is at its deepest, or from another side:
+// what comes later from the same side is met by a body that has turned back. A light body between
+// two heavy ones is pressed for as long as those come together.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Of one step of `length` (s). `motion`: velocities in motion coordinates. Contacts of a pair
+// follow each other, and stay where they are meanwhile.
+class LonePairs {
+ public:
+  LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
+            const double* motion, const std::vector<ContactInput>& contacts);
+
+  // Whether nothing else touches the two trees of a contact whose hit is deepest at `deepest` (s).
+  bool is_alone(const ContactInput& contact, double deepest) const;
+
+ private:
+  // A pair of geoms, the next pair of either tree, its normal, and when its first gap closes.
+  struct Pair {
+    std::array<int, 2> tree, next;
+    std::array<double, 3> normal;
+    double onset;
+  };
+  // Kept by the thread from step to step: a step allocates nothing.
+  struct Chains {
+    std::vector<Pair> pairs;
+    std::vector<int> first_of_tree;
+  };
+
+  static Chains& chains();
+  double onset(const ContactInput* first, const ContactInput* last) const;
+
+  const mjModel_* model_;
+  const mjData_* data_;
+  double length_;
+  const Trees& trees_;
+  const double* motion_;
+  const Chains& chains_;
+};
+
+}  // namespace dashpot::host

@@ -1,0 +1,51 @@
+// Contacts at the seams between geoms.
+//
+// A body that slides from one tile of a floor to the next is pressed into the first a hair's
+// breadth deeper than the edge of the second begins, and detection ahead finds its front about to
+// run into the second one's side; so it does of what falls onto a tile beside its edge, or passes
+// low over it. MuJoCo looks once they overlap, by far the least along the normal of the floor, and
+// lets it pass, but for what falls. So where a geom's body touches something along the normal m
+// (into it), s deep or -s above it, or may in the step, a contact of the geom with another one that
+// has a face along m is left out, unless its normal is m, while both overlap along m by no more
+// than the body is pressed in, or keep apart as far:
+//
+//     o = max of m x over the other - min of m x over the geom,
+//     o + H max(0, rate at which o grows - rate at which s does) <= s + s+ / 2 + tolerance ,
+//
+// s+ = max(0, s): what it touches ends its fall.
+//
+// What rolls over a seam is for a while in touch with the face of one tile and the edge of the
+// other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
+// without the compression of the one behind: a ball of 1e3 N/m jumped by most of its radius. Of
+// balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
+// contact stays, and takes over what the other remembers (ContactInput::takes_over), unless the
+// other face lies beneath: a core bears what is pressed through a skin.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/rows/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Kept from step to step: a step allocates nothing.
+struct SeamBuffers {
+  std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
+  std::vector<char> at_seam;     // by contact
+  std::vector<int> successor;    // by contact of a pair
+  GeomShapes shapes;
+};
+
+// Drops the first kind of contacts of geoms that come nearer, and the second kind of all.
+// `start_reach` (m): how far each geom can move in the step with the velocities of its start.
+void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
+                            const std::vector<double>& start_reach, FaceBuffers& faces,
+                            SeamBuffers& buffers, std::vector<ContactInput>& contacts);
+
+}  // namespace dashpot::host

@@ -1,0 +1,57 @@
+// Contacts of bodies that turn, frozen in the middle of a step, or where they are when the force of
+// a hit acts.
+//
+// Rows freeze the geometry over a step of length H. Frozen at its start, the force does not follow
+// the contact as it moves on, and the gap misses what curves it, g'' H^2 / 2, which recovery of
+// overlap then pays for: a motion x'' = -W^2 x that contact makes, as that of a tumbler, gains
+// energy at the rate W^2 H / 2, and a coin on its edge spins up. Frozen where the velocities of the
+// start bring the bodies in the middle, the errors before and after it cancel: neither gains.
+//
+// Collision of the pair alone is asked again, with its geoms in the poses of the middle. Gaps stay
+// those of the start: from there the rates in the middle lead to those of the end. Rates and slip
+// in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
+// ContactInput::turning, without which dampers would take from every turn what the next step finds.
+//
+// What goes on far in the step may be past an edge by the middle (detection/far_pair.hpp).
+//
+// That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
+// where the force of that has its centre (hit_time.hpp): in the middle of the step it would do work
+// on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s. That
+// is known of two bodies that hit each other alone (detection/lone_pairs.hpp). Of others a blow
+// between round ones that begins or ends early keeps the geometry of the start.
+//
+// Of links the axes of the joints go to the middle (mujoco_moved_axes), also where they turn above
+// a foot that stands: of its own motion the floor sees none, but a trunk that swung above it gained
+// energy as what rolls does. Their inertia stays that of the start, where smooth forces are: the
+// second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
+// constraints hold, whose rows have the geometry of the start.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
+#include "dashpot/threads/team.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+struct FaceBuffers;
+class Workplaces;
+
+// Takes contacts of bodies that touch and turn to the middle of a step of `length` (s), or of the
+// hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from
+// where its centre of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by
+// tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
+// `frequency` is asked of contacts that may be hit. `faces` are kept from step to step. Contacts
+// without a counterpart then stay as they are.
+void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
+                     std::vector<double>& taken, Team& team);
+
+}  // namespace dashpot::host

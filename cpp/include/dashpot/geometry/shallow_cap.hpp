@@ -1,0 +1,63 @@
+// The part of a convex hull that all but lies flat.
+//
+// The palm of a hand, a foot or the sole of a shoe is a few wide facets that lean on each other by
+// some hundredths of a radian: none of them is a face to lie flat on (flat_faces.hpp), and what is
+// pressed against them overlaps them all. In a single contact, that of the nearest points, it has
+// nothing to stand on: light things rock from one point to the other and go in on either side
+// while the other is not held, or tip out. Against a face such facets count like one, but for their
+// heights: the points that it shares with their outline, seen along its normal, lie as deep as the
+// surface of the hull does there.
+
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "dashpot/geometry/face_manifold.hpp"
+#include "dashpot/geometry/shape.hpp"
+
+namespace dashpot {
+
+// Tilt (rad) up to which a facet belongs to the cap.
+inline constexpr double kShallow = 0.05;
+
+// A polygon of the surface of a hull, in its frame.
+struct HullFacet {
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward
+  double offset = 0.0;                               // of its plane along it, m
+  std::vector<Eigen::Vector3d> corner;
+};
+
+// Of the polygons of `vertices` (m), counterclockwise from outside, those that have an area, sorted
+// by the third component of their normals.
+std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
+                                   const std::vector<std::vector<int>>& polygons);
+
+// Kept by the thread: finding one allocates nothing.
+class ShallowCap {
+ public:
+  // Those of hull_facets() that look against `up` (world, unit: out of what it lies on). Whether
+  // their outline is `least_width` (m) wide; of a finely meshed ball it is not.
+  bool find(const std::vector<HullFacet>& facets, const Pose& pose, const Eigen::Vector3d& up,
+            double least_width);
+  // Its corners are farthest along directions that are fixed in the hull; its origin is the lowest.
+  const PlacedFace& outline() const { return outline_; }
+  // How far the surface lies above a point, along `up`, m.
+  double height_over(const Eigen::Vector3d& point) const;
+
+ private:
+  struct Plane {
+    Eigen::Vector3d normal;  // outward, world
+    double offset, slope;    // along it; of it along `up`
+  };
+  std::vector<Plane> plane_;
+  PlacedFace outline_;
+};
+
+// The points within `margin` (m) that a face shares with a cap, found against the face's normal;
+// and where none of them is as deep to within `tolerance` (m), `nearest` (world), which is a point
+// of the face or beneath it.
+FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
+                      const Eigen::Vector3d& nearest, double tolerance);
+
+}  // namespace dashpot

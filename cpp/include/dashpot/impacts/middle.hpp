@@ -1,0 +1,38 @@
+// Geometry of the middle of a part of a step.
+//
+// Rows freeze the geometry. Frozen at the start of a part in which bodies turn by some angle, lever
+// arms and normals are wrong by that angle; frozen where smooth motion brings the bodies in the
+// middle of the part, the errors before and after the middle cancel, and what remains is quadratic
+// in the angle. Gaps are those at the start all the same: what the smooth motion closes up to the
+// middle is given back, or, better, the gap of the same point at the start is taken.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/islands/group_material.hpp"
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
+
+namespace dashpot {
+
+// Replaces the gaps of contacts and the positions of constraints, whose `rows` were found in the
+// middle of a part of `length` (s), by those at its start, where `start` and `start_constraints`
+// were found. What the smooth motion in `data` closes up to the middle is given back; but a contact
+// takes the gap of its nearest contact of the same pair at the start where each is the other's
+// nearest and the point has moved on one of the two geoms by no more than twice the way that the
+// two geoms have moved along each other there.
+void give_back_way(const Rows& rows, const RowData& data, double length,
+                   const std::vector<ContactInput>& start,
+                   const std::vector<ConstraintInput>& start_constraints,
+                   std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
+
+// A rigid contact of the sorted pairs under `impact` becomes a spring whose contact time is about a
+// part of `length` (s), so that the part resolves it; one that is compressed keeps its spring. What
+// rigid means is thus the limit of ever stiffer springs with the same damping ratio.
+void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
+                                const std::vector<ContactInput>& contacts, const Rows& rows,
+                                double length, std::vector<GroupMaterial>& materials);
+
+}  // namespace dashpot

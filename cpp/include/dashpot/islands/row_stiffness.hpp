@@ -1,0 +1,81 @@
+// Stiffness and damping of rows.
+//
+// A material in SI units gives them in N/m and N s/m. Rigid rows are as stiff as micro-steps of h
+// resolve: k = kappa / w, d = delta / w. With c the bound of the unit-weighted rows, diag(A) = 1 in
+// these units, the flow of every row on its own is exact and only the coupling c - 1 has to be
+// resolved:
+//
+//     kappa (c - 1) h^2 <= theta^2,   kappa h^2 <= kStiffestAlone,
+//     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
+//
+// with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction, dry
+// friction too. A damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as
+// the bounds allow; for a restitution kappa gives way as far as a weight sags no further than
+// kInelasticSag, what dry friction holds no further than kRigidSag. A model's own solref is a kappa
+// and a delta, as far as the bounds allow; what they leave out of a delta that is more than
+// critical adds to kappa. A material in SI units that micro-steps do not resolve is rigid, no
+// stiffer than it says, and has its damping ratio as far as the bounds allow.
+
+#pragma once
+
+#include <limits>
+
+#include "dashpot/islands/group_material.hpp"
+#include "dashpot/rows/rows.hpp"
+
+namespace dashpot {
+
+inline constexpr double kRigidResolution = 1.0;  // theta of rigid rows
+// kappa h^2 of rows that nothing is coupled to. Their flow is exact at any value; this leaves them
+// as stiff at the longest rigid micro-step as others are with theta.
+inline constexpr double kStiffestAlone = 1.5;
+inline constexpr double kRigidMicrostep = 2.5e-4;     // s, longest micro-step of rigid contacts
+inline constexpr double kRigidSag = 1.0e-3;           // of a body's radius, see below
+inline constexpr double kInelasticSag = 1.0e-4;       // the same where stiffness gives way
+inline constexpr double kRoundingOfBounds = 1.0e-12;  // relative, of quotients and roots
+
+// Whether a value is within a bound, but for the last bits.
+inline bool fits(double value, double bound) { return value <= bound * (1.0 + kRoundingOfBounds); }
+
+// In which time (s) a weight, the dry friction of joints, and the load that a contact bore in the
+// last step, move a body by the sag that a rigid contact may have, sqrt(sag / acceleration).
+// Infinite for groups that bear no weight or move no joint with friction; 0 where no load is known.
+struct SagTime {
+  double weight = std::numeric_limits<double>::infinity(), dry_friction = weight, load = 0.0;
+};
+
+// Bounds on the coupling of rigid rows whose own entry is 1: of their stiffness, c, of the damping
+// of normals, c_n, and of that of friction, c_t.
+struct RigidCoupling {
+  double stiffness = 0.0, normal_damping = 0.0, friction_damping = 0.0;
+};
+
+// kappa h^2 of the stiffest rigid rows whose stiffness has the bound c.
+double stiffest_rigid(double bound);
+
+// Fills the rows of a group from its material in SI units, resolved or not. Rotational rows get the
+// stiffness that gives them the natural frequency of the sliding rows, or that of sliding as easy
+// as the normal gives way where that is higher.
+void fill_given_rows(Rows& rows, const RowGroup& group, const Material& material);
+
+// A micro-step (s), one as long or longer whose resolution stiffness is limited by, and whether it
+// is one of a hit.
+struct RigidMicrostep {
+  double duration = 0.0, of_stiffness = 0.0;
+  bool hit = false;
+};
+
+// Fills the rows of a rigid group, or lowers those that fill_given_rows() filled to what
+// micro-steps resolve. Returns whether nothing that was given was lowered.
+bool fill_rigid_rows(Rows& rows, const RowGroup& group, const GroupMaterial& given,
+                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidMicrostep& microstep);
+
+// Longest micro-step (s) at which the rows of a rigid group are stiff enough for a heavy body on a
+// light one, or for one that is driven against dry friction, and as damped as their restitution
+// says at the stiffness that weights need. Rows of a model's own solref need not be stiffer than it
+// says.
+double longest_rigid_microstep(const Rows& rows, const RowGroup& group, const GroupMaterial& given,
+                               const RigidCoupling& coupling, const SagTime& sag_time);
+
+}  // namespace dashpot

@@ -1,0 +1,87 @@
+// Positions that lead by half a step.
+//
+// MuJoCo's semi-implicit integrators, which move trees that no row holds,
+//
+//     v' = v + H a(q, v),    q' = q + H v',
+//
+// are leapfrog: q is the position of half a step after v. Trees that rows hold have both in time.
+// Taken for each other, they cost the energy H f v / 2, f the smooth forces, wherever a tree lands
+// and where it leaves again: a ball that falls half a metre by a slide joint and bounces without
+// loss rose to .9876 of it at 2 ms. So a tree that rows hold after a step by MuJoCo's integrator
+// begins at q - H v / 2, with the gaps that it has there, and one that leaves its rows at the end
+// of a step ends at q' + H v' / 2. One whose rows are still compressed at the end of a step, and
+// hold it no more in the next, where geometry has them apart, goes H v / 2 ahead in that. Neither
+// does where this, or the next step after it, would take it into a row: it stays in time until it
+// lands or has room, or it would fall back time and again from what it never reaches, and what
+// leaves a row for less than a step would go on by one and a half steps and then by a half. Where
+// rows bar the way back, it goes around them and keeps the part of its lead that they bar. Momentum
+// is that of the forces, always. Rows keep the geometry of q, an error of second order. Free bodies
+// and RK4 do not lead.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/motion/tree_motion.hpp"
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+
+struct mjModel_;
+
+namespace dashpot {
+
+class Leapfrog {
+ public:
+  // After the rows of a step have their deformations: takes trees that may be held back to where
+  // they are in time, by the displacements and the gaps in `data`.
+  void fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                 const Rows& rows, RowData& data);
+  // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
+  // `held`, by tree: rows that have a position moved it.
+  void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
+            const Rows& rows, RowData& data);
+
+  // By tree: the length (s) of the step that led, if fall_back went back, and 0 if it did not.
+  const std::vector<double>& fell_back() const { return fell_back_; }
+  // How far trees went back, by motion coordinate.
+  const AlignedDoubles& way_back() const { return way_back_; }
+
+  // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
+  // go ahead besides their motion; null for all others.
+  const double* goes_ahead(int tree) const { return may_lead_[tree] ? late_.data() : nullptr; }
+
+  // Keeps in `memory`, at the end of the step, which trees lead.
+  void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+            Memory& memory) const;
+
+ private:
+  // Marks trees that recover from overlap, most of which no spring holds: they do not lead.
+  void find_recovering(const Rows& rows, const RowData& data);
+  // Finds which trees the last step left ahead, and shifts them back; whether there are any.
+  bool find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                     RowData& data);
+  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
+  // Gives rows the deformations and offsets that they have where trees are in time.
+  void take_gaps_back(const Rows& rows, RowData& data);
+
+  // Trees that may go ahead in this step, where no row holds them.
+  void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+                 const Rows& rows, const RowData& data);
+  void find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+                     const AlignedDoubles& ahead);
+
+  std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
+  std::vector<char> leads_;      // by tree: at the end of the step
+  std::vector<char> in_time_;    // by tree: as the last step left it
+  std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
+  std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
+  std::vector<double> fell_back_;
+  std::vector<double> start_gap_;                       // of the deformations of rows
+  AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
+  // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and
+  // the whole way back.
+  AlignedDoubles way_back_, left_, push_, whole_;
+};
+
+}  // namespace dashpot

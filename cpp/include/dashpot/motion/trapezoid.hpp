@@ -1,0 +1,164 @@
+// The second half of the trapezoidal rule for trees that rows hold.
+//
+// Rows see the smooth forces of the start of a step, and those of equalities its geometry. Under
+// rows that act for good a motion integrated so gains energy, in parts about omega^2 H / 2 a
+// second. Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the
+// accelerations at both ends of the step instead. That at the end is known when the next step has
+// its rows:
+//
+//     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
+//                                 a' = inv(H1) (f1 + g + J1' lambda),
+//
+// f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
+// forces, those of limits and contacts too, which have the geometry of the middle (mujoco_turning);
+// lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective inertia.
+//
+// Forces of actuators, and those that users apply, most often follow from the motion too: position
+// servos, and controllers that are asked once a step. Held over a step whose positions have both
+// halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
+// hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
+// may also jump: where no s near 1 is left with it, they are taken as held after all. So it is with
+// servos of light fingers that hold something heavy, whose second half alone would throw them
+// about. There what e changed by in the last step and in the one before, the smaller of the two, is
+// taken to go on: half of it is a load beside e, which does its work as e does.
+//
+// Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
+// step in which a tree lands those of its middle, and at the end of one in which it leaves those
+// half a step on. The mean is what there is in the middle of the step, found on the line through
+// both,
+//
+//     1/2 (a + a')  becomes  (1 - w) a + w a',    w = (1/2 - t0) / (t1 - t0),
+//
+// with t0 = 0 or 1/2 and t1 = 1 or 3/2. Of the forces that come with velocity, c, it stays the
+// mean: velocities do not lead.
+//
+// Of the second half, rows that hold the tree against the ground leave what holding_rows.hpp says:
+// they bear the rest, as a foot on the floor what the spring of its leg gains.
+//
+// The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
+// (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
+// forces change, contacts and limits leave none either. Trees that equalities couple follow this
+// rule with RK4 too: under row forces that stay as they are, stages take a light link where only
+// its own spring and spin would, far from where heavy ones let it.
+//
+// s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
+// that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
+// (coupled_trees.hpp). Where none is found, or equalities would turn too far even in a part of a
+// step (turning_parts.hpp), frozen geometry stays: the second half is left out, they do not turn in
+// that step, and the work of those that did is booked as dissipation.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/motion/common_translation.hpp"
+#include "dashpot/motion/coupled_energy.hpp"
+#include "dashpot/motion/tree_motion.hpp"
+#include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/holding_rows.hpp"
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+
+namespace dashpot {
+
+// How a step ended.
+struct EndOfStep {
+  double length;  // s
+  // False: the step had the geometry of its middle, or another law, and leaves nothing over.
+  bool leaves_half;
+  const std::vector<char>& held;            // by tree: rows that have a position moved it
+  const std::vector<double>& fell_back;     // by tree, see Leapfrog
+  const AlignedDoubles& way_back;           // by motion coordinate, see Leapfrog
+  const std::vector<double>& displacement;  // nv; what the change of kinetic energy went with
+};
+
+// The rule for all trees of a model; keeps its arrays from step to step.
+class Trapezoid {
+ public:
+  // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
+  // last step left over, where a tree goes on with the velocity that step gave it. Trees that
+  // equalities couple share s. Takes the turning from `rows` of equalities where they may not turn
+  // in this step.
+  void finish_last_step(const mjModel_* model, const mjData_* d, double length,
+                        const Memory& memory, const std::vector<ConstraintInput>& constraints,
+                        const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
+                        RowData& data, EnergyLedger& ledger);
+
+  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
+  // and Leapfrog::keep.
+  void keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
+            const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
+            const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+
+  // Of this step: whether rows that may hold a tree leave a second half, or have left one, and what
+  // was added to velocities, by motion coordinate; null where nothing was.
+  bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
+  const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
+  // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
+  const double* load() const { return load_.empty() ? nullptr : load_.data(); }
+  // rad, most that a row of an equality turns in this step (turning_parts.hpp).
+  double fastest_turn() const { return fastest_turn_; }
+
+ private:
+  // The steps of finish_last_step(), in its order.
+
+  // Finds which trees have a second half, and which of them share s.
+  void couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows, int tree_count);
+  void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
+  // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
+  void recall_equalities(const Memory& memory, const std::vector<ConstraintInput>& constraints,
+                         const Rows& rows, const Trees& trees);
+  // Finds second halves and their s, anew without drives where these leave none; false where there
+  // is nothing to finish.
+  bool find_scales(const mjModel_* model, const mjData_* d, double length, const Memory& memory,
+                   TreeMotion& motion);
+  void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
+                        TreeMotion& motion);
+  void find_energies(const mjModel_* model, const mjData_* d, double length,
+                     const TreeMotion& motion);
+  // Finds what of it is in translations that coupled trees have in common.
+  void find_common_momenta(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
+  // Finds what tells whether springs and drives alone bring the second half.
+  void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
+                    const TreeMotion& motion);
+  // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
+  // do not turn.
+  void correct_speeds();
+  void book_second_half(EnergyLedger& ledger) const;
+  void add_second_half(const Trees& trees, RowData& data);
+  // Where drives are not followed, lets them go on as they changed.
+  void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
+  void stop_fast_turns(double length, Rows& rows);
+
+  // The steps of keep().
+
+  // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
+  // turned.
+  void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
+                       const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+  // Keeps the length of the step for trees that it leaves a second half of; returns whether there
+  // are any.
+  bool keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const;
+  void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
+                 double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);
+
+  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
+  HoldingRows holding_rows_;
+  CommonTranslations translations_;
+  std::vector<char> left_half_;                                    // by tree
+  std::vector<CoupledEnergy> coupled_;                             // by first tree
+  std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
+  std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
+  // By the same: e of this step, its change since the last one, loads for what it goes on by;
+  // forces that have a potential, of trees that rows may hold.
+  std::vector<double> drive_, drive_change_, load_, potential_;
+  std::vector<double> servo_change_;  // by the same: of drive_, because joints moved
+  std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
+  std::vector<double> translation_;   // by the same, of all trees, and its momentum
+  std::vector<double> translation_momentum_;
+  std::vector<double> spring_half_;  // of one tree, by motion coordinate
+  double fastest_turn_ = 0.0;
+};
+
+}  // namespace dashpot

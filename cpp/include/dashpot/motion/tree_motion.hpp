@@ -1,0 +1,132 @@
+// How every tree moves over a step: its smooth motion in motion coordinates, which the rows start
+// from, and its state at the end of the step, with what the rows added.
+//
+// Free bodies follow the accurate motion of free_body.hpp. Of the other trees those that rows hold
+// take the integral of their micro-step velocities; MuJoCo's integrator has all others, and those
+// that dry friction alone slows.
+//
+// Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
+// of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
+// take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
+// that dry friction alone slows its position too; those that stiff rows hold go as much farther
+// than in the micro-steps as they do in the stages (held_stages.hpp), unless contacts join them to
+// others, which go as in the micro-steps. That velocity stays where rows move a tree whose joint
+// dampers RK4 does not resolve, and of trees on the trapezoidal rule, which with RK4 are those that
+// equalities couple.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/mujoco/elastic_forces.hpp"
+#include "dashpot/mujoco/welded_parts.hpp"
+#include "dashpot/rows/free_body.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/trees.hpp"
+#include "dashpot/threads/team.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+class HeldStages;
+
+// What rows did to a tree in a step.
+struct RowsOnTree {
+  bool touched = false;  // moved it
+  bool joined = false;   // as they moved another tree against it
+  bool carries = false;  // some of these are contacts
+  bool held = false;     // so did rows that have a position, which dry friction has not
+  // In the geometry of a time within the part, its middle or that of a hit.
+  bool frozen_ahead = false;
+  bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
+  double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
+  // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
+  const double* added_velocity = nullptr;
+  // Of RK4, null without: what rows left of its stages, and its mean velocity, generalized.
+  const HeldStages* stages = nullptr;
+  const double* mean_velocity = nullptr;
+};
+
+class TreeMotion {
+ public:
+  // Unless `accurate_free_bodies`, free bodies move as MuJoCo moves them, as all other trees do.
+  TreeMotion(const mjModel_* model, bool accurate_free_bodies);
+
+  // Whether it is a free body that moves as one, not as MuJoCo moves it.
+  bool is_accurate(int tree) const;
+  // Whether springs or servos act on such a body. In flight RK4 moves it then.
+  bool is_sprung(int tree) const;
+
+  // Reads the state at the start of a step.
+  void start(const mjData_* d);
+  // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
+  // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
+  // DivergenceError where it has diverged.
+  void find_smooth_motion(mjData_* d, double length, bool rough, RowData& data, Team& team);
+  // Finds the smooth motion as it looks from the geometry of the middle, which `d` holds.
+  void freeze_at_middle(mjData_* d, double length, RowData& data, Team& team);
+  // Freezes one free body where its velocity takes it in `time` (s).
+  void freeze_ahead(int tree, double time);
+  // Whether it is a free body in the coordinates of one, and moves accurately.
+  bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
+  // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
+  void damp_in_microsteps(const mjData_* d, int tree);
+  // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
+  void invert_inertia(int tree);
+  void invert_inertia(const std::vector<RowGroup>& groups, Team& team);
+
+  // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
+  void to_generalized(int tree, const double* coordinates, double* generalized) const;
+  void to_generalized_force(int tree, const double* coordinates, double* force) const;
+
+  // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
+  // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
+  // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
+  // Threads may advance accurate trees at once.
+  double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
+  // By tree, of the last step: it has its velocity from MuJoCo's integrator.
+  const std::vector<char>& integrated() const { return integrated_; }
+  // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
+  void advance_semi_implicitly(mjData_* d, int tree, double length);
+
+  // What generalized forces of servos on free bodies change by up to the middle of the step, where
+  // they act; empty without.
+  const std::vector<double>& servo_change() const { return elastic_forces_.servo_change(); }
+
+  const Trees& trees() const { return trees_; }
+  int tree_count() const { return static_cast<int>(trees_.tree.size()); }
+  const std::vector<double>& start_velocity() const { return start_velocity_; }            // (nv)
+  const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
+
+ private:
+  void fill_inverse(int tree);
+  void load_from_springs(const mjData_* d, double length, RowData& data);
+  void to_coordinates(int tree, const double* generalized, double* coordinates) const;
+  bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                     const RowData& data) const;
+  bool resolves_dampers(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                        const RowData& data) const;
+  void add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
+                         RowData& data) const;
+  double contact_work(int tree, double length, const RowData& data) const;
+  double advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                           const RowData& data);
+
+  const mjModel_* model_;
+  bool accurate_free_bodies_;
+  Trees trees_;
+  std::vector<host::WeldedParts> parts_;                 // by tree, if any has some
+  std::vector<double> start_position_, start_velocity_;  // generalized
+  std::vector<double> smooth_acceleration_;              // generalized
+  std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
+  host::ElasticForces elastic_forces_;
+  std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
+  std::vector<int> to_invert_;  // trees
+  std::vector<char> integrated_;
+  std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
+};
+
+}  // namespace dashpot

@@ -1,0 +1,37 @@
+// Scalar constraints (equalities, dry friction, limits) as MuJoCo instantiates them.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+class RowTurns;
+
+// Scalar constraints of the last detection, with the margins that the model sets.
+void read_constraints(const mjModel_* m, const mjData_* d,
+                      std::vector<ConstraintInput>& constraints);
+
+// Whether solref (2) and solimp (5) are MuJoCo's defaults.
+bool is_default_impedance(const double* solref, const double* solimp);
+
+// Number of scalar constraints of the model that carry memory.
+int constraint_memory_count(const mjModel_* m);
+
+// dJ/dt xi of a row of an equality of bodies, joints, tendons or edges of a flex, in m/s^2 or
+// rad/s^2: how fast its rate changes while the motion coordinates keep theirs. Leaves out what the
+// other equalities of flexes keep.
+double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
+                           const Trees& trees, const RowTurns& turns);
+
+// A row over the generalized velocity of a free body (origin; rotation in its frame) becomes one
+// over the velocity of its centre of mass and its angular velocity, in world axes.
+void to_centre(const mjModel_* m, const mjData_* d, const Tree& tree, double* row);
+
+}  // namespace dashpot::host

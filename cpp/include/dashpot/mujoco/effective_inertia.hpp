@@ -1,0 +1,62 @@
+// The inertia through which rows act: M + H D, with D by integrator.
+//
+//     Euler          joint damping, as MuJoCo's Euler treats it implicitly
+//     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
+//     implicit       the same; the derivative of the bias, which is not symmetric, is left out
+//     RK4            half of the joint damping: the trapezoidal rule, of second order.
+//
+// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp) but with RK4, and H D / 4
+// is left in the inertia through which these rows act.
+
+#pragma once
+
+#include "dashpot/mujoco/welded_parts.hpp"
+#include "dashpot/rows/trees.hpp"
+#include "dashpot/threads/team.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Whether D comes from derivatives.
+bool takes_derivatives(const mjModel_* m);
+// Otherwise: the weight of joint damping in D.
+double joint_damping_weight(const mjModel_* m);
+// The derivative of the damping of a joint at `velocity`, and of the actuator that lends it
+// damping, N s/m or N m s/rad.
+double joint_damping(const mjModel_* m, int dof, double velocity);
+// Derivative of a damping force (c + c_1 |v| + c_2 v^2) v at v = `velocity`.
+double damping_derivative(double damping, const double* high_order, double velocity);
+
+// u' D v of vectors by degree of freedom (nv) over those of a tree; joint damping is that of the
+// step's start, which find_effective_inertia has found.
+double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& tree,
+                    const double* u, const double* v);
+
+// The same D of one degree of freedom.
+double damping_of(const mjModel_* m, const mjData_* d, const Trees& trees, int dof);
+
+// Adds D v (nv) of a D that comes from derivatives.
+void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
+
+// The most that actuators take of a degree of freedom's velocity, of an integrator that treats them
+// explicitly: the sum of the sizes of their derivatives in its row, N s/m or N m s/rad.
+double actuator_damping(const mjModel_* m, const mjData_* d, int dof);
+// Adds D v of the damping of actuators, of an integrator that treats it explicitly, for the degrees
+// of freedom where it takes more than half of their velocity in a step.
+void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
+
+// Computes the derivatives where they are needed: of all smooth forces, or of actuators alone.
+void prepare_effective_inertia(const mjModel_* m, mjData_* d);
+// Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
+// factor_inertia. `parts` as read_welded_parts leaves them.
+void find_effective_inertia(const mjModel_* m, const mjData_* d,
+                            const std::vector<WeldedParts>& parts, Trees& trees, Team& team);
+// Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
+// micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
+void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
+// The smooth generalized acceleration of a tree through the effective inertia.
+void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
+
+}  // namespace dashpot::host

@@ -1,0 +1,47 @@
+// MuJoCo's stages in the order of mj_step.
+//
+// mj_step is rebuilt from public calls; collision comes after the smooth acceleration, so that
+// detection knows how far every body can move in this step.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/rows/rows.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
+// `new_control` false: controls are held, the control callback is not asked. Where the callbacks of
+// this stage may read sensors, those of positions and velocities are made for them, as in mj_step,
+// but without contacts and rows; detection makes them again. In the stages of RK4 they stay.
+enum class Sensors { kForCallbacks, kStay };
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors);
+
+// Makes the sensors of positions and velocities anew where some of them look at contacts, which are
+// not those of detection any more.
+void make_contact_sensors(const mjModel_* m, mjData_* d);
+
+// Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
+// row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
+                   const std::vector<ContactInput>& contacts,
+                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                   const std::vector<double>& row_force);
+
+// MuJoCo's own integrator, under the mean forces that report_forces has set: advances everything
+// (time, activations, plugins, trees without contact). `new_control` as in smooth_stage;
+// `uses_motion`: whether any of the velocities and positions that it comes to stays.
+void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
+               HeldStages& held);
+// MuJoCo's Euler for time, activations and plugins alone: without the implicit damping of its
+// velocities, for which it would factor an inertia.
+void advance_all_but_motion(mjModel_* m, mjData_* d);
+// Whether it takes smooth forces otherwise than through the effective inertia.
+bool adds_to_smooth_motion(const mjModel_* m);
+
+}  // namespace dashpot::host

@@ -1,0 +1,46 @@
+// What the solver asks about a model, its bodies, geoms and their contacts.
+
+#pragma once
+
+#include <array>
+
+#include "dashpot/rows/rows.hpp"
+
+struct mjModel_;
+
+namespace dashpot::host {
+
+int geom_count(const mjModel_* m);
+int dof_count(const mjModel_* m);
+int position_count(const mjModel_* m);
+int flex_count(const mjModel_* m);
+int mocap_count(const mjModel_* m);
+bool has_equalities(const mjModel_* m);
+bool has_adhesion(const mjModel_* m);                // of actuators or of geoms
+double gravity(const mjModel_* m);                   // m/s^2; 0 if it is disabled
+inline constexpr double kStandardGravity = 9.80665;  // m/s^2
+
+// Friction and priority of a side of a contact: a geom, or -1 - id for a flex.
+std::array<double, 3> geom_friction(const mjModel_* m, int geom);
+int geom_priority(const mjModel_* m, int geom);
+int geom_tree(const mjModel_* m, int geom);  // -1 for static ones
+// The body that joints move a geom with; -1 for static ones and flexes.
+int moved_body(const mjModel_* m, int geom);
+// MuJoCo's typical inverse mass (1/kg) of the geom's body in translation.
+double geom_inverse_mass(const mjModel_* m, int geom);
+// The last degree of freedom that moves a body against the world, -1 for none.
+int last_dof(const mjModel_* m, int body);
+// Whether a degree of freedom turns what it moves.
+bool is_rotational(const mjModel_* m, int dof);
+
+// Radius (m) about the smaller geom of a contact; infinite if neither has one.
+double contact_radius(const mjModel_* m, const ContactInput& input);
+// Mass (kg) of the lighter of the kinematic trees whose geoms touch; infinite for flexes.
+double contact_mass(const mjModel_* m, const ContactInput& input);
+
+// Geoms that are only to be seen may still be named in a contact pair.
+bool may_collide(const mjModel_* m, int geom);
+// How many contacts there is memory for.
+int contact_capacity(const mjModel_* m);
+
+}  // namespace dashpot::host

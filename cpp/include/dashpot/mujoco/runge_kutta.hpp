@@ -1,0 +1,86 @@
+// MuJoCo's fourth-order Runge-Kutta integrator under constraint forces that stay as they are over
+// the step.
+//
+// MuJoCo asks its own solver for new constraint forces in each of the four stages. Here rows are
+// solved once, over the whole step, and their mean forces F act like applied ones:
+//
+//     k1 = f(x0),  k2 = f(x0 + H k1 / 2),  k3 = f(x0 + H k2 / 2),  k4 = f(x0 + H k3),
+//     x1 = x0 + H (k1 + 2 k2 + 2 k3 + k4) / 6,
+//
+// x: positions, velocities and activations; accelerations in f are inv(M) (smooth forces + F).
+// Where F is zero this is mj_RungeKutta to the bit; where F balances the smooth forces, rest stays.
+// Trees that equalities couple follow the trapezoidal rule instead (trapezoid.hpp). Another one
+// that rows hold moves along them as it did in the micro-steps (held_stages.hpp). A light
+// foot would otherwise leave the ground within the stages and take load off the spring of its leg.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/mujoco/owned.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+class HeldStages;
+}
+
+namespace dashpot::host {
+
+bool is_runge_kutta(const mjModel_* m);
+
+// Generalized forces and velocities (nv each), N or N m, m/s or rad/s.
+struct SmoothForces {
+  std::vector<double> all;
+  std::vector<double> driving;  // see driving_forces in mujoco/forces.hpp
+  std::vector<double> damping;  // of dampers and fluids
+  std::vector<double> velocity;
+};
+
+// Keeps its arrays from step to step.
+class RungeKutta {
+ public:
+  // Unless it `moves_free_bodies`, what comes out for trees that are one free body is not used.
+  explicit RungeKutta(bool moves_free_bodies);
+
+  // Advances everything by the model's time step: `d` has been computed for its present state, up
+  // to qacc and qfrc_constraint. What was computed stays that of the start. `new_control` false:
+  // within the step the control callback is not asked. Where a callback raises, and with
+  // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
+  // of a model with adhesion, state, controls and applied forces are those of the start again.
+  void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+
+  // The smooth forces at the end of the last step, as its fourth stage saw it.
+  const SmoothForces& end() const { return end_; }
+  // The velocity (nv) that positions went with in the last step.
+  const std::vector<double>& mean_velocity() const { return mean_velocity_; }
+
+ private:
+  static constexpr int kStages = 4;
+  class Start;
+
+  mjData_* copy_state(const mjModel_* m, const mjData_* d);
+  void find_slopes(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+  void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
+  void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
+  void find_mean_slope();
+  void check_mean_slope(const mjModel_* m) const;
+  void read_end(const mjModel_* m, const mjData_* d);
+
+  bool moves_free_bodies_;
+  // Where stages are computed, unless callbacks or plugins look at them: those know but the data of
+  // the step.
+  OwnedData beside_;
+  double time_ = 0.0;
+  bool constrained_ = false;
+  std::vector<double> constraint_force_;
+  std::vector<double> state_, inputs_;  // at the start; as callbacks left them
+  std::vector<double> position_, activation_, reported_acceleration_;
+  std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;
+  std::vector<double> mean_velocity_, mean_acceleration_, mean_activation_rate_;
+  SmoothForces end_;
+};
+
+}  // namespace dashpot::host

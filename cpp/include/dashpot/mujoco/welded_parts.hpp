@@ -1,0 +1,60 @@
+// Free bodies of several parts: bodies without joints, welded to the one with the free joint, are
+// of one rigid body with it.
+//
+// Body b of mass m_b, centre of mass c_b and inertia I_b about it, all in the frame of the root:
+//
+//     m = sum m_b,   c = sum m_b c_b / m,   I = sum I_b + m_b (|r_b|^2 1 - r_b r_b'),  r_b = c_b -
+//     c
+
+#pragma once
+
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "dashpot/threads/team.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot::host {
+
+// The inertia of such a body.
+class WeldedParts {
+ public:
+  // Reads masses, inertias and places in the model, which may have been edited. Throws
+  // std::invalid_argument naming the body unless it has mass, and inertia about every axis.
+  void read(const mjModel_* m, int tree);
+
+  double mass() const { return mass_; }                      // kg
+  const Eigen::Vector3d& offset() const { return offset_; }  // of the centre of mass, root frame, m
+  const Eigen::Quaterniond& principal() const { return principal_; }  // axes to root frame
+  const Eigen::Vector3d& moments() const { return moments_; }         // kg m^2
+
+ private:
+  struct Part {
+    Eigen::Vector3d position;        // root frame
+    Eigen::Quaterniond orientation;  // to root frame
+  };
+  void find_principal_axes();
+
+  std::vector<Part> part_;  // by body from the root on
+  double mass_ = 0.0;
+  Eigen::Vector3d offset_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d inertia_ = Eigen::Matrix3d::Zero();  // of which the principal axes are
+  Eigen::Quaterniond principal_ = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d moments_ = Eigen::Vector3d::Zero();
+};
+
+// Whether a tree is a free body of several parts.
+bool has_welded_parts(const mjModel_* m, int tree);
+
+// Reads the parts of all trees that have some, by tree; there are none where no tree has.
+void read_welded_parts(const mjModel_* m, int trees, std::vector<WeldedParts>& parts, Team& team);
+// Those of one tree; null without.
+const WeldedParts* parts_of(const mjModel_* m, const std::vector<WeldedParts>& parts, int tree);
+
+// The point of a body that its motion is best told by: the centre of mass of the rigid body that it
+// is a part of, if that is free, and otherwise its own. World, m.
+const double* centre_of_motion(const mjModel_* m, const mjData_* d, int body);
+
+}  // namespace dashpot::host

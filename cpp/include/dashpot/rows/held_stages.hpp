@@ -1,0 +1,51 @@
+// What rows leave of the stages of RK4 to trees that they hold.
+//
+// Along the rows that hold a tree at the end of a step (holding_rows.hpp) it moves as its
+// micro-steps did, in every stage: with their mean acceleration, and at where they have taken it
+// beyond what that explains, as a foot sinks in under a new load. What a stage's own acceleration
+// differs by from the mean one is left across the rows.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/lanes/aligned.hpp"
+#include "dashpot/rows/holding_rows.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/trees.hpp"
+
+namespace dashpot {
+
+// Keeps its arrays from step to step.
+class HeldStages {
+ public:
+  // After the micro-steps of a step of `length` (s). By motion coordinate: `start`, velocities at
+  // its start; `added`, what trapezoid.hpp has added to them, null: nothing.
+  void find(const Rows& rows, const RowData& data, const Trees& trees, const AlignedDoubles& start,
+            const double* added, double length);
+
+  // Takes what rows bar from the accelerations (nv) of a stage.
+  void bar(std::vector<double>& acceleration);
+  // How far rows have taken trees beyond their mean acceleration, by degree of freedom; zeros for
+  // those that none holds, or that have landed in this step.
+  const std::vector<double>& way() const { return way_; }
+
+  bool hold(int tree) const { return rows_.hold(tree); }
+  // What rows take off the inverse mass of degree of freedom i of a tree.
+  double barred_inverse_mass(int tree, int i) const {
+    return rows_.barred_inverse_mass(*trees_, tree, i);
+  }
+
+ private:
+  // Trees that have come into a row within the step: where in it is not known.
+  void find_landed(const Rows& rows, const RowData& data);
+
+  const Trees* trees_ = nullptr;
+  HoldingRows rows_;
+  std::vector<double> mean_acceleration_, way_;  // by degree of freedom
+  std::vector<char> lands_;                      // by tree
+  std::vector<double> change_;                   // of one tree
+};
+
+}  // namespace dashpot

@@ -1,0 +1,56 @@
+// What is a hit, and when within a step its force acts.
+//
+// A body that comes with the closing speed c upon an undamped spring of the frequency
+// omega = sqrt(k w), which it has compressed by x, swings through the phase
+//
+//     phi = atan2(omega x, c)
+//
+// up to the release at pi, under a force in proportion to sin(phi + omega t). Over a time e the
+// centre of that force is, with s = omega e / 2,
+//
+//     (s + cot(phi + s) (1 - s cot s)) / omega .
+//
+// It lies two thirds of a short time after the onset (phi = 0), and in the middle of all.
+
+#pragma once
+
+#include <array>
+#include <functional>
+
+#include "dashpot/law/constants.hpp"
+#include "dashpot/rows/rows.hpp"
+
+namespace dashpot {
+
+// sqrt(k w) (rad/s) of a contact of the apparent inverse mass w (1/kg).
+using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
+
+// Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
+// is more than smooth forces, or the turn of its geometry, make in two steps.
+inline constexpr double kHitSpeed = 0.05;
+// A hit is short in a step whose length times omega is more than this: it lasts no longer than the
+// step. Longer ones go by the geometry of every step, whose errors are of second order.
+inline constexpr double kShortHit = kPi;
+
+// Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
+// `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
+// not 0 where `compression` is).
+double centre_of_hit(double frequency, double compression, double closing_speed, double time);
+
+// Whether two contacts are between the same two trees, one of which may be the ground.
+bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b);
+
+// When a gap (m) that closes at a speed (m/s) is closed: 0 if it is, infinite if it is not within
+// `length` (s).
+double onset_in(double length, double gap, double closing_speed);
+
+// When a hit that begins at `onset` (s) is at its deepest: a quarter of a period later.
+double deepest_of_hit(double onset, double frequency);
+
+// Whether a contact that begins at `onset` (s, infinite if not in the step) touches a body that
+// another one hits, deepest at `deepest` (s): before that, or from another side. What comes later
+// from the same side finds that the body has turned back. Normals out of what pushes the body.
+bool disturbs_hit(double onset, const std::array<double, 3>& normal,
+                  const std::array<double, 3>& normal_of_hit, double deepest);
+
+}  // namespace dashpot

@@ -1,0 +1,179 @@
+// Memory carried from step to step in mjData's user data: the compression and the elastic
+// displacement of every compressed contact, the deformation of every limit, equality and
+// dry-friction row, the motion of mocap bodies, and the energy ledger.
+//
+// At the start of a step a contact takes the smaller of the overlap that collision reports and the
+// compression remembered at the nearest point of the same geom pair, unless another contact is
+// nearer to that point; what geometry reports beyond that is an unstressed offset. Where two bodies
+// hit each other alone, in less than a step, it keeps all of its compression, also across a gap
+// that is smaller than that: frozen rows lead too deep there. Limits and equalities do the same
+// with their position. In the first step of all a contact of SI stiffness takes what its spring
+// bears, and so does a contact or limit whose solref the model sets; an equality with one does
+// whenever nothing is remembered of it, as where it is switched on.
+//
+// Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
+// deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
+// being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
+// until they separate: otherwise every change of stiffness would drop force, and the jolt change
+// the stiffness again. Of what is hit it is the energy that goes on, not the force. Contacts of SI
+// stiffness, which users change, and of a model's own solref, whose load changes, recover it like
+// offsets.
+
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/threads/team.hpp"
+
+namespace dashpot {
+
+// What one compressed contact remembers. Vectors are in the frame of geom 1.
+struct RememberedContact {
+  double geom[2];
+  double source;                  // index among the detected contacts of the step that wrote it
+  double sticking;                // 1 if friction stuck in the last micro-step
+  double position[2][3];          // in the frames of geom 1 and geom 2, m
+  double compression, stiffness;  // m, N/m
+  double slack;                   // part of the compression beyond the overlap, m
+  double slide[3], slide_stiffness;
+  double spin, spin_stiffness;
+  double roll[3], roll_stiffness;
+  double credit;  // energy that rising stiffness took from these springs, J
+  double hit;  // 1 if it was hit in that step, or came to touch in it as a hit, and its island had
+               // contacts of its two geoms alone
+  SolrefLoad solref;
+};
+
+// What a limit, equality or dry-friction row remembers; zeros: nothing.
+struct RememberedConstraint {
+  double deformation, stiffness;    // m and N/m, or rad and N m/rad
+  double slack;                     // part of the deformation beyond the position, m or rad
+  double credit;                    // energy that rising stiffness took from its spring, J
+  double mean_force, turning_work;  // of an equality, see Memory::equality()
+};
+
+// What memory has of a contact: the nearest remembered point of its pair, where it overlaps, or
+// goes on as a hit, and is itself the nearest to that point, else -1; and the force (N) that all
+// points of its pair bore at the end of the last step.
+struct Match {
+  int nearest = -1;
+  bool apart = false;  // was hit, and has a gap now, see Memory::parted_hit
+  double load = 0.0;
+};
+
+// What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
+// models of free bodies alone.
+struct HeldMotion {
+  double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
+  double* weight = nullptr;        // by tree: w
+  double* energy = nullptr;        // by tree, J
+  double* displacement = nullptr;  // over the step, by degree of freedom
+  double* potential = nullptr;     // p, by degree of freedom
+  double* drive = nullptr;         // e, by degree of freedom
+  double* drive_change = nullptr;  // what e had changed by since the step before, by the same
+  double* acceleration = nullptr;  // a, by motion coordinate
+  double* other_force = nullptr;   // g, by motion coordinate
+};
+
+// What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
+struct RememberedMocap {
+  std::array<double, 7> command, pose;      // position (m) and quaternion
+  std::array<double, 3> velocity, angular;  // of the follower, m/s and rad/s, world
+};
+
+// Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that
+// rows may hold, and mocap bodies; and how many geoms and flexes there are to have contacts.
+struct MemoryLayout {
+  int contacts = 0;
+  int geoms = 0, flexes = 0;
+  int constraints = 0;
+  int held_trees = 0, held_dofs = 0, held_coordinates = 0;
+  int mocap_bodies = 0;
+  int size() const;  // doubles
+  int held_size() const;
+  int leading_size() const;
+  int mocap_size() const;
+};
+
+class Memory {
+ public:
+  // A view of `storage`, layout.size() doubles; zeroed storage is an empty memory.
+  Memory(double* storage, const MemoryLayout& layout);
+
+  // Throws std::invalid_argument where the storage, which users may write to, holds no count of
+  // contacts that it has room for, or contacts of geoms that are none of the model's.
+  void check() const;
+
+  bool starts() const;  // no step was taken yet
+  int contact_count() const;
+  RememberedContact contact(int index) const;
+  // Of that contact alone: its geoms, where it is in the frame of one of them (m), and the force
+  // (N) that it bore.
+  std::array<int, 2> geoms(int index) const;
+  const double* position(int index, int side) const;
+  double force(int index) const;
+  // Gap (m) up to which it keeps its compression though geometry parts it: its own compression if
+  // it was hit, for then rows frozen over a step lead too deep; else 0.
+  double parted_hit(int index) const;
+  EnergyLedger ledger() const;
+  void set_ledger(const EnergyLedger& ledger);
+  HeldMotion held_motion() const;
+  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), 0 where they do not;
+  // and velocities at its end, by degree of freedom, which tell whether trees go on from there.
+  // Null in models of free bodies alone.
+  double* leading_length() const;
+  double* end_velocity() const;
+  RememberedMocap mocap(int index) const;
+  void set_mocap(int index, const RememberedMocap& mocap);
+  // Mean force of an equality over the last step (N, N m), and the work that it did because its row
+  // turned (J); by ConstraintInput::memory.
+  double* equality(int constraint) const;
+  RememberedConstraint constraint(int index) const;  // by ConstraintInput::memory
+
+  // Fills the deformation and offset of every row at the start of a step of `length` (s). With
+  // infinite `recovery_speed` the spring takes the whole overlap.
+  void recall(const std::vector<ContactInput>& contacts,
+              const std::vector<ConstraintInput>& constraints, const std::vector<Match>& matches,
+              const Rows& rows, double recovery_speed, double length, RowData& data,
+              Team& team) const;
+  // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
+  // normals than the pair remembers, as points that are new among old ones do, all of them give
+  // way.
+  void limit_compression(const std::vector<std::array<int, 2>>& pairs,
+                         const std::vector<ContactInput>& contacts, const Rows& rows,
+                         RowData& data) const;
+
+  // Replaces the memory by the deformed rows of `data`.
+  void remember(const std::vector<ContactInput>& contacts,
+                const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                const RowData& data, Team& team);
+
+ private:
+  void remember(const ConstraintInput& input, const Rows& rows, int group, const RowData& data);
+  void remember(const ContactInput& input, const Rows& rows, int group, const RowData& data,
+                int place);
+  double* mocap_storage() const;
+  double* constraint_storage() const;
+  double* contact_storage(int index) const { return contacts_ + kContactSize * index; }
+  double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
+                           double recovery_speed) const;
+  double first_deformation(const ConstraintInput& input, const Rows& rows,
+                           const RowGroup& group) const;
+  void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
+                       const Rows& rows, double recovery_speed, double length, RowData& data,
+                       Team& team) const;
+  void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                          double recovery_speed, RowData& data) const;
+
+  static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
+
+  double* storage_;
+  MemoryLayout layout_;
+  double* contacts_;  // where contacts are stored
+};
+
+}  // namespace dashpot

@@ -1,0 +1,75 @@
+// What changes of the rows and trees during a step: springs, velocities, impulses and energies.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/threads/team.hpp"
+
+namespace dashpot {
+
+// Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
+struct EnergyShares {
+  double normal = 0.0, friction = 0.0, constraint = 0.0;
+  double sum() const { return normal + friction + constraint; }
+  EnergyShares& operator+=(const EnergyShares& other) {
+    normal += other.normal;
+    friction += other.friction;
+    constraint += other.constraint;
+    return *this;
+  }
+};
+// The share that the energy of row i of a group belongs to.
+double& share(EnergyShares& shares, const RowGroup& group, int i);
+
+// What the micro-steps change.
+struct RowData {
+  // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
+  // the strain of an equality, the elastic displacement s of a friction row; m or rad.
+  std::vector<double> deformation, rate;
+  std::vector<double> total_impulse;  // over the whole step, N s or N m s
+
+  // Per group: deformation minus position, which is the unstressed part still to recover or, where
+  // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
+  // whether any impulse acted in this step; whether it is hit, and whether
+  // contacts between two trees are all that counts in its island, see find_hits in island_hits.hpp.
+  std::vector<double> offset;
+  std::vector<char> sticking, touched, hit, is_of_lone_pair;
+  // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
+  // give back (memory.hpp).
+  std::vector<double> credit;
+  // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
+  std::vector<double> force_moment;
+  // Per group: work (J) that a contact frozen within the step would have done on bodies because its
+  // normal and arms turn.
+  std::vector<double> turning_work;
+
+  // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth
+  // acceleration is no part of the integrator's; and the energy (J) that the drag of damped trees
+  // took (microstep.hpp).
+  AlignedDoubles start_motion, added_acceleration, braked;
+
+  // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
+  // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in
+  // `total_displacement`.
+  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse, shift;
+
+  // Work done on the bodies, and energy put in by recovery, J.
+  EnergyShares work, recovery_input;
+
+  // These resize and zero the arrays per motion coordinate, and those per row and group.
+  void reset_motion(int coordinates);
+  void reset_rows(const Rows& rows);
+};
+
+// Whether a separated limit or contact would overlap after `time` (s) of MuJoCo's semi-implicit
+// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` (at
+// the start) and `acceleration` (smooth) are in motion coordinates.
+bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
+                              const double* velocity, const double* acceleration, double time);
+
+// Elastic energy stored in the springs, J.
+EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team);
+
+}  // namespace dashpot

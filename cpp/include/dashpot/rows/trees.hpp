@@ -1,0 +1,95 @@
+// Kinematic trees in motion coordinates, and their effective inverse inertia.
+//
+// The contact solver works in motion coordinates xi, one range of them for each tree:
+//
+//     a free body:       velocity of the centre of mass (3), 0, angular velocity (3), 0; world axes
+//     any other tree:    its generalized velocities, then zeros up to a multiple of four
+//
+// H is the effective inertia in these coordinates: inertia plus what the integrator treats
+// implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
+// through the normal and the arm alone. A free body's coordinates begin at a multiple of eight.
+//
+// The first coordinates belong to the ground, which what is applied to it does not move: eight for
+// each of four lanes (jacobian_lanes.hpp), so that no lane waits for what another applies. Two of
+// them, that no body has, move by themselves: kSurfaceCoordinate at 1, so that its column in a
+// row is the rate that surfaces of their own motion (conveyor belts) add, and kTurningCoordinate
+// with acceleration 1, so that its column is what a row's rate gains because its Jacobian turns,
+// dJ/dt xi. The others stay zero.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/lanes/aligned.hpp"
+
+namespace dashpot {
+
+inline constexpr int kBodyCoordinates = 8;  // of a free body
+inline constexpr int kGroundCoordinates = 4 * kBodyCoordinates;
+inline constexpr int kSurfaceCoordinate = 3;  // of the ground, moves at 1
+inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is time, s
+
+struct Tree {
+  int dof_begin = 0;  // range of generalized velocities
+  int dof_count = 0;
+  int begin = 0;              // range of motion coordinates
+  int count = 0;              // a multiple of four
+  bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
+  int inverse = 0;            // offset in Trees::inverse
+  bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
+  bool cross_damped = false;  // and D is more than a diagonal
+};
+
+// The motion coordinate of degree of freedom i of a tree.
+inline int coordinate_of(const Tree& tree, int i) {
+  return tree.begin + (tree.free_body && i >= 3 ? i + 1 : i);
+}
+
+struct Trees {
+  std::vector<Tree> tree;
+  int coordinates = kGroundCoordinates;
+  // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
+  // each with a zero. Any other tree: the columns of inv(H), `count` apart.
+  AlignedDoubles inverse;
+  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia.
+  AlignedDoubles factor;
+  // By motion coordinate of these: 1 / sqrt(D).
+  AlignedDoubles inverse_root;
+  // D of damped trees: by motion coordinate its diagonal and, at the offset of the inverse of those
+  // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
+  AlignedDoubles damping, cross_damping;
+  double implicit_time = 0.0;
+  // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
+  // does not come from derivatives.
+  std::vector<double> joint_damping;
+  // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
+  // below it, and to no others.
+  std::vector<int> above;
+  // By degree of freedom, the last one that it carries, or itself: those below it lie between. And
+  // where those above it begin in `path`, the nearest first; they end where the next one's begin.
+  // Both in numbers from the first of their tree.
+  std::vector<int> last_below, path_begin{0}, path;
+
+  // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
+  // freedom, in the numbers of all.
+  void append(int dof_begin, int dof_count, bool free_body, const int* above);
+};
+
+// acceleration += inv(H) force, over the coordinates of one tree.
+void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
+
+// Throws DivergenceError that names the tree unless all its coordinates of `motion` are numbers
+// of at most `largest`.
+void check_bounded(const Tree& tree, const double* motion, double largest);
+
+// H = L' D L of a tree that is not a free body, L of unit diagonal and as sparse as H below it:
+// no entry fills in where rows are eliminated from the last one up (Featherstone, Rigid Body
+// Dynamics Algorithms, 6.3). `inertia` is row-major, dof_count wide, and keeps D on and L below its
+// diagonal. Throws std::runtime_error if H is not positive definite.
+void factor_inertia(const Trees& trees, int tree, double* inertia);
+// Solution of H x = f; x is f before.
+void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
+// Fills in inv(H) and 1 / sqrt(D) of a tree that is not a free body.
+void invert_inertia(Trees& trees, int tree, const double* factor);
+
+}  // namespace dashpot

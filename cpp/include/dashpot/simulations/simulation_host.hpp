@@ -1,0 +1,71 @@
+// One worker's own simulation: a view of a model, its data and a stepper. Rollouts and residuals
+// step through it and so need no mujoco.h.
+
+#pragma once
+
+#include <memory>
+
+#include "dashpot/law/parameters.hpp"
+
+struct mjModel_;
+struct mjData_;
+
+namespace dashpot {
+
+// Which of MuJoCo's state vectors (mj_getState, mj_setState).
+enum class StateKind {
+  kFullPhysics,  // time, qpos, qvel, act, history, plugin state
+  kIntegration,  // also controls, applied forces, mocap, warm start and user data: contact memory
+};
+
+// Sizes that fix the layout of states and controls.
+struct ModelSizes {
+  int nq = 0, nv = 0, nu = 0, nbody = 0, nsensordata = 0;
+  int full_physics = 0, integration = 0;  // lengths of the two state vectors
+};
+ModelSizes sizes_of(const mjModel_* model);
+
+class Simulation {
+ public:
+  // Of a view of `model`, which must outlive it. Steps with dashpot's Stepper, or with mj_step
+  // where `parameters` is null.
+  Simulation(const mjModel_* model, const Parameters* parameters);
+  ~Simulation();
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+
+  // Goes on with the values that the model, or another of its sizes, has now; vertices of meshes
+  // stay those of the first.
+  void update_model(const mjModel_* model);
+  // s, > 0.
+  void set_timestep(double timestep);
+  // Everything as in fresh data of the model: no contact memory, no controls.
+  void reset();
+
+  // The vectors have the length that ModelSizes gives for the kind.
+  void set_state(const double* state, StateKind kind);
+  void get_state(double* state, StateKind kind) const;
+  void set_position_velocity(const double* qpos, const double* qvel);  // (nq,), (nv,)
+  void set_control(const double* control);                             // (nu,)
+  const double* sensordata() const;                                    // (nsensordata,)
+
+  // Steps once. Throws std::runtime_error where the state is no longer finite afterwards.
+  void step();
+
+  // Body frames of the present state: position (3, m) and quaternion (4, w x y z) in the world.
+  void update_kinematics();
+  void body_pose(int body, double* position, double* quaternion) const;
+
+  // Those of sensordata() that positions and velocities make, of the present state; they are of the
+  // start of the last step before. Updates kinematics too.
+  void update_sensors();
+
+ private:
+  // Calls a function of MuJoCo that may call back; throws as step() where that raises.
+  void call(void (*function)(const mjModel_*, mjData_*));
+
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace dashpot

@@ -1,0 +1,100 @@
+#include "dashpot/detection/geom_on_terrain.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geometry_host.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+using Eigen::Vector3d;
+
+// Angle (rad) up to which a face or a side lies flat on a triangle.
+constexpr double kFlatOn = 0.02;
+
+bool lies_on_side(const mjModel* m, int geom, const Pose& pose, const Vector3d& up) {
+  const int type = m->geom_type[geom];
+  return type == mjGEOM_CAPSULE ||
+         (type == mjGEOM_CYLINDER && std::abs(pose.rotation.col(2).dot(up)) < std::cos(kMostTilt));
+}
+
+}  // namespace
+
+Pose pose_in(const mjData* d, int frame, int geom) {
+  const Pose outer = unchecked_geom_pose(d, frame), world = unchecked_geom_pose(d, geom);
+  Pose pose;
+  pose.position = outer.rotation.transpose() * (world.position - outer.position);
+  pose.rotation = outer.rotation.transpose() * world.rotation;
+  return pose;
+}
+
+GeomOnTerrain::GeomOnTerrain(const mjModel* m, const mjData* d, int terrain_id, int geom_id,
+                             double within, FaceBuffers& face_buffers)
+    : model(m),
+      id(geom_id),
+      margin(within),
+      radius(m->geom_rbound[id]),
+      buffers(face_buffers),
+      field(height_field(m, m->geom_dataid[terrain_id])),
+      terrain(field),
+      round(m, id),
+      frame(unchecked_geom_pose(d, terrain_id)),
+      pose(pose_in(d, terrain_id, id)),
+      up(terrain.normal_beneath(pose.position)),
+      on_side(lies_on_side(m, id, pose, up)) {}
+
+double GeomOnTerrain::inward_way(const Vector3d& point) const {
+  return std::min({field.half_x - std::abs(point.x()), field.half_y - std::abs(point.y()),
+                   point.z() + field.base});
+}
+
+bool GeomOnTerrain::has_flat_edge(const TerrainTriangle& triangle) const {
+  for (int edge = 0; edge < 3; ++edge)
+    if (std::abs(terrain.bend(triangle, edge)) <= kFlatBend) return true;
+  return false;
+}
+
+std::optional<PlacedFace> GeomOnTerrain::turned_to(const TerrainTriangle& triangle) const {
+  const Vector3d& outward = triangle.normal;
+  const Vector3d local = (pose.rotation.transpose() * outward).cwiseAbs();
+  const mjtNum* const size = model->geom_size + 3 * id;
+  const double standing = std::cos(kFlatOn), lying = std::sin(kFlatOn);
+  const int type = model->geom_type[id];
+  switch (type) {
+    case mjGEOM_BOX:
+      if (local.maxCoeff() < standing) break;
+      return place_box_face(Vector3d(size[0], size[1], size[2]), pose, -outward);
+    case mjGEOM_CYLINDER:
+      if (local.z() > standing) return place_cap(size[0], size[1], pose, -outward, outward);
+      [[fallthrough]];
+    case mjGEOM_CAPSULE:
+      if (local.z() > lying || !has_flat_edge(triangle)) break;
+      return place_side(size[0], size[1], type == mjGEOM_CAPSULE, pose, outward);
+    case mjGEOM_MESH:
+      return flat_face_along(model, id, pose, -outward, kFlatOn, buffers);
+    default:
+      break;
+  }
+  return std::nullopt;
+}
+
+FaceManifold GeomOnTerrain::shared_with(const TerrainTriangle& triangle) const {
+  const std::optional<PlacedFace> turned = turned_to(triangle);
+  if (!turned) return {};
+  PlacedFace top;
+  top.normal = triangle.normal;
+  top.origin = triangle.corner[0];
+  const bool clockwise = triangle.half == 0;  // seen from above
+  top.corner[0] = triangle.corner[0];
+  top.corner[1] = triangle.corner[clockwise ? 2 : 1];
+  top.corner[2] = triangle.corner[clockwise ? 1 : 2];
+  top.count = 3;
+  return meet_face(top, *turned, margin);
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,82 @@
+#include "dashpot/detection/lone_pairs.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "dashpot/detection/contact_motion.hpp"
+#include "dashpot/rows/hit_time.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// The normal of a contact, out of what pushes into the tree on a side.
+std::array<double, 3> into_side(const std::array<double, 3>& normal, int side) {
+  if (side == 1) return normal;
+  return {-normal[0], -normal[1], -normal[2]};
+}
+
+}  // namespace
+
+LonePairs::Chains& LonePairs::chains() {
+  thread_local Chains chains;
+  return chains;
+}
+
+LonePairs::LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
+                     const double* motion, const std::vector<ContactInput>& contacts)
+    : model_(m), data_(d), length_(length), trees_(trees), motion_(motion), chains_(chains()) {
+  auto& [pairs, first_of_tree] = chains();
+  pairs.clear();
+  first_of_tree.assign(trees.tree.size(), -1);
+  const ContactInput* const end = contacts.data() + contacts.size();
+  for (const ContactInput *first = contacts.data(), *last = first; first != end; first = last) {
+    last =
+        std::find_if(first, end, [&](const ContactInput& c) { return !c.is_of_pair(first->geom); });
+    Pair pair{first->tree,
+              {-1, -1},
+              {first->frame[0], first->frame[1], first->frame[2]},
+              onset(first, last)};
+    for (int side = 0; side < 2; ++side) {
+      const int tree = first->tree[side];
+      if (tree < 0 || (side == 0 && tree == first->tree[1])) continue;
+      pair.next[side] = first_of_tree[tree];
+      first_of_tree[tree] = static_cast<int>(pairs.size());
+    }
+    pairs.push_back(pair);
+  }
+}
+
+bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
+  const std::array<double, 3> normal{contact.frame[0], contact.frame[1], contact.frame[2]};
+  for (int side = 0; side < 2; ++side) {
+    const int tree = contact.tree[side];
+    if (tree < 0) continue;
+    for (int i = chains_.first_of_tree[tree]; i >= 0;) {
+      const Pair& pair = chains_.pairs[i];
+      const int side_of_other = pair.tree[1] == tree;
+      if (!joins_same_trees(contact.tree, pair.tree) &&
+          disturbs_hit(pair.onset, into_side(pair.normal, side_of_other), into_side(normal, side),
+                       deepest))
+        return false;
+      i = pair.next[side_of_other];
+    }
+  }
+  return true;
+}
+
+// When the first gap of a pair closes (s), infinite if none does in the step.
+double LonePairs::onset(const ContactInput* first, const ContactInput* last) const {
+  ContactMotion motion(model_, data_, length_);
+  if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
+      !motion.find(*first, trees_, motion_))
+    return 0.0;
+  double least = std::numeric_limits<double>::infinity();
+  for (const ContactInput* c = first; c != last; ++c)
+    least = std::min(least, onset_in(length_, c->gap, -motion.gap_rate(*c)));
+  return least;
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,146 @@
+#include "dashpot/detection/terrain_points.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/hull_vertices.hpp"
+#include "dashpot/geometry/terrain_touch.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d at(const GeomOnTerrain& geom, double x, double y, double z) {
+  return geom.pose.position + geom.pose.rotation * Vector3d(x, y, z);
+}
+
+// Out of the ground through its top, unless the way through its rim or its base is shorter.
+void add(const GeomOnTerrain& geom, const TerrainTriangle& triangle, const Vector3d& point,
+         TerrainContacts& found, int surface = -1) {
+  const double distance = triangle.height_of(point);
+  if (!(distance <= geom.margin) || -distance > geom.inward_way(point))
+    return;  // nor where heights are not finite
+  if (geom.on_side && !geom.has_flat_edge(triangle) && !geom.turned_to(triangle)) return;
+  found.add({point - 0.5 * distance * triangle.normal, triangle.normal, distance, surface});
+}
+
+// Halves of a cell may have one plane.
+void add_round(const GeomOnTerrain& geom, const TerrainTriangle& triangle, const Vector3d& point,
+               int surface, TerrainContacts& found) {
+  if (!found.has_on_plane(triangle, point, surface)) add(geom, triangle, point, found, surface);
+}
+
+// A corner, over the triangle beneath it, and over one beside that rises where the corner comes
+// to it from here.
+void add_corner(const GeomOnTerrain& geom, const Vector3d& point, TerrainContacts& found) {
+  const auto triangle = geom.terrain.beneath(point);
+  if (!triangle) return;
+  add(geom, *triangle, point, found);
+  for (int edge = 0; edge < 3; ++edge) {
+    if (geom.terrain.bend(*triangle, edge) <= kFlatBend) continue;
+    const auto beside = geom.terrain.across(*triangle, edge);
+    const Vector3d foot = point - beside->height_of(point) * beside->normal;
+    const auto beneath = geom.terrain.beneath(foot);
+    if (beneath && (beneath->is_same(*beside) || beneath->is_same(*triangle)))
+      add(geom, *beside, point, found);
+  }
+}
+
+void add_corners(const GeomOnTerrain& geom, const PlacedFace& face, TerrainContacts& found) {
+  for (int i = 0; i < face.count; ++i) add_corner(geom, face.corner[i], found);
+}
+
+// Vertices of the hull that are no higher than the highest ground about, and the margin.
+void add_vertices(const GeomOnTerrain& geom, TerrainContacts& found) {
+  const HullVertices hull(geom.model, geom.model->geom_dataid[geom.id]);
+  const double highest = geom.terrain.highest_about(geom.pose.position, geom.radius) + geom.margin;
+  const Vector3d down = geom.pose.rotation.row(2);
+  for (int i = 0; i < hull.count(); ++i) {
+    const Vector3d vertex = hull.at(i);
+    if (geom.pose.position.z() + down.dot(vertex) <= highest)
+      add_corner(geom, geom.pose.position + geom.pose.rotation * vertex, found);
+  }
+}
+
+// Both ends of the lowest line of a cylinder's side: in a groove one for each side of that.
+void add_side(const GeomOnTerrain& geom, TerrainContacts& found) {
+  const mjtNum* const size = geom.model->geom_size + 3 * geom.id;
+  for (int end = 0; end < 2; ++end) {
+    const auto lowest = [&](const Vector3d& normal) {
+      return place_side(size[0], size[1], false, geom.pose, normal).corner[end];
+    };
+    if (const auto triangle = triangle_beneath(geom.terrain, lowest, geom.up))
+      for_each_touched(geom.terrain, *triangle, lowest, [&](const TerrainTriangle& t) {
+        add_round(geom, t, lowest(t.normal), end, found);
+      });
+    else
+      add_corner(geom, lowest(geom.up), found);
+  }
+}
+
+}  // namespace
+
+void add_own_points(const GeomOnTerrain& geom, TerrainContacts& found) {
+  const mjtNum* const size = geom.model->geom_size + 3 * geom.id;
+  const int type = geom.model->geom_type[geom.id];
+  switch (type) {
+    case mjGEOM_BOX:
+      for (int i = 0; i < 8; ++i)
+        add_corner(geom,
+                   at(geom, i & 1 ? size[0] : -size[0], i & 2 ? size[1] : -size[1],
+                      i & 4 ? size[2] : -size[2]),
+                   found);
+      break;
+    case mjGEOM_CYLINDER:
+      if (geom.on_side) {
+        add_side(geom, found);
+        break;
+      }
+      for (double side : {-1.0, 1.0})
+        add_corners(
+            geom, place_cap(size[0], size[1], geom.pose, side * geom.pose.rotation.col(2), geom.up),
+            found);
+      break;
+    case mjGEOM_MESH:
+      if (const auto face =
+              flat_face_along(geom.model, geom.id, geom.pose, -geom.up, kMostTilt, geom.buffers);
+          face && face->count >= kMostCorners)
+        add_corners(geom, *face, found);
+      else
+        add_vertices(geom, found);
+      break;
+    default:
+      for (int i = 0; i < geom.round.count(); ++i) {
+        const auto lowest = geom.round.lowest(i, geom.pose);
+        if (const auto triangle = triangle_beneath(geom.terrain, lowest, geom.up))
+          for_each_touched(geom.terrain, *triangle, lowest, [&](const TerrainTriangle& t) {
+            add_round(geom, t, lowest(t.normal), i, found);
+          });
+      }
+      break;
+  }
+}
+
+void add_coming_points(const GeomOnTerrain& geom, const Pose& end, TerrainContacts& found) {
+  const Vector3d up = geom.terrain.normal_beneath(end.position);
+  const double deepest = found.deepest();
+  for (int i = 0; i < geom.round.count(); ++i) {
+    const auto lowest = geom.round.lowest(i, geom.pose), lowest_at_end = geom.round.lowest(i, end);
+    const auto triangle = triangle_beneath(geom.terrain, lowest_at_end, up);
+    if (!triangle) continue;
+    const auto add_coming = [&](const TerrainTriangle& t) {
+      const Vector3d point = lowest(t.normal);
+      const double distance = t.height_of(point);
+      const double at_end = t.height_of(lowest_at_end(t.normal));
+      if (at_end < std::min(0.0, distance) && distance > deepest)
+        add_round(geom, t, point, i, found);
+    };
+    for_each_touched(geom.terrain, *triangle, lowest_at_end, add_coming);
+  }
+}
+
+}  // namespace dashpot::host

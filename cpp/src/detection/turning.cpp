@@ -1,0 +1,283 @@
+#include "dashpot/detection/turning.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "dashpot/detection/contact_motion.hpp"
+#include "dashpot/detection/far_pair.hpp"
+#include "dashpot/detection/lone_pairs.hpp"
+#include "dashpot/detection/seen_contacts.hpp"
+#include "dashpot/detection/workplaces.hpp"
+#include "dashpot/rows/hit_time.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// Turn in a step (rad) up to which a pair is at rest, as kStillWay is for its way.
+constexpr double kStillTurn = 1e-5;
+// Fraction of its radius by which a ball on a plane comes closer in a step up to which its arm, all
+// that changes there, is the same.
+constexpr double kSameArm = 1e-3;
+// How far, relative to the size of the smaller geom, a contact point moves on along a rim or a
+// surface up to the middle: that of a disc that has almost come to rest runs around it faster than
+// steps can follow.
+constexpr double kFarPoint = 0.5;
+// Fraction of the step within which a gap or an overlap that closes at its present rate is gone
+// early.
+constexpr double kEarly = 0.25;
+// Fraction of the step up to which two times see one geometry.
+constexpr double kSameTime = 0.03;
+// 1 - cos of the angle between the normals of one contact at the start and in the middle, at most;
+// at other times it goes with the square of the time.
+constexpr double kMostTurnOfNormal = 0.15;
+constexpr int kContactsAtOnce = 16;  // by a thread
+
+// What pairs of geoms have in common over a step of `length` (s).
+struct Step {
+  double length;
+  const Trees& trees;
+  const double* motion;  // velocities in motion coordinates
+  const HitFrequency& frequency;
+  const LonePairs& pairs;
+};
+
+// The contacts of two geoms over a step.
+class TurningPair {
+ public:
+  // Of the contacts from `first` to `last`.
+  TurningPair(mjModel* m, mjData* d, const Step& step, ContactInput* first, ContactInput* last)
+      : model_(m),
+        data_(d),
+        step_(step),
+        first_(first),
+        last_(last),
+        motion_(m, d, step.length),
+        far_(motion_),
+        found_(motion_, step.length) {}
+
+  // Finds how the pair moves; whether it does, and may touch up to the middle or is hit.
+  bool moves() {
+    if (first_->is_at_impact || !motion_.find(*first_, step_.trees, step_.motion)) return false;
+    const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
+    size_ = motion_.size();
+    if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
+    at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
+    if (at_rest_) return false;
+    if (!far_.find(data_, *first_)) return false;
+    if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
+    const double to_middle = motion_.way_in(middle());
+    return std::any_of(first_, last_, [&](const ContactInput& c) {
+      return c.gap <= to_middle || hit_frequency(c) > 0.0;
+    });
+  }
+
+  // Of a pair whose contacts stay where they are, takes to the middle the axes of the joints that
+  // hold it there: those of a leg turn though its foot stands.
+  void turn_axes() {
+    if (!at_rest_ || !(motion_.joints_move(0, kStillTurn) || motion_.joints_move(1, kStillTurn)))
+      return;
+    motion_.find_twists(middle());
+    for (ContactInput* contact = first_; contact != last_; ++contact) {
+      if (contact->gap > 0.0) continue;
+      const std::array<double, 3> start = motion_.point_rate(*contact, When::kStart),
+                                  then = motion_.point_rate(*contact, When::kThen);
+      mjtNum change[3];
+      mju_sub3(change, then.data(), start.data());
+      if (step_.length * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
+      contact->ahead = middle();
+      for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / contact->ahead;
+    }
+  }
+
+  // Takes the contacts that are found there to the middle of the step, or of their hit.
+  void take(FaceBuffers& faces) {
+    for (ContactInput* contact = first_; contact != last_; ++contact) {
+      // At a seam the middle may be beyond the edge, where the other geom's face goes on.
+      if (contact->is_at_seam()) continue;
+      const double frequency = hit_frequency(*contact);
+      const bool comes = frequency > 0.0 && contact->gap > 0.0;
+      if (!see(faces, *contact, comes ? hit_time(*contact, frequency, 0.0) : middle())) continue;
+      if (frequency > 0.0) {
+        // As it turns, its gap closes at another rate; what rolls closes all gaps by turning, and
+        // is no hit.
+        const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
+        const bool rolls =
+            std::abs(rate) < std::max(kHitSpeed, 2.0 * step_.length * std::abs(turning));
+        if (!see(faces, *contact, rolls ? middle() : hit_time(*contact, frequency, turning)))
+          continue;
+      }
+      freeze(then_, *contact);
+      mju_copy(data_->contact[contact->source].frame, contact->frame.data(), 9);
+    }
+  }
+
+ private:
+  using When = ContactMotion::When;
+
+  double middle() const { return 0.5 * step_.length; }
+
+  // Whether a ball comes or goes in a step that does not hold all of its hit.
+  bool changes_arm() const {
+    return step_.length * std::abs(motion_.gap_rate(*first_)) > kSameArm * size_ &&
+           hit_frequency(*first_) == 0.0;
+  }
+
+  // Whether a blow begins or ends early in the step, by how fast the gap changes.
+  bool parts_early() const {
+    const double rate = std::abs(motion_.gap_rate(*first_));
+    return rate >= kHitSpeed && std::abs(first_->gap) < kEarly * step_.length * rate;
+  }
+
+  // When a gap that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the length
+  // of the step if it is not within it.
+  double onset(const ContactInput& contact, double closing, double acceleration) const {
+    if (contact.gap <= 0.0) return 0.0;
+    const double square = closing * closing - 2.0 * acceleration * contact.gap;
+    if (closing <= 0.0 || square <= 0.0) return step_.length;
+    return std::min(step_.length, 2.0 * contact.gap / (closing + std::sqrt(square)));
+  }
+
+  // Of a contact that is hit, or flies off, in a fraction of the step (hit_time.hpp); else 0.
+  double hit_frequency(const ContactInput& contact) const {
+    const double rate = motion_.gap_rate(contact);
+    if (std::abs(rate) < kHitSpeed || onset(contact, -rate, 0.0) == step_.length) return 0.0;
+    const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
+    if (inverse_mass == 0.0) return 0.0;
+    const double frequency = step_.frequency(contact, inverse_mass);
+    if (frequency * step_.length < kShortHit) return 0.0;
+    const double deepest = deepest_of_hit(onset(contact, -rate, 0.0), frequency);
+    return step_.pairs.is_alone(contact, deepest) ? frequency : 0.0;
+  }
+
+  // When the force of a hit acts, whose gap has an acceleration (m/s^2): elsewhere it does work on
+  // what the turn of its geometry adds to the rate.
+  double hit_time(const ContactInput& contact, double frequency, double acceleration) const {
+    const double closing = -motion_.gap_rate(contact);
+    const double begins = onset(contact, closing, acceleration), left = step_.length - begins;
+    if (left == 0.0) return seen_at_;
+    return begins + centre_of_hit(frequency, std::max(0.0, -contact.gap),
+                                  closing - acceleration * begins, left);
+  }
+
+  // Finds what a contact is at a time (s), unless that is about the start, as which it stays.
+  bool see(FaceBuffers& faces, const ContactInput& contact, double time) {
+    const double same = kSameTime * step_.length;
+    if (time <= same) return false;
+    if (std::abs(time - seen_at_) > same) {
+      seen_at_ = time;
+      way_ = motion_.way_in(time);
+      found_.find(model_, data_, time, first_->margin + way_, faces);
+      motion_.find_twists(time);
+    }
+    return find_then(contact);
+  }
+
+  // Finds what a contact is then, if it is there.
+  bool find_then(const ContactInput& contact) {
+    const SeenContact* const same = found_.continuation(contact);
+    if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
+    const bool corners =
+        has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
+    const double part = std::min(1.0, seen_at_ / middle());
+    const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
+    if (squared_distance(contact, *same) > far * far) return false;
+    if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
+      return false;
+    if (!far_.follows(data_, contact, *same, step_.pairs, step_.length)) return false;
+    then_ = seen_in(*same, contact);
+    return true;
+  }
+
+  // A contact as it is seen then: each free body sees the point from where its centre of mass is at
+  // the start; axes of joints and twists go there themselves.
+  ContactInput seen_in(const SeenContact& seen, ContactInput contact) const {
+    const std::array<double, 3> start_rate = motion_.point_rate(contact, When::kStart);
+    const double apart = std::max(0.0, seen.distance - contact.margin);
+    mjtNum point[2][3];
+    for (int i = 0; i < 2; ++i) {
+      mju_addScl3(point[i], seen.position, seen.normal, (i == 0 ? -0.5 : 0.5) * apart);
+      if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -seen_at_);
+    }
+    for (int i = 0; i < 3; ++i) {
+      contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
+      contact.apart[i] = point[1][i] - point[0][i];
+    }
+    mjtNum* const frame = contact.frame.data();
+    mju_copy3(frame, seen.normal);
+    mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
+    mju_normalize3(frame + 3);
+    mju_cross(frame + 6, frame, frame + 3);
+    const std::array<double, 3> rate = motion_.point_rate(contact, When::kThen);
+    contact.ahead = seen_at_;
+    for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / seen_at_;
+    std::copy_n(found_.rotation(), 9, contact.rotation.begin());
+    return contact;
+  }
+
+  // Gives a contact the geometry that it has then; threads read its geoms meanwhile.
+  static void freeze(const ContactInput& then, ContactInput& contact) {
+    contact.position = then.position;
+    contact.apart = then.apart;
+    contact.frame = then.frame;
+    contact.rotation = then.rotation;
+    contact.is_frozen_ahead = true;
+    contact.ahead = then.ahead;
+    contact.turning = then.turning;
+  }
+
+  mjModel* model_;
+  mjData* data_;
+  const Step& step_;
+  ContactInput *first_, *last_;
+  ContactMotion motion_;
+  FarPair far_;
+  double size_ = 0.0;     // m, radius about the smaller geom
+  bool at_rest_ = false;  // its geoms, on each other
+  // What was found at a time (s), up to which the pair moves by way_ (m), and a contact then.
+  double seen_at_ = 0.0, way_ = 0.0;
+  SeenContacts found_;
+  ContactInput then_;
+};
+
+}  // namespace
+
+void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
+                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
+                     std::vector<double>& taken, Team& team) {
+  const int count = static_cast<int>(contacts.size());
+  const auto begins_pair = [&](int i) {
+    return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
+  };
+  const LonePairs pairs(m, d, length, trees, motion, contacts);
+  const Step step{length, trees, motion, frequency, pairs};
+  workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
+  team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
+    const Workplace at(workplaces, worker);
+    // Pairs that begin in the range.
+    while (begin < end && !begins_pair(begin)) ++begin;
+    for (int first = begin, last; first < end; first = last) {
+      last = first + 1;
+      while (!begins_pair(last)) ++last;
+      TurningPair pair(at.model(), at.data(), step, contacts.data() + first,
+                       contacts.data() + last);
+      if (pair.moves())
+        pair.take(*at.faces());
+      else
+        pair.turn_axes();
+    }
+  });
+  workplaces.close();
+  for (const ContactInput& contact : contacts)
+    if (contact.is_frozen_ahead)
+      for (int tree : contact.tree)
+        if (tree >= 0)
+          taken[tree] =
+              taken[tree] == 0.0 || taken[tree] == contact.ahead ? contact.ahead : 0.5 * length;
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,168 @@
+// The books of a step: forces as MuJoCo reports them, work and energies, memory, statistics.
+
+#include <algorithm>
+
+#include "dashpot/mujoco/contacts.hpp"
+#include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/state.hpp"
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr int kTreesAtOnce = 64;  // by a thread
+
+}  // namespace
+
+void Stepper::Impl::report_forces(mjData_* d) {
+  leave_out_untouched(d);
+  constraint_force.assign(motion.start_velocity().size(), 0.0);
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+    const Tree& tree = motion.trees().tree[index];
+    if (touched[index])
+      motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
+                                  constraint_force.data() + tree.dof_begin);
+  });
+  for (double& force : constraint_force) force /= clock.length;
+  row_force = data.total_impulse;
+  for (double& force : row_force) force /= clock.length;
+  host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
+}
+
+void Stepper::Impl::leave_out_untouched(mjData_* d) {
+  if (detection.contact_rows == host::ContactRows::kNone) return;  // nobody looks at them
+  contact_touched.assign(host::detected_count(d), 0);
+  for (size_t i = 0; i < rows.group.size(); ++i)
+    if (rows.group[i].kind == RowKind::kContact && data.touched[i])
+      contact_touched[contacts[rows.group[i].input].source] = 1;
+  if (host::leave_out_untouched(model, d, contact_touched, contacts))
+    host::make_contact_sensors(model, d);
+}
+
+// Work of contacts, because they turn, that no spring paid for: no more than all contacts together
+// did too much. Shared by two trees as their relative motion is.
+void Stepper::Impl::find_unpaid(mjData_* d) {
+  unpaid.assign(motion.tree_count(), 0.0);
+  const EnergyLedger start = memory(d).ledger();
+  const double gained = start.dissipated_by_contacts() - ledger.dissipated_by_contacts();
+  if (gained <= 0.0) return;
+  double all = 0.0;
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    const double energy = -data.turning_work[i];
+    if (energy <= 0.0 || rows.inverse_mass[c.row] == 0.0) continue;
+    all += energy;
+    for (int side = 0; side < 2; ++side)
+      if (c.tree[side] >= 0)
+        unpaid[c.tree[side]] +=
+            energy * rows.tree_inverse_mass[c.row][side] / rows.inverse_mass[c.row];
+  }
+  if (all > gained)
+    for (double& energy : unpaid) energy *= gained / all;
+}
+
+// Trees that rows moved went the integral of their velocity and what recovery displaced them; the
+// change of kinetic energy of all others goes with their mean velocity, also that of trees which
+// dry friction alone slows where RK4 integrates them.
+void Stepper::Impl::account_smooth_work(mjData_* d) {
+  const auto moved = [&](int tree) {
+    return touched[tree] &&
+           (held[tree] || !host::is_runge_kutta(model) || !motion.integrated()[tree]);
+  };
+  const double* velocity = host::velocity(d);
+  const std::vector<double>& start_velocity = motion.start_velocity();
+  mean_displacement.resize(start_velocity.size());
+  added_in_flight.assign(start_velocity.size(), 0.0);
+  for (size_t i = 0; i < start_velocity.size(); ++i)
+    mean_displacement[i] = 0.5 * clock.length * (start_velocity[i] + velocity[i]);
+  if (parameters.options.law != Law::kComFree) {
+    recovered.assign(start_velocity.size(), 0.0);
+    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+      const Tree& tree = motion.trees().tree[index];
+      if (gets_second_half_in_flight(index)) {
+        const double* added = trapezoid.added_velocity() + tree.begin;
+        for (int i = 0; i < tree.dof_count; ++i) {
+          mean_displacement[tree.dof_begin + i] += 0.5 * clock.length * added[i];
+          added_in_flight[tree.dof_begin + i] = added[i];
+        }
+      }
+      if (!moved(index)) return;
+      double* mean = mean_displacement.data() + tree.dof_begin;
+      double* shift = recovered.data() + tree.dof_begin;
+      motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+      motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
+      if (!tree.free_body)
+        for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
+    });
+    if (trapezoid.load())
+      for (int index = 0; index < motion.tree_count(); ++index) {
+        if (!moved(index)) continue;
+        const Tree& tree = motion.trees().tree[index];
+        for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
+          ledger.work += trapezoid.load()[i] * mean_displacement[i];
+      }
+    ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
+  }
+  smooth_work.find(
+      model, d, motion.trees(),
+      {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
+       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated(),
+       data.braked.data(), added_in_flight.data()});
+  ledger.dissipated_damping -= smooth_work.damping;
+  ledger.work += smooth_work.applied + work_ahead_of_servos();
+  book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
+  for (const RowGroup& c : rows.group)
+    ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
+}
+
+// Work that servos did on free bodies by the force of the middle of the step beyond that of its
+// start.
+double Stepper::Impl::work_ahead_of_servos() const {
+  double work = 0.0;
+  if (motion.servo_change().empty()) return work;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!motion.is_sprung(index) || motion.integrated()[index]) continue;
+    const Tree& tree = motion.trees().tree[index];
+    for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
+      work += motion.servo_change()[i] * mean_displacement[i];
+  }
+  return work;
+}
+
+void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
+  Memory view = memory(d);
+  mocap.remember(view);
+  view.remember(contacts, constraints, rows, data, team);
+  if (double* end_velocity = view.end_velocity())
+    std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
+  leapfrog.keep(clock.length, held, motion, view);
+  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
+  trapezoid.keep(model, d,
+                 {clock.length, leaves_half, held, leapfrog.fell_back(), leapfrog.way_back(),
+                  mean_displacement},
+                 constraints, motion, rows, data, view, ledger);
+  view.set_ledger(ledger);
+}
+
+StepStats Stepper::Impl::statistics() const {
+  StepStats stats;
+  stats.contacts = static_cast<int>(contacts.size());
+  stats.islands = static_cast<int>(islands.all().size());
+  for (const Island& island : islands.all()) {
+    stats.microsteps = std::max(stats.microsteps, island.microsteps);
+    stats.clipped += island.clipped;
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact) continue;
+    stats.touching += data.touched[i];
+    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
+    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
+  }
+  return stats;
+}
+
+}  // namespace dashpot

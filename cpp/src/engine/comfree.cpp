@@ -1,0 +1,35 @@
+// The complementarity-free law in a step, see comfree.hpp.
+
+#include "dashpot/law/solref.hpp"
+#include "dashpot/microsteps/comfree.hpp"
+#include "dashpot/mujoco/features.hpp"
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+// Nothing is remembered but the ledger, and no spring stores energy.
+void Stepper::Impl::update_complementarity_free(mjData_* d) {
+  data.reset_rows(rows);
+  islands.find(rows, motion.trees());
+  ledger = memory(d).ledger();
+  gaps.clear();
+  effective_masses.clear();
+  for (const RowGroup& c : rows.group) {
+    // Equalities and dry friction loss can enter by edits of the model.
+    if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
+      host::check_supported(model, parameters.options.law);
+    const bool contact = c.kind == RowKind::kContact;
+    gaps.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
+    effective_masses.push_back(effective_mass(
+        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gaps.back()),
+        rows.typical_inverse_mass[c.row]));
+  }
+  const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
+  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses,
+                                       clock.length, data);
+  check_velocities();
+  find_touched_trees();
+  book_rows(data, {}, {}, ledger);
+}
+
+}  // namespace dashpot

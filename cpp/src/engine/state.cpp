@@ -1,0 +1,114 @@
+// How the state follows: trees that rows moved go as in the micro-steps, all others as MuJoCo's
+// integrator takes them.
+
+#include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/state.hpp"
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+namespace {
+
+constexpr int kTreesAtOnce = 16;  // by a thread
+
+}  // namespace
+
+void Stepper::Impl::find_touched_trees() {
+  touched.assign(motion.tree_count(), 0);
+  joined.assign(motion.tree_count(), 0);
+  carries.assign(motion.tree_count(), 0);
+  held.assign(motion.tree_count(), 0);
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    const bool recovers = c.kind == RowKind::kBilateral && data.offset[i] != 0.0;
+    if (!data.touched[i] && !recovers && !lands_in_next_step(c)) continue;
+    for (int tree : c.tree) {
+      if (tree < 0) continue;
+      touched[tree] = 1;
+      if (c.tree[0] >= 0 && c.tree[1] >= 0) {
+        joined[tree] = 1;
+        carries[tree] |= c.kind == RowKind::kContact;
+      }
+      held[tree] |= c.kind != RowKind::kSlider;
+    }
+  }
+}
+
+// Where the semi-implicit update would take a tree into an overlap that its motion does not have,
+// it takes the motion of the micro-steps: otherwise a tree at rest is thrown back by the recovery
+// of that overlap, step after step. No micro-steps move what only groups of no island reach.
+bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
+  if (parameters.options.law == Law::kComFree || !c.can_be_loaded) return false;
+  const double gap =
+      c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
+  return overlaps_semi_implicitly(rows, c, gap, velocity_before.data(),
+                                  data.smooth_acceleration.data(), clock.length);
+}
+
+// Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
+// integrator then starts from the velocity with it.
+bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
+  return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
+}
+
+RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
+  RowsOnTree by_rows;
+  by_rows.touched = touched[tree];
+  by_rows.joined = joined[tree];
+  by_rows.carries = carries[tree];
+  by_rows.held = held[tree];
+  by_rows.frozen_ahead = geometry_of_middle || turned[tree] > 0.0;
+  by_rows.trapezoidal = trapezoid.holds(tree);
+  by_rows.unpaid = unpaid[tree];
+  by_rows.added_velocity = trapezoid.added_velocity();
+  if (!stages) return by_rows;
+  by_rows.stages = &held_stages;
+  by_rows.mean_velocity = runge_kutta.mean_velocity().data();
+  return by_rows;
+}
+
+// Whether rows move all trees but free bodies, which move accurately in any case: MuJoCo's
+// integrator has none to move then.
+bool Stepper::Impl::rows_move_all() const {
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (!touched[tree] && !motion.is_accurate(tree)) return false;
+  return true;
+}
+
+// The complementarity-free law asks for contacts at the end of a step that goes all the way with
+// its velocity there, as other integrators of MuJoCo do.
+void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
+  for (int index = 0; index < motion.tree_count(); ++index)
+    if (gets_second_half_in_flight(index))
+      host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
+  const bool stages = host::is_runge_kutta(model);
+  if (stages)
+    held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
+                     clock.length);
+  const bool comfree = parameters.options.law == Law::kComFree;
+  host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
+  if (comfree && !stages) return;
+  find_unpaid(d);
+  lost.resize(motion.tree_count());
+  const auto advance = [&](int index) {
+    lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);
+  };
+  if (!comfree)
+    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+      if (motion.is_accurate(index)) advance(index);
+    });
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (comfree) {
+      if (touched[index]) motion.advance_semi_implicitly(d, index, clock.length);
+      continue;
+    }
+    if (!motion.is_accurate(index)) advance(index);
+    ledger.dissipated_normal += lost[index];
+    if (const double* ahead = leapfrog.goes_ahead(index)) {
+      const Tree& tree = motion.trees().tree[index];
+      host::move_tree(model, d, tree, ahead + tree.begin);
+    }
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,168 @@
+// What a stepper holds. The step is in engine.cpp; the geometry of its rows in geometry.cpp,
+// what blows bring about in knock_on.cpp, the state at its end in state.cpp, the
+// complementarity-free law in comfree.cpp, and the books in books.cpp.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/detection/detection.hpp"
+#include "dashpot/engine/contacts.hpp"
+#include "dashpot/engine/engine.hpp"
+#include "dashpot/engine/row_assembly.hpp"
+#include "dashpot/impacts/flight_contacts.hpp"
+#include "dashpot/impacts/impact.hpp"
+#include "dashpot/impacts/knock_on.hpp"
+#include "dashpot/impacts/middle.hpp"
+#include "dashpot/islands/contact_matching.hpp"
+#include "dashpot/islands/island_hits.hpp"
+#include "dashpot/islands/islands.hpp"
+#include "dashpot/islands/pressed_between.hpp"
+#include "dashpot/islands/pressed_together.hpp"
+#include "dashpot/islands/sag_times.hpp"
+#include "dashpot/microsteps/microstep.hpp"
+#include "dashpot/motion/leapfrog.hpp"
+#include "dashpot/motion/trapezoid.hpp"
+#include "dashpot/motion/tree_motion.hpp"
+#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/step_parts.hpp"
+#include "dashpot/mujoco/work.hpp"
+#include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/held_stages.hpp"
+#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/threads/pace.hpp"
+#include "dashpot/threads/team.hpp"
+
+namespace dashpot {
+
+// Where in a step its present part is.
+struct StepClock {
+  double whole = 0.0;          // s, of the step
+  double rest = 0.0;           // s, of the step from the start of the part on
+  double length = 0.0;         // H, s, of the part, which is the whole step if nothing cuts it
+  double row_turn_rate = 0.0;  // rad/s, of equalities in the part before; 0 in the first
+  bool cut_short = false;      // the part ends at an impact
+  int cuts = 0;                // at impacts, in the parts before
+};
+
+struct Stepper::Impl {
+  Impl(mjModel_* m, const Parameters& p, int threads);
+
+  // A step, its parts, and what is done anew where a part turns out to be too long (engine.cpp,
+  // geometry.cpp).
+  StepStats step(mjData_* d, bool leave_rows);
+  StepStats take_step(mjData_* d, bool leave_rows);
+  void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  bool is_rough(const host::StepParts& parts) const;
+  bool shorten_for_turns(host::StepParts& parts);
+  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  bool shorten_for_throws(host::StepParts& parts);
+  bool shorten_for_rows(host::StepParts& parts);
+  bool shorten(double shorter, host::StepParts& parts);
+
+  // Contacts, beside those that detection finds.
+  void correct_contacts_ahead(mjData_* d);
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
+
+  // Rows, and the geometry that they have.
+  void solve(mjData_* d, host::MocapMotion& mocap);
+  void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
+                                host::MocapMotion& mocap);
+  void freeze_turning_contacts(mjData_* d);
+  HitFrequency hit_frequency() const;
+  void find_row_turns(mjData_* d);
+  void build_rows(mjData_* d);
+  void damp_held_trees(mjData_* d);
+
+  // What rows do over the part, by either law.
+  void update_complementarity_free(mjData_* d);
+  void finish_last_step(mjData_* d);
+  void plan_and_recall(mjData_* d);
+  double resolved_length() const;
+  void run_islands();
+  void check_velocities() const;
+  void check_memory() const;
+  void find_touched_trees();
+  bool lands_in_next_step(const RowGroup& c) const;
+
+  // The part anew where blows bring about more contacts (knock_on.cpp).
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
+  bool goes_beyond_detection() const;
+  void find_mean_velocity();
+  void find_end_gaps();
+
+  // The state at the end of the part (state.cpp), after the forces that it comes from.
+  void report_forces(mjData_* d);
+  void leave_out_untouched(mjData_* d);
+  void advance_state(mjData_* d, bool new_control);
+  bool gets_second_half_in_flight(int tree) const;
+  bool rows_move_all() const;
+  void find_unpaid(mjData_* d);
+  RowsOnTree rows_on_tree(int tree, bool stages) const;
+
+  // Energies, memory and statistics (books.cpp).
+  void account_smooth_work(mjData_* d);
+  double work_ahead_of_servos() const;
+  void remember(mjData_* d, const host::MocapMotion& mocap);
+  Memory memory(mjData_* d) const;
+  StepStats statistics() const;
+
+  Team team;
+  Pace pace;
+  mjModel_* model;
+  Parameters parameters;
+  MemoryLayout memory_layout;
+  long long data_size;
+  TreeMotion motion;
+  Leapfrog leapfrog;
+  Trapezoid trapezoid;
+
+  // Found anew in every step or part of one, or kept from one to the next for their arrays.
+  StepClock clock;
+  Part part;
+  FlightContacts flights;
+  KnockOn knock_on;
+  ProvenApart proven_apart;
+  host::Detection detection;
+  host::MocapBuffers mocap_buffers;
+  bool geometry_of_middle = false;  // of the part, not of its start
+  std::vector<ContactInput> contacts;
+  std::vector<ConstraintInput> constraints;
+  std::vector<GroupMaterial> materials;  // per group
+  std::vector<Match> matches;            // per group
+  host::RowTurns row_turns;
+  SagTimes sag_times;
+  ContactMatching matching;
+  Rows rows;
+  RowData data;
+  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
+  PressedTogether pressed_together;
+  PressedBetween pressed_between;
+  Islands islands;
+  MicrostepLoop microsteps{team.size()};
+  std::vector<double> constraint_force, row_force;
+  std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
+  std::vector<char> touched;                   // by tree: rows moved it
+  std::vector<char> joined;                    // by tree: so did another one through them
+  std::vector<char> carries;                   // by tree: contacts are some of them
+  std::vector<char> contact_touched;           // by place in d->contact
+  std::vector<char> held;                      // by tree: rows that have a position moved it
+  std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
+  std::vector<double> turned;                  // by tree: time of its inertia, s; 0: the start
+  std::vector<double> unpaid, lost;            // by tree, J
+  std::vector<double> mean_displacement;       // generalized
+  std::vector<double> mean_velocity;           // generalized
+  std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight
+  std::vector<double> end_gap;                 // by contact, m
+  std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
+  std::vector<double> recovered;               // the same, generalized
+  HeldStages held_stages;                      // of RK4
+  host::RungeKutta runge_kutta;
+  host::SmoothWork smooth_work;
+  EnergyLedger ledger;
+};
+
+}  // namespace dashpot

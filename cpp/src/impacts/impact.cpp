@@ -1,0 +1,180 @@
+#include "dashpot/impacts/impact.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/geometry/query.hpp"
+#include "dashpot/impacts/fast_pairs.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kTurnInContact = 0.005;  // rad, in a part with contact
+constexpr double kShortestPart =
+    1e-6;  // of the rest of a step: parts shorter than this are not cut
+
+class ImpactSearch {
+ public:
+  ImpactSearch(const mjModel_* model, const mjData_* data, double remaining, FastPairs& fast)
+      : model_(model), data_(data), remaining_(remaining), fast_(fast), pairs_(fast.pairs) {}
+
+  // Undisturbed pairs that an earlier part has proven apart need no look before that time. `rest`
+  // (s): of the step, which the part may end before.
+  void recall(const ProvenApart& proven, double rest) {
+    for (FastPair& pair : pairs_)
+      if (pair.flies) pair.clear = std::min(remaining_, proven.time_left(pair.geoms(), rest));
+  }
+  void remember(ProvenApart& proven, double rest) const {
+    for (const FastPair& pair : pairs_)
+      if (pair.flies && pair.apart)
+        proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, rest - pair.clear);
+  }
+
+  // The motion over a shorter part is nearer to its mean: a second look at the pairs that limit the
+  // part sharpens the first.
+  double find_part(int cuts_left) {
+    const double shortest_contact = remaining_ / (2.0 * cuts_left);
+    double part = remaining_;
+    const auto look = [&](FastPair& pair, double length) {
+      part = std::min(part, examine(pair, length, shortest_contact));
+    };
+    for (FastPair& pair : pairs_) {
+      pair.apart = pair.clear > 0.0;
+      if (!pair.apart) look(pair, remaining_);
+    }
+    for (FastPair& pair : pairs_)
+      if (pair.apart && pair.clear < part) look(pair, remaining_);
+    const double length = part;
+    for (FastPair& pair : pairs_)
+      if (!pair.apart || pair.clear <= length) look(pair, length);
+    part = std::max(part, kShortestPart * remaining_);
+    return part > (1.0 - kShortestPart) * remaining_ ? remaining_ : part;
+  }
+
+  std::vector<GeomPair> pairs_in_touch() const {
+    std::vector<GeomPair> touching;
+    for (const FastPair& pair : pairs_)
+      if (!pair.apart) touching.push_back(pair.geoms());
+    std::sort(touching.begin(), touching.end());
+    return touching;
+  }
+
+  // Pairs that fly apart of each other, undisturbed.
+  std::vector<GeomPair> pairs_apart(const std::vector<ConstraintInput>& constraints,
+                                    const std::vector<ContactInput>& contacts) const {
+    std::vector<char> disturbed(host::tree_count(model_), 0);
+    bool changed = false;
+    const auto disturb = [&](int tree) {
+      if (tree < 0 || disturbed[tree]) return;
+      disturbed[tree] = 1;
+      changed = true;
+    };
+    const auto is_disturbed = [&](int tree) { return tree >= 0 && disturbed[tree]; };
+    for (const ConstraintInput& constraint : constraints)
+      for (int tree : constraint.tree) disturb(tree);
+    for (const FastPair& pair : pairs_)
+      if (!pair.apart)
+        for (const SideMotion& side : pair.side) disturb(side.tree);
+    const auto drops = [&](const FastPair& pair) {
+      return pair.apart && pair.flies && !is_disturbed(pair.side[0].tree) &&
+             !is_disturbed(pair.side[1].tree);
+    };
+    // What an impact disturbs, it may hand on through any contact with rows.
+    do {
+      changed = false;
+      for (size_t i = 0; i < contacts.size(); ++i) {
+        const auto& tree = contacts[i].tree;
+        const int index = fast_.pair_of_contact[i];
+        if (index >= 0 && drops(pairs_[index])) continue;
+        if (!is_disturbed(tree[0]) && !is_disturbed(tree[1])) continue;
+        for (int t : tree) disturb(t);
+      }
+    } while (changed);
+    std::vector<GeomPair> apart;
+    for (const FastPair& pair : pairs_)
+      if (drops(pair)) apart.push_back(pair.geoms());
+    std::sort(apart.begin(), apart.end());
+    return apart;
+  }
+
+ private:
+  // How long the pair allows the part to last, at most `length`.
+  double examine(FastPair& pair, double length, double shortest_contact) const {
+    Shape shape[2];
+    Pose pose[2];
+    Motion motion[2];
+    for (int i = 0; i < 2; ++i) {
+      const SideMotion& side = pair.side[i];
+      shape[i] = geom_shape(model_, side.geom);
+      pose[i] = geom_pose(model_, data_, side.geom);
+      motion[i] = side.mean_motion(length);
+      if (shape[i].type == ShapeType::kPlane && !motion[i].angular.isZero(0.0)) return length;
+    }
+    const double standoff = pair.standoff(length);
+    const Distance now = distance(shape[0], pose[0], shape[1], pose[1]);
+    pair.apart = now.distance - pair.margin > 2.0 * standoff;
+    if (pair.apart) {
+      try {
+        pair.clear = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1],
+                                    length, pair.margin + standoff)
+                         .time;
+        return pair.clear;
+      } catch (const std::runtime_error&) {
+        pair.apart = false;  // undecided: the two hover at the standoff, rows take care of them
+        return length;
+      }
+    }
+    const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
+    if (!fast_.is_fast(pair, speed, now.normal, length)) return length;
+    const double calm = std::min(kFastMotion * pair.half_width / speed,
+                                 kTurnInContact / pair.turn_rate(speed, now.normal, length));
+    return std::min(length, std::max(calm, shortest_contact));
+  }
+
+  const mjModel_* model_;
+  const mjData_* data_;
+  const double remaining_;
+  const FastPairs& fast_;
+  std::vector<FastPair>& pairs_;
+};
+
+}  // namespace
+
+Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
+                        const std::vector<double>& acceleration,
+                        const std::vector<ConstraintInput>& constraints,
+                        const std::vector<ContactInput>& contacts, double whole, double rest,
+                        double remaining, int cuts_left, ProvenApart& proven) {
+  Part part;
+  part.length = remaining;
+  if (contacts.empty()) return part;
+  FastPairs fast(model, data, memory, acceleration, whole, remaining);
+  fast.find(contacts);
+  if (fast.pairs.empty()) return part;
+  ImpactSearch search(model, data, remaining, fast);
+  search.recall(proven, rest);
+  const double length = search.find_part(cuts_left);
+  search.remember(proven, rest);
+  part.impact = search.pairs_in_touch();
+  if (cuts_left == 0) return part;
+  part.length = length;
+  part.apart = search.pairs_apart(constraints, contacts);
+  return part;
+}
+
+void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts) {
+  if (pairs.empty()) return;
+  const auto is_dropped = [&](const ContactInput& contact) {
+    return std::binary_search(pairs.begin(), pairs.end(), contact.geom);
+  };
+  contacts.erase(std::remove_if(contacts.begin(), contacts.end(), is_dropped), contacts.end());
+}
+
+}  // namespace dashpot

@@ -1,0 +1,94 @@
+#include "dashpot/impacts/middle.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "dashpot/geometry/squared_distance.hpp"
+#include "dashpot/law/impact_spring.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Squared distance of two points on that geom of the pair on which they are nearer.
+double squared_distance(const ContactInput& a, const ContactInput& b) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (int side = 0; side < 2; ++side)
+    nearest = std::min(nearest, dashpot::squared_distance(a.local_position[side].data(),
+                                                          b.local_position[side].data()));
+  return nearest;
+}
+
+// Index of the contact of the same pair nearest to `contact`, -1 if there is none.
+int nearest_of_pair(const ContactInput& contact, const std::vector<ContactInput>& contacts) {
+  int nearest = -1;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    if (contacts[i].geom != contact.geom) continue;
+    const double distance = squared_distance(contact, contacts[i]);
+    if (distance >= least) continue;
+    least = distance;
+    nearest = static_cast<int>(i);
+  }
+  return nearest;
+}
+
+// `way`: m, of each contact's points along each other up to the middle.
+void take_gaps_at_start(const std::vector<ContactInput>& start, const std::vector<double>& way,
+                        std::vector<ContactInput>& contacts) {
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    const int same = nearest_of_pair(contacts[i], start);
+    if (same < 0 || squared_distance(contacts[i], start[same]) > 4.0 * way[i] * way[i]) continue;
+    if (nearest_of_pair(start[same], contacts) == static_cast<int>(i))
+      contacts[i].gap = start[same].gap;
+  }
+}
+
+}  // namespace
+
+void give_back_way(const Rows& rows, const RowData& data, double length,
+                   const std::vector<ContactInput>& start,
+                   const std::vector<ConstraintInput>& start_constraints,
+                   std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints) {
+  std::vector<double> way;
+  for (const RowGroup& c : rows.group) {
+    double rate[kMaxRows], load[kMaxRows];
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
+    for (int i = 0; i < c.dim; ++i) rate[i] = 0.5 * length * (rate[i] + 0.25 * length * load[i]);
+    if (c.kind == RowKind::kContact) {
+      contacts[c.input].gap -= rate[0];
+      way.push_back(c.dim > 1 ? std::hypot(rate[0], rate[1], rate[2]) : std::abs(rate[0]));
+      continue;
+    }
+    ConstraintInput& constraint = constraints[c.input];
+    constraint.position -= rate[0];
+    for (const ConstraintInput& same : start_constraints)
+      if (same.memory == constraint.memory) constraint.position = same.position;
+  }
+  take_gaps_at_start(start, way, contacts);
+}
+
+void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair>& impact,
+                                const std::vector<ContactInput>& contacts, const Rows& rows,
+                                double length, std::vector<GroupMaterial>& materials) {
+  std::map<GeomPair, double> compressed;
+  for (int i = 0; i < memory.contact_count(); ++i) {
+    const RememberedContact contact = memory.contact(i);
+    double& stiffness = compressed[{int(contact.geom[0]), int(contact.geom[1])}];
+    stiffness = std::max(stiffness, contact.stiffness);
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || !materials[i].rigid() || materials[i].from_solref) continue;
+    const GeomPair& pair = contacts[c.input].geom;
+    if (!std::binary_search(impact.begin(), impact.end(), pair)) continue;
+    const auto before = compressed.find(pair);
+    make_impact_spring(materials[i].material, rows.inverse_mass[c.row], length,
+                       before == compressed.end() ? 0.0 : before->second);
+  }
+}
+
+}  // namespace dashpot

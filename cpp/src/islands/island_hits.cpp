@@ -1,0 +1,122 @@
+#include "dashpot/islands/island_hits.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace dashpot {
+
+namespace {
+
+// The hits of one step.
+struct Hits {
+  const Rows& rows;
+  const std::vector<ContactInput>& contacts;
+  const std::vector<ConstraintInput>& constraints;
+  const HitFrequency& frequency;
+  double step;
+  const RowData& data;
+
+  // The gap of a group, its rate at the start, and how smooth forces change that in the step.
+  struct Motion {
+    double gap, rate, change;
+
+    // The fastest that the gap closes on the average of the step, or from its start.
+    double closing() const { return std::max({-rate, -rate - 0.5 * change, 0.0}); }
+  };
+
+  Motion motion_of(const RowGroup& c) const {
+    double rate[kMaxRows], load[kMaxRows];
+    gather(rows, c, data.velocity.data(), rate);
+    gather(rows, c, data.smooth_acceleration.data(), load);
+    const bool contact = c.kind == RowKind::kContact;
+    return {contact ? contacts[c.input].gap : constraints[c.input].position, rate[0],
+            load[0] * step};
+  }
+
+  bool is_hit(const RowGroup& c, bool alone) const {
+    // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
+    if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
+    const Motion motion = motion_of(c);
+    return motion.gap - step * motion.closing() < 0.0 &&
+           std::abs(motion.rate) > std::max(kHitSpeed, 2.0 * std::abs(motion.change));
+  }
+
+  double onset(const RowGroup& c) const {
+    const Motion motion = motion_of(c);
+    return onset_in(step, motion.gap, motion.closing());
+  }
+
+  // Of two contacts that push one tree, whether the second disturbs what the first hits.
+  bool disturbs(const RowGroup& other, const RowGroup& hit, double deepest) const {
+    const double begins = onset(other);
+    if (std::isinf(begins)) return false;
+    bool apart = true;
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j) {
+        if (hit.tree[i] < 0 || hit.tree[i] != other.tree[j]) continue;
+        apart = false;
+        if (disturbs_hit(begins, push_on(other, j), push_on(hit, i), deepest)) return true;
+      }
+    return apart;
+  }
+
+  // The direction in which a contact pushes the tree on a side.
+  std::array<double, 3> push_on(const RowGroup& c, int side) const {
+    const auto& frame = contacts[c.input].frame;
+    const double sign = side == 0 ? -1.0 : 1.0;
+    return {sign * frame[0], sign * frame[1], sign * frame[2]};
+  }
+
+  // Whether contacts between the two trees of the first to touch are all that counts in an island.
+  bool is_of_two_trees(const Island& island) const {
+    if (std::any_of(island.group.begin(), island.group.end(),
+                    [&](int index) { return rows.group[index].kind != RowKind::kContact; }))
+      return false;
+    int first = *island.group.begin();
+    double begins = std::numeric_limits<double>::infinity();
+    if (are_all_between(island, rows.group[first])) return true;
+    for (int index : island.group)
+      if (const double at = onset(rows.group[index]); at < begins) {
+        first = index;
+        begins = at;
+      }
+    const RowGroup& hit = rows.group[first];
+    const double w = rows.inverse_mass[hit.row];
+    if (std::isinf(begins) || w == 0.0) return false;
+    const double deepest = deepest_of_hit(begins, frequency(contacts[hit.input], w));
+    return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
+      const RowGroup& c = rows.group[index];
+      return joins_same_trees(c.tree, hit.tree) || !disturbs(c, hit, deepest);
+    });
+  }
+
+  bool are_all_between(const Island& island, const RowGroup& one) const {
+    return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
+      return joins_same_trees(rows.group[index].tree, one.tree);
+    });
+  }
+};
+
+}  // namespace
+
+void find_hits(const Rows& rows, const std::vector<Island>& islands,
+               const std::vector<ContactInput>& contacts,
+               const std::vector<ConstraintInput>& constraints, const HitFrequency& frequency,
+               double step, RowData& data) {
+  const Hits hits{rows, contacts, constraints, frequency, step, data};
+  for (const Island& island : islands) {
+    const int count = island.group_count();
+    const bool alone =
+        count == 1 || (count == 2 && rows.group[*island.group.first].is_end_of_range);
+    if (!island.has_few_groups()) continue;
+    const bool lone_pair = hits.is_of_two_trees(island);
+    for (int index : island.group) {
+      data.hit[index] = hits.is_hit(rows.group[index], alone);
+      data.is_of_lone_pair[index] = lone_pair;
+    }
+  }
+}
+
+}  // namespace dashpot

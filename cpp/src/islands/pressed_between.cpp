@@ -1,0 +1,144 @@
+#include "dashpot/islands/pressed_between.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/law/solref.hpp"
+#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/rows/mass_weighted.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Cosine of the angle from which on two pushes press what is between them.
+constexpr double kOpposed = -0.5;
+constexpr double kAside = 0.5;  // cosine of half that angle
+
+bool follows_solref(const RowGroup& c, const GroupMaterial& given) {
+  return c.kind == RowKind::kContact && given.from_solref;
+}
+
+double dot(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+// The side of a group that is over a tree, -1 for the ground.
+int side_of(const RowGroup& c, int tree) {
+  for (int side = 0; side < 2; ++side)
+    if (tree >= 0 && c.tree[side] == tree) return side;
+  return -1;
+}
+
+// By what has the inverse mass `loading`.
+void press(const ContactInput& input, const Rows& rows, const RowGroup& c, double loading,
+           GroupMaterial& given) {
+  const double typical = rows.typical_inverse_mass[c.row];
+  if (typical <= 0.0) return;
+  const double damping =
+      solref_to_spring_at_rest(input.solref, input.solimp, given.load, loading / typical)[1];
+  // Rows have delta over sqrt(A w).
+  const double scale = std::sqrt(rows.bounded_inverse_mass(c.row) / typical);
+  given.normalised_damping = std::max(given.normalised_damping, damping * scale);
+  given.pressed_between = true;
+}
+
+}  // namespace
+
+// On the body of one of a contact's geoms, by the other's.
+PressedBetween::Push PressedBetween::push_of(const mjModel_* model, const ContactInput& input,
+                                             int group, int side) {
+  const double sign = side == 0 ? -1.0 : 1.0;
+  return {host::moved_body(model, input.geom[side]),
+          group,
+          input.tree[1 - side],
+          {sign * input.frame[0], sign * input.frame[1], sign * input.frame[2]}};
+}
+
+// All pushes within 60 degrees of their mean, as those on a tray, leave no two that are opposed.
+bool PressedBetween::any_opposed(const Push* first, const Push* last) {
+  std::array<double, 3> mean{};
+  for (const Push* push = first; push != last; ++push)
+    for (int i = 0; i < 3; ++i) mean[i] += push->direction[i];
+  const double length = std::sqrt(dot(mean, mean));
+  if (std::all_of(first, last,
+                  [&](const Push& push) { return dot(push.direction, mean) > kAside * length; }))
+    return false;
+  return std::any_of(first, last, [&](const Push& push) {
+    return std::any_of(&push + 1, last, [&](const Push& other) {
+      return dot(push.direction, other.direction) < kOpposed;
+    });
+  });
+}
+
+void PressedBetween::find_pressed_bodies(const mjModel_* model,
+                                         const std::vector<ContactInput>& contacts,
+                                         const Rows& rows) {
+  pushes_.clear();
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact || contacts[c.input].gap >= 0.0) continue;
+    for (int side = 0; side < 2; ++side) {
+      const Push push = push_of(model, contacts[c.input], static_cast<int>(i), side);
+      if (push.body >= 0) pushes_.push_back(push);
+    }
+  }
+  std::sort(pushes_.begin(), pushes_.end(),
+            [](const Push& a, const Push& b) { return a.body < b.body; });
+  pressed_.clear();
+  for (auto first = pushes_.begin(), last = first; first != pushes_.end(); first = last) {
+    last = std::find_if(first, pushes_.end(),
+                        [&](const Push& push) { return push.body != first->body; });
+    if (any_opposed(&*first, &*first + (last - first))) pressed_.push_back(first->body);
+  }
+}
+
+bool PressedBetween::is_pressed(int body) const {
+  return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
+}
+
+// Of what pushes, with what opposes it and hangs on the same tree: on the body itself, or on
+// another one that is pressed against it.
+double PressedBetween::inverse_mass_behind(const Rows& rows, const Push& push) const {
+  const RowGroup& c = rows.group[push.group];
+  const int side = side_of(c, push.tree);
+  if (side < 0) return 0.0;
+  double opposed = 0.0;
+  if (c.weighted[side].count > 0)
+    for (const Push& other : pushes_)
+      if (other.tree == push.tree && dot(other.direction, push.direction) < kOpposed &&
+          is_pressed(other.body)) {
+        const RowGroup& opposing = rows.group[other.group];
+        opposed = std::min(
+            opposed, shared_inverse_mass(rows, c, side, opposing, side_of(opposing, push.tree)));
+      }
+  return std::max(0.0, rows.tree_inverse_mass[c.row][side] + opposed);
+}
+
+void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
+                          const Rows& rows, std::vector<GroupMaterial>& materials) {
+  const size_t count = rows.group.size();
+  bool any = false;
+  for (size_t i = 0; i < count && !any; ++i) any = follows_solref(rows.group[i], materials[i]);
+  if (!any) return;
+  find_pressed_bodies(model, contacts, rows);
+  if (pressed_.empty()) return;
+  for (size_t i = 0; i < count; ++i) {
+    const RowGroup& c = rows.group[i];
+    if (!follows_solref(c, materials[i])) continue;
+    const ContactInput& input = contacts[c.input];
+    if (input.gap >= 0.0 || input.tree[0] == input.tree[1]) continue;
+    bool pressed = false;
+    double loading = 0.0;  // inverse mass of what loads the contact
+    for (int side = 0; side < 2; ++side) {
+      const Push push = push_of(model, input, static_cast<int>(i), side);
+      if (!is_pressed(push.body)) continue;
+      pressed = true;
+      if (!is_pressed(host::moved_body(model, input.geom[1 - side])))
+        loading = inverse_mass_behind(rows, push);
+    }
+    if (pressed) press(input, rows, c, loading, materials[i]);
+  }
+}
+
+}  // namespace dashpot

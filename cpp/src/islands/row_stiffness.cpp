@@ -1,0 +1,248 @@
+#include "dashpot/islands/row_stiffness.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dashpot {
+
+namespace {
+
+// Damping ratios that stand for restitution 0, of rigid contacts and of springs: a ratio z leaves
+// 1 / (4 z^2) of the speed, 0.03 and 1e-4. Rigid contacts have less, for theirs makes them soft.
+constexpr double kRigidInelastic = 3;
+constexpr double kInelastic = 50;
+
+// Inverse mass that rigid rows divide by. A contact row without any cannot be loaded; an
+// equality may pass a singular configuration.
+double loaded_inverse_mass(const Rows& rows, const RowGroup& c, int row) {
+  const bool immobile = c.kind == RowKind::kContact && rows.inverse_mass[row] == 0.0;
+  return immobile ? 0.0 : rows.bounded_inverse_mass(row);
+}
+
+// Of friction row i and the one beside it, of the two sliding or the two rolling rows, the larger
+// inverse mass. The stiffness of rigid rows divides by it, and resolves both.
+template <typename InverseMass>
+double larger_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  return std::max(inverse_mass(first), inverse_mass(first + 1));
+}
+
+// Their mean, which no choice of the tangents changes; where one of them moves nothing, that of the
+// other. Springs of a given stiffness are isotropic by it, whatever the tangents are.
+template <typename InverseMass>
+double mean_inverse_mass(const RowGroup& c, int i, InverseMass inverse_mass) {
+  if (i == 3) return inverse_mass(c.row + 3);
+  const int first = c.row + (i < 3 ? 1 : 4);
+  const double a = inverse_mass(first), b = inverse_mass(first + 1);
+  return a == 0.0 || b == 0.0 ? std::max(a, b) : 0.5 * (a + b);
+}
+
+// What is asked of a row: kappa (1/s^2) and delta (1/s).
+struct Rates {
+  double stiffness = 0.0, damping = 0.0;
+};
+
+// Of a group's first row: by its own solref, or by a material in SI units.
+Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
+  if (!given.from_solref) {
+    const double w = loaded_inverse_mass(rows, c, c.row);
+    return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
+  }
+  // Friction goes by the normal's rates even where nothing can move along the normal.
+  const double typical = rows.typical_inverse_mass[c.row];
+  const double ratio = typical > 0.0 ? rows.bounded_inverse_mass(c.row) / typical : 1.0;
+  return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
+}
+
+// Whether stiffness gives way to a group's restitution.
+bool keeps_restitution(const GroupMaterial& given) {
+  return !given.from_solref && given.material.rigid &&
+         given.material.form == DampingForm::kRestitution;
+}
+
+// The damping ratio that a rigid material's contact has alone.
+double damping_ratio(const RowGroup& c, const Material& material) {
+  if (material.form != DampingForm::kRestitution) return material.damping;
+  const double ratio = std::min(restitution_to_damping_ratio(material.damping), kRigidInelastic);
+  return ratio / std::sqrt(c.pressed);
+}
+
+// Of a material in SI units whose restitution is 0 the force of a hit is over in so short a time
+// that friction has to be as quick.
+double sliding_damping_ratio(const Material& material) {
+  const bool inelastic =
+      !material.rigid && material.form == DampingForm::kRestitution && material.damping == 0.0;
+  return material.tangential_damping_ratio * (inelastic ? kInelastic : 1.0);
+}
+
+// Of a contact between two trees with the parts w_1 and w_2 of its inverse mass, the weight of the
+// heavier accelerates the lighter by a = g max(w_1, w_2) / min(w_1, w_2). `sag_time` is that of g;
+// the result is that of a.
+double loaded_sag_time(const Rows& rows, const RowGroup& c, double sag_time) {
+  const auto [heavy, light] =
+      std::minmax(rows.tree_inverse_mass[c.row][0], rows.tree_inverse_mass[c.row][1]);
+  return heavy > 0.0 ? sag_time * std::sqrt(heavy / light) : sag_time;
+}
+
+// delta of rigid rows whose coupled damping has the bound c, times h, see below.
+double most_damped_rigid(double bound) {
+  return bound > 1.0 ? kRigidResolution / (bound - 1.0) : std::numeric_limits<double>::infinity();
+}
+
+// kappa of a solref whose own damper, more than critical, is not resolved: what is left out of it
+// resists as a spring instead, which in the time 1 / delta, in which the rest stops what comes,
+// gives way as far as that would. Models ask for what is rigid by damping ratios of hundreds.
+double stiffness_for_damper(const Rates& asked, double own_damping, double most_damped) {
+  const double critical = 2.0 * std::sqrt(asked.stiffness);
+  const double left_out = own_damping - std::max(critical, most_damped);
+  return left_out > 0.0 ? asked.stiffness + left_out * most_damped : asked.stiffness;
+}
+
+// Longest micro-step that resolves the rates of a model's own solref: no shorter than that of a
+// rigid contact, unless this resolves the spring and the damper of what is pressed between others
+// alone asks for more.
+double longest_solref_microstep(const Rates& asked, const RigidCoupling& coupling,
+                                bool pressed_between, double rigid) {
+  double of_stiffness = std::numeric_limits<double>::infinity(), of_damping = of_stiffness;
+  if (asked.stiffness > 0.0)
+    of_stiffness = std::sqrt(stiffest_rigid(coupling.stiffness) / asked.stiffness);
+  if (asked.damping > 0.0) of_damping = most_damped_rigid(coupling.normal_damping) / asked.damping;
+  if (pressed_between && of_stiffness >= rigid) return std::min(of_stiffness, of_damping);
+  return std::max(rigid, std::min(of_stiffness, of_damping));
+}
+
+// Longest micro-step in which a rigid material's restitution leaves the stiffness that weights
+// need.
+double longest_inelastic_microstep(const RowGroup& c, const Material& material,
+                                   const RigidCoupling& coupling, double sag_time) {
+  const double zeta = damping_ratio(c, material);
+  if (zeta == 0.0) return std::numeric_limits<double>::infinity();
+  return most_damped_rigid(coupling.normal_damping) * sag_time *
+         std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
+}
+
+}  // namespace
+
+double stiffest_rigid(double bound) {
+  const double coupling = std::max(0.0, bound - 1.0);
+  return std::min(kStiffestAlone,
+                  coupling > 0.0 ? kRigidResolution * kRigidResolution / coupling : kStiffestAlone);
+}
+
+void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
+  const int n = c.row;
+  const double w_normal = rows.inverse_mass[n];
+  rows.stiffness[n] = material.stiffness;
+  const double damping =
+      w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed) : 0.0;
+  rows.damping[n] = std::isfinite(damping)
+                        ? damping
+                        : 2.0 * kInelastic * std::sqrt(material.stiffness / w_normal);
+  if (c.dim == 1) return;
+  const double tangential = material.tangential_ratio * rows.stiffness[n];
+  const auto inverse_mass = [&](int row) { return rows.inverse_mass[row]; };
+  // What cannot slide, as a spindle, can turn: it does as what slides like the normal would.
+  const double sliding_inverse_mass = std::max(w_normal, mean_inverse_mass(c, 1, inverse_mass));
+  for (int i = 1; i < c.dim; ++i) {
+    const double mean = mean_inverse_mass(c, i, inverse_mass);
+    const double k = i < 3 || mean == 0.0 ? tangential : tangential * sliding_inverse_mass / mean;
+    rows.stiffness[n + i] = k;
+    rows.damping[n + i] = rows.inverse_mass[n + i] == 0.0
+                              ? 0.0
+                              : 2.0 * sliding_damping_ratio(material) * std::sqrt(k / mean);
+  }
+}
+
+bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
+                     const RigidCoupling& coupling, const SagTime& sag_time,
+                     const RigidMicrostep& microstep) {
+  const Material& material = given.material;
+  const bool is_limited = !given.rigid() || given.from_solref;
+  const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
+  const double h = microstep.duration;
+  const double resolved =
+      stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
+  const double most_damped_sliding = most_damped_rigid(coupling.friction_damping) / h;
+  const double most_damped = c.kind == RowKind::kSlider
+                                 ? most_damped_sliding
+                                 : most_damped_rigid(coupling.normal_damping) / h;
+  double stiffest = resolved;
+  if (given.from_solref) {
+    const double own_damping = given.normalised_damping > 0.0
+                                   ? asked.damping * given.own_damping / given.normalised_damping
+                                   : 0.0;
+    stiffest = std::min(resolved, stiffness_for_damper(asked, own_damping, most_damped));
+  } else if (is_limited) {
+    stiffest = std::min(resolved, asked.stiffness);
+  }
+  // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
+  // configuration into arbitrary forces.
+  const auto fill = [&](int row, double kappa, double delta) {
+    const double w = loaded_inverse_mass(rows, c, row);
+    const double mass = w > 0.0 ? 1.0 / w : 0.0;
+    // Where nothing moves along a row, any positive stiffness carries its zero load.
+    rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
+    rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
+  };
+  double kappa = stiffest, delta = asked.damping;
+  bool as_given = fits(asked.stiffness, resolved);
+  if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
+  if (!is_limited) {
+    const double zeta = damping_ratio(c, material);
+    if (keeps_restitution(given) && zeta > 0.0) {
+      const double bearing =
+          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time.weight), 2);
+      const double holding = 1.0 / std::pow(sag_time.dry_friction, 2);
+      kappa =
+          std::min(kappa, std::max({std::pow(most_damped / (2.0 * zeta), 2), bearing, holding}));
+    }
+    delta = 2.0 * zeta * std::sqrt(kappa);
+  }
+  if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
+  fill(c.row, kappa, std::min(delta, most_damped));
+  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
+  double stiffest_sliding = given.rigid() ? stiffest : resolved;
+  if (!is_limited && microstep.hit && c.dim > 1) {
+    const double finer = stiffest_rigid(coupling.stiffness) / (h * h);
+    stiffest_sliding = std::min(finer, material.tangential_ratio * rows.stiffness[c.row] *
+                                           larger_inverse_mass(c, 1, inverse_mass));
+  }
+  for (int i = 1; i < c.dim; ++i) {
+    const int row = c.row + i;
+    const double w = inverse_mass(row);
+    double sliding = stiffest_sliding;
+    if (w > 0.0) sliding *= w / larger_inverse_mass(c, i, inverse_mass);
+    if (!given.rigid()) {
+      as_given = as_given && fits(rows.stiffness[row] * w, sliding);
+      sliding = std::min(sliding, rows.stiffness[row] * w);
+    }
+    // Rigid rows are damped as each of them alone needs it, those of a spring alike.
+    const double of_mean =
+        given.rigid() || w == 0.0 ? 1.0 : w / mean_inverse_mass(c, i, inverse_mass);
+    const double sliding_damping =
+        2.0 * sliding_damping_ratio(material) * std::sqrt(sliding * of_mean);
+    if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
+    fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
+  }
+  return as_given;
+}
+
+double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupMaterial& given,
+                               const RigidCoupling& coupling, const SagTime& sag_time) {
+  double longest = kRigidMicrostep;
+  const double sag = loaded_sag_time(rows, c, sag_time.weight);
+  // h^2 <= kappa h^2 sag / a
+  if (c.tree[0] >= 0 && c.tree[1] >= 0)
+    longest = std::min(longest, std::max(std::min(sag, sag_time.dry_friction), sag_time.load) *
+                                    std::sqrt(stiffest_rigid(coupling.stiffness)));
+  if (keeps_restitution(given))
+    longest = std::min(longest, longest_inelastic_microstep(c, given.material, coupling, sag));
+  if (given.from_solref)
+    longest = longest_solref_microstep(given_rates(rows, c, given), coupling, given.pressed_between,
+                                       longest);
+  return longest;
+}
+
+}  // namespace dashpot

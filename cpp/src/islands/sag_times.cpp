@@ -1,0 +1,64 @@
+#include "dashpot/islands/sag_times.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco/properties.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Fraction of the sag that a contact may close or open by in a step for its load to be known: more,
+// and what lands sinks in before its load is felt; less, and a change of stiffness alone seems to
+// move a grasp. And how often that load goes into the one that a contact is stiff enough for.
+constexpr double kStillSag = 0.03;
+constexpr double kLoadGrowth = 4.0;
+constexpr int kGroupsAtOnce = 128;  // by a thread
+
+}  // namespace
+
+void SagTimes::find_dry_friction(const Rows& rows) {
+  dry_friction_.clear();
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kSlider || !c.is_of_one_coordinate(0)) continue;
+    const int coordinate = rows.column[c.column];
+    if (static_cast<int>(dry_friction_.size()) <= coordinate) dry_friction_.resize(coordinate + 1);
+    dry_friction_[coordinate] += rows.friction[c.row] * std::sqrt(rows.inverse_mass[c.row]);
+  }
+}
+
+double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
+  if (dry_friction_.empty() || c.pair >= 0) return 0.0;
+  double sum = 0.0;
+  const int* const column = rows.column.data() + c.column;
+  for (int k = 0; k < c.columns[0] + c.columns[1]; ++k)
+    if (column[k] < static_cast<int>(dry_friction_.size())) sum += dry_friction_[column[k]];
+  return sum * std::sqrt(rows.inverse_mass[c.row]);
+}
+
+void SagTimes::find(const mjModel_* model, const Rows& rows,
+                    const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
+                    const double* velocity, double step, Team& team) {
+  const double gravity = host::gravity(model);
+  of_group_.assign(rows.group.size(), SagTime());
+  find_dry_friction(rows);
+  if (gravity == 0.0 && dry_friction_.empty()) return;
+  team.for_each(static_cast<int>(rows.group.size()), kGroupsAtOnce, [&](int i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact) return;
+    SagTime& time = of_group_[i];
+    const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
+    if (gravity > 0.0) time.weight = std::sqrt(sag / gravity);
+    if (const double held = held_acceleration(rows, c); held > 0.0)
+      time.dry_friction = std::sqrt(sag / held);
+    if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
+    double rate[kMaxRows];
+    gather(rows, c, velocity, rate);
+    if (std::abs(rate[0]) * step > kStillSag * sag) return;
+    const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
+    time.load = std::sqrt(sag / std::max(acceleration, gravity));
+  });
+}
+
+}  // namespace dashpot

@@ -1,0 +1,269 @@
+#include "dashpot/motion/leapfrog.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Fraction of the gap that positions ahead have at a row that bars the way back which they keep:
+// they stay apart.
+constexpr double kKeptGap = 1e-3;
+// Times, at most, that rows which bar the way together are made way for one after the other: what
+// still bars it then, as a row between two that press, leaves no way around.
+constexpr int kSweeps = 20;
+
+void stay(const Tree& tree, AlignedDoubles& shift) {
+  std::fill_n(shift.begin() + tree.begin, tree.count, 0.0);
+}
+
+bool is_of_any(const RowGroup& c, const std::vector<char>& of_tree) {
+  if (c.kind == RowKind::kSlider) return false;
+  return std::any_of(c.tree.begin(), c.tree.end(),
+                     [&](int tree) { return tree >= 0 && of_tree[tree]; });
+}
+
+// Keeps the trees of a row from leading.
+void stop(const RowGroup& c, std::vector<char>& leads) {
+  for (int tree : c.tree)
+    if (tree >= 0) leads[tree] = 0;
+}
+
+// Takes what the trees of a row go ahead by off their way.
+void take_off(const RowGroup& c, const Trees& trees, AlignedDoubles& ahead, AlignedDoubles& way) {
+  for (int tree : c.tree) {
+    if (tree < 0) continue;
+    const Tree& t = trees.tree[tree];
+    for (int i = t.begin; i < t.begin + t.count; ++i) way[i] -= std::exchange(ahead[i], 0.0);
+  }
+}
+
+// Whether a way, by motion coordinate, closes the gap of a row.
+bool enters(const Rows& rows, const RowGroup& c, double gap, const AlignedDoubles& way) {
+  double closing[kMaxRows];
+  gather(rows, c, way.data(), closing);
+  return closing[0] < 0.0 && gap + closing[0] <= 0.0;
+}
+
+// The gap of a row, or its compression, after the shift of positions.
+double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
+  double way[kMaxRows];
+  gather(rows, c, data.shift.data(), way);
+  return data.deformation[c.row] + way[0];
+}
+
+}  // namespace
+
+void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                         const Rows& rows, RowData& data) {
+  in_time_.assign(motion.tree_count(), 0);
+  may_lead_.assign(motion.tree_count(), 0);
+  recovers_.assign(motion.tree_count(), 0);
+  fell_back_.assign(motion.tree_count(), 0.0);
+  left_.assign(motion.trees().coordinates, 0.0);
+  way_back_.assign(motion.trees().coordinates, 0.0);
+  leapfrogs_.clear();
+  if (!memory.leading_length()) return;
+  find_recovering(rows, data);
+  start_velocity_ = data.velocity;
+  start_gap_ = data.deformation;
+  if (!find_way_back(model, memory, motion, data)) return;
+  make_way_for_rows(motion, rows, data);
+  take_gaps_back(rows, data);
+  for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
+  way_back_ = data.shift;
+}
+
+void Leapfrog::find_recovering(const Rows& rows, const RowData& data) {
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (!c.is_unilateral() || data.offset[i] <= std::abs(data.deformation[c.row])) continue;
+    for (int tree : c.tree)
+      if (tree >= 0) recovers_[tree] = 1;
+  }
+}
+
+bool Leapfrog::find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
+                             RowData& data) {
+  const double* length = memory.leading_length();
+  leapfrogs_.resize(motion.tree_count());
+  bool any = false;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
+    const Tree& t = motion.trees().tree[index];
+    const double* velocity = motion.start_velocity().data() + t.dof_begin;
+    if (!leapfrogs_[index] ||
+        !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
+      continue;
+    in_time_[index] = length[index] == 0.0;
+    if (in_time_[index]) continue;
+    any = true;
+    fell_back_[index] = length[index];
+    for (int i = 0; i < t.dof_count; ++i)
+      data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
+  }
+  return any;
+}
+
+// Where rows bar the way back, by a second limit as a rule or where a foot leaves the ground, trees
+// go around them: they keep the part of their lead that takes them out of these. Where no way is
+// found they stay, which may bar it for others.
+void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data) {
+  const Trees& trees = motion.trees();
+  const auto bars = [&](const RowGroup& c) {
+    return c.is_unilateral() && data.deformation[c.row] > 0.0 && shifted_gap(rows, c, data) <= 0.0;
+  };
+  const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
+  whole_ = data.shift;
+  push_.assign(trees.coordinates, 0.0);
+  bool barred = true;
+  for (int sweep = 0; barred && sweep < kSweeps; ++sweep) {
+    barred = false;
+    for (const RowGroup& c : rows.group) {
+      if (!bars(c)) continue;
+      barred = true;
+      double mobility = 0.0, way[kMaxRows], impulse[kMaxRows] = {};
+      for (int side = 0; side < 2; ++side)
+        if (falls_back(c.tree[side])) mobility += rows.tree_inverse_mass[c.row][side];
+      if (mobility <= 0.0) continue;
+      gather(rows, c, data.shift.data(), way);
+      impulse[0] = -((1.0 - kKeptGap) * data.deformation[c.row] + way[0]) / mobility;
+      scatter(rows, c, impulse, push_.data());
+      for (int tree : c.tree) {
+        if (tree < 0) continue;
+        const Tree& t = trees.tree[tree];
+        if (falls_back(tree))
+          add_response(trees, tree, push_.data() + t.begin, data.shift.data() + t.begin);
+        stay(t, push_);
+      }
+    }
+  }
+  while (barred) {
+    barred = false;
+    for (const RowGroup& c : rows.group) {
+      if (!bars(c)) continue;
+      for (int tree : c.tree) {
+        if (!falls_back(tree)) continue;
+        barred = true;
+        stay(trees.tree[tree], data.shift);
+        fell_back_[tree] = 0.0;
+      }
+    }
+  }
+  for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole_[i];
+}
+
+// Rows that trees have left compressed were more so; those that they have come into ahead of their
+// velocities, and that remember nothing, were not reached.
+void Leapfrog::take_gaps_back(const Rows& rows, RowData& data) {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (!c.is_unilateral()) continue;
+    double& deformation = data.deformation[c.row];
+    if (deformation < 0.0) {
+      deformation = std::min(0.0, shifted_gap(rows, c, data));
+    } else {
+      const double gap = shifted_gap(rows, c, data) - data.offset[index];
+      deformation = std::max(0.0, gap);
+      data.offset[index] = std::max(0.0, -gap);
+    }
+  }
+}
+
+// Trees do not go into a row with the semi-implicit update, either.
+void Leapfrog::find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+                         const Rows& rows, const RowData& data) {
+  for (int index = 0; index < motion.tree_count(); ++index)
+    may_lead_[index] = in_time_[index] && !held[index];
+  for (const RowGroup& c : rows.group)
+    if (c.kind == RowKind::kBilateral) stop(c, may_lead_);
+  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
+  late_.assign(motion.trees().coordinates, 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = motion.trees().tree[index];
+    for (int i = t.begin; i < t.begin + t.dof_count && may_lead_[index]; ++i)
+      late_[i] = 0.5 * length * start_velocity_[i];
+  }
+  find_next_way(length, start_velocity_, data, late_);
+  for (bool stopped = true; stopped;) {
+    stopped = false;
+    for (const RowGroup& c : rows.group) {
+      if (!is_of_any(c, may_lead_) || !enters(rows, c, start_gap_[c.row], way_)) continue;
+      stopped = true;
+      stop(c, may_lead_);
+      take_off(c, motion.trees(), late_, way_);
+    }
+  }
+}
+
+// The way is that of the semi-implicit update from `velocity`, and what goes ahead of it.
+void Leapfrog::find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+                             const AlignedDoubles& ahead) {
+  way_ = ahead;
+  for (size_t i = 0; i < way_.size(); ++i)
+    way_[i] += length * (velocity[i] + length * data.smooth_acceleration[i]);
+}
+
+void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
+                    const Rows& rows, RowData& data) {
+  if (leapfrogs_.empty()) return;
+  find_late(length, held, motion, rows, data);
+  leads_.resize(motion.tree_count());
+  for (int index = 0; index < motion.tree_count(); ++index)
+    leads_[index] = leapfrogs_[index] && held[index] && !recovers_[index];
+  for (const RowGroup& c : rows.group) {
+    if (c.kind == RowKind::kSlider) continue;
+    const double gap = data.deformation[c.row];
+    const double force = -rows.stiffness[c.row] * gap - rows.damping[c.row] * data.rate[c.row];
+    if (!c.is_unilateral() || (gap < 0.0 && force > 0.0)) stop(c, leads_);
+  }
+  if (std::find(leads_.begin(), leads_.end(), 1) == leads_.end()) return;
+  ahead_.assign(motion.trees().coordinates, 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = motion.trees().tree[index];
+    for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
+      ahead_[i] = 0.5 * length * data.velocity[i] - left_[i];
+  }
+  find_next_way(length, data.velocity, data, ahead_);
+  // No tree goes into another row, nor where the next step would take it into one: what leaves a
+  // row for less than a step would go ahead and fall back for nothing.
+  for (bool stopped = true; stopped;) {
+    stopped = false;
+    for (const RowGroup& c : rows.group) {
+      if (!is_of_any(c, leads_)) continue;
+      const double gap = data.deformation[c.row];
+      if (!enters(rows, c, gap, ahead_) && !enters(rows, c, gap, way_)) continue;
+      stopped = true;
+      stop(c, leads_);
+      take_off(c, motion.trees(), ahead_, way_);
+    }
+  }
+  double way[kMaxRows];
+  for (const RowGroup& c : rows.group) {
+    if (!is_of_any(c, leads_)) continue;
+    gather(rows, c, ahead_.data(), way);
+    data.deformation[c.row] += way[0];
+  }
+  for (size_t i = 0; i < ahead_.size(); ++i) {
+    data.shift[i] += ahead_[i];
+    data.total_displacement[i] += ahead_[i];
+  }
+}
+
+void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+                    Memory& memory) const {
+  double* leading_length = memory.leading_length();
+  if (!leading_length) return;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const bool leads = !leapfrogs_.empty() && leapfrogs_[index] &&
+                       (held[index] ? leads_[index] : !in_time_[index] || may_lead_[index]);
+    leading_length[index] = leads ? length : 0.0;
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,288 @@
+#include "dashpot/motion/trapezoid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/motion/coupled_trees.hpp"
+#include "dashpot/motion/turning_parts.hpp"
+#include "dashpot/mujoco/effective_inertia.hpp"
+#include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// What two changes, one after the other, have in common: the smaller if both have one sign.
+double lasting_part(double before, double now) {
+  if (before * now <= 0.0) return 0.0;
+  return std::abs(before) < std::abs(now) ? before : now;
+}
+
+}  // namespace
+
+void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
+                                 const Memory& memory,
+                                 const std::vector<ConstraintInput>& constraints,
+                                 const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
+                                 RowData& data, EnergyLedger& ledger) {
+  added_.clear();
+  load_.clear();
+  fastest_turn_ = 0.0;
+  if (!memory.held_motion().length) return;
+  const Trees& trees = motion.trees();
+  couple_trees(model, memory, rows, motion.tree_count());
+  host::drives(model, d, motion.start_velocity(), drive_);
+  drive_change_.assign(drive_.size(), 0.0);
+  if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
+  find_potential_forces(model, d, trees);
+  recall_equalities(memory, constraints, rows, trees);
+  translations_.find(model, d, rows, trees, first_);
+  holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
+  if (!find_scales(model, d, length, memory, motion)) return;
+  correct_speeds();
+  book_second_half(ledger);
+  add_second_half(trees, data);
+  load_drives(length, memory, trees, data);
+  stop_fast_turns(length, rows);
+}
+
+void Trapezoid::couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows,
+                             int tree_count) {
+  find_coupled_trees(rows, tree_count, first_);
+  coupled_.assign(first_.size(), {});
+  for (int first : first_)
+    if (first >= 0) coupled_[first].by_equalities = true;
+  add_held_trees(model, rows, first_);
+  add_freed_trees(model, memory.held_motion(), first_);
+}
+
+void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
+  potential_.resize(drive_.size());
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!holds(index) || host::is_free_body(model, index)) continue;
+    const Tree& t = trees.tree[index];
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+      potential_[i] = host::potential_force(model, d, i);
+  }
+}
+
+void Trapezoid::recall_equalities(const Memory& memory,
+                                  const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                                  const Trees& trees) {
+  wrench_.assign(trees.coordinates, 0.0);
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kBilateral) continue;
+    const double* equality = memory.equality(constraints[c.input].memory);
+    scatter(rows, c, equality, wrench_.data());
+    coupled_[first_[c.tree[0]]].turning_work += equality[1];
+  }
+}
+
+bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double length,
+                            const Memory& memory, TreeMotion& motion) {
+  do {
+    for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
+    find_second_half(model, d, memory, motion);
+    if (std::none_of(coupled_.begin(), coupled_.end(),
+                     [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
+      return false;
+    find_energies(model, d, length, motion);
+    find_springs(model, d, memory, motion);
+    for (CoupledEnergy& coupled : coupled_)
+      if (coupled.left_half) coupled.scale = coupled.find_scale();
+  } while (give_up_drives(coupled_));
+  return true;
+}
+
+void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
+                                 TreeMotion& motion) {
+  const HeldMotion before = memory.held_motion();
+  const double* end_velocity = memory.end_velocity();
+  const double* leads = memory.leading_length();
+  const Trees& trees = motion.trees();
+  const std::vector<double>& velocity = motion.start_velocity();
+  second_half_.assign(trees.coordinates, 0.0);
+  force_.resize(trees.coordinates);
+  generalized_.assign(velocity.size(), 0.0);
+  left_half_.assign(trees.tree.size(), 0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = trees.tree[index];
+    const auto begin = velocity.begin() + t.dof_begin;
+    left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
+                        std::equal(begin, begin + t.dof_count, end_velocity + t.dof_begin);
+    if (!left_half_[index]) continue;
+    CoupledEnergy& coupled = coupled_[first_[index]];
+    coupled.left_half = true;
+    coupled.wanted += before.energy[index];
+    double* force = force_.data() + t.begin;
+    const double weight = before.weight[index];
+    for (int i = 0; i < t.count; ++i)
+      force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
+    for (int i = 0; i < t.dof_count && !host::is_free_body(model, index); ++i) {
+      const int dof = t.dof_begin + i;
+      const double potential = potential_[dof];
+      const double turning = potential - host::positional_force(d, dof);
+      force[i] += weight * potential - 0.5 * turning;
+      coupled.wanted += weight * potential * before.displacement[dof] +
+                        0.5 * leads[index] * velocity[dof] * turning;
+      drive_change_[dof] = drive_[dof] - before.drive[dof];
+      if (!coupled.follows_drives) continue;
+      const double change = weight * drive_change_[dof];
+      force[i] += change;
+      coupled.driven += change * before.displacement[dof];
+      coupled.drives_change = coupled.drives_change || change != 0.0;
+    }
+    double* half = second_half_.data() + t.begin;
+    motion.invert_inertia(index);  // no row has asked for that of a tree that has come free
+    add_response(trees, index, force, half);
+    for (int i = 0; i < t.count; ++i)
+      half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
+    if (!coupled.by_equalities) holding_rows_.bar(trees, index, half);
+    motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
+  }
+}
+
+void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double length,
+                              const TreeMotion& motion) {
+  const std::vector<double>& velocity = motion.start_velocity();
+  momentum_.resize(velocity.size());
+  momentum_of_half_.resize(velocity.size());
+  host::times_inertia(model, d, velocity.data(), momentum_.data());
+  host::times_inertia(model, d, generalized_.data(), momentum_of_half_.data());
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (first_[index] < 0) continue;
+    const Tree& t = motion.trees().tree[index];
+    CoupledEnergy& coupled = coupled_[first_[index]];
+    double kinetic = 0.0;
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
+      kinetic += 0.5 * velocity[i] * momentum_[i];
+      coupled.linear += velocity[i] * momentum_of_half_[i];
+      coupled.square += 0.5 * generalized_[i] * momentum_of_half_[i];
+    }
+    if (left_half_[index]) {
+      const Trees& trees = motion.trees();
+      const double implicit = t.damped ? trees.implicit_time : length;
+      const auto damped = [&](const double* v) {
+        return implicit * host::damping_form(model, d, trees, t, v, generalized_.data());
+      };
+      coupled.damped_linear += damped(velocity.data());
+      coupled.damped_square += 0.5 * damped(generalized_.data());
+    }
+    coupled.kinetic += kinetic;
+    if (!left_half_[index] || host::is_free_body(model, index)) coupled.wanted += kinetic;
+  }
+  find_common_momenta(model, d, motion);
+  for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
+}
+
+void Trapezoid::find_common_momenta(const mjModel_* model, const mjData_* d,
+                                    const TreeMotion& motion) {
+  for (int direction = 0; direction < kDirections; ++direction) {
+    if (!translations_.any(direction)) continue;
+    translation_.resize(momentum_.size());
+    translation_momentum_.resize(momentum_.size());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      const Tree& t = motion.trees().tree[index];
+      motion.to_generalized(index, translations_.motion(direction).data() + t.begin,
+                            translation_.data() + t.dof_begin);
+    }
+    host::times_inertia(model, d, translation_.data(), translation_momentum_.data());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      if (first_[index] < 0) continue;
+      const Tree& t = motion.trees().tree[index];
+      CommonMomentum& common = coupled_[first_[index]].common[direction];
+      for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
+        common.mass += translation_[i] * translation_momentum_[i];
+        common.of_velocity += translation_[i] * momentum_[i];
+        common.of_half += translation_[i] * momentum_of_half_[i];
+      }
+    }
+  }
+}
+
+void Trapezoid::correct_speeds() {
+  for (size_t first = 0; first < coupled_.size(); ++first) {
+    CoupledEnergy& coupled = coupled_[first];
+    if (!coupled.left_half) continue;
+    const bool on_ground = !coupled.by_equalities || translations_.count(first) < kDirections;
+    if (coupled.scale == 0.0) coupled.correct_speed(on_ground);
+    coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
+    if (coupled.by_equalities && coupled.turns && coupled.brake == 0.0)
+      coupled.lost = coupled.wanted - coupled.energy_with(coupled.scale);
+  }
+}
+
+void Trapezoid::book_second_half(EnergyLedger& ledger) const {
+  for (const CoupledEnergy& coupled : coupled_) {
+    if (!coupled.left_half) continue;
+    // What damping takes of it is in the work of the next step, which starts from before it.
+    ledger.work += coupled.driven;
+    if (coupled.turns)
+      ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
+    else
+      ledger.dissipated_constraint += coupled.inside() * coupled.brake * (2.0 - coupled.brake);
+  }
+}
+
+void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
+  added_.assign(trees.coordinates, 0.0);
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (first_[index] < 0) continue;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    const Tree& t = trees.tree[index];
+    for (int i = t.begin; i < t.begin + t.count; ++i) {
+      double inside = data.velocity[i] + coupled.scale * second_half_[i];
+      for (int direction = 0; direction < kDirections; ++direction)
+        if (translations_.any(direction))
+          inside -= translations_.motion(direction)[i] *
+                    coupled.common[direction].velocity(coupled.scale);
+      added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
+      data.velocity[i] += added_[i];
+    }
+  }
+}
+
+void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
+                            RowData& data) {
+  const HeldMotion before = memory.held_motion();
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!left_half_[index]) continue;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    if (coupled.follows_drives || coupled.by_equalities) continue;
+    const Tree& t = trees.tree[index];
+    if (load_.empty()) load_.assign(drive_.size(), 0.0);
+    const double ahead = 0.5 * std::min(1.0, length / before.length[index]);
+    std::fill_n(force_.begin() + t.begin, t.count, 0.0);
+    for (int i = 0; i < t.dof_count; ++i) {
+      const int dof = t.dof_begin + i;
+      load_[dof] = ahead * lasting_part(before.drive_change[dof], drive_change_[dof]);
+      force_[t.begin + i] = load_[dof];
+    }
+    double* added = data.added_acceleration.data() + t.begin;
+    add_response(trees, index, force_.data() + t.begin, added);
+    for (int i = 0; i < t.dof_count; ++i) data.smooth_acceleration[t.begin + i] += added[i];
+  }
+}
+
+// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,
+// without that of common translations, which move no row. Where mocap bodies drive them energy is
+// not conserved.
+void Trapezoid::stop_fast_turns(double length, Rows& rows) {
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kBilateral) continue;
+    CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
+    const double w = rows.inverse_mass[c.row];
+    const double speed = std::sqrt(2.0 * w * std::max(0.0, coupled.inside()));
+    const double turn = speed > 0.0 ? length * std::abs(turning_rate(rows, c)) / speed : 0.0;
+    const bool is_driven = c.ground == kSurfaceCoordinate;
+    // Of a row across the plane of a linkage rounding is all that moves and turns.
+    const bool moves = w > kDirection * kDirection * rows.typical_inverse_mass[c.row];
+    if (moves && !is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
+    if (is_driven || turn > kPartTurn) coupled.turns = false;
+  }
+  for (const RowGroup& c : rows.group)
+    if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,97 @@
+// What a step leaves over for the next one, which finishes it.
+
+#include <algorithm>
+
+#include "dashpot/motion/trapezoid.hpp"
+#include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/mujoco/state.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+void Trapezoid::keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
+                                const Rows& rows, const RowData& data, Memory& memory,
+                                EnergyLedger& ledger) {
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kBilateral) continue;
+    double* equality = memory.equality(constraints[c.input].memory);
+    equality[0] = data.total_impulse[c.row] / length;
+    equality[1] = turning_rate(rows, c) * data.force_moment[i];
+    scatter(rows, c, equality, wrench_.data());
+    ledger.dissipated_constraint += equality[1];
+  }
+}
+
+bool Trapezoid::keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const {
+  const bool stages = host::is_runge_kutta(model);
+  bool any = false;
+  for (size_t index = 0; index < end.held.size(); ++index) {
+    now.length[index] = 0.0;
+    if (!end.leaves_half || !end.held[index] || first_[index] < 0) continue;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    if (!coupled.turns || (stages && !coupled.by_equalities)) continue;
+    now.length[index] = end.length;
+    any = true;
+  }
+  return any;
+}
+
+// `leads` (s): how far positions led velocities at the start of the step.
+void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
+                          double leads, const TreeMotion& motion, const RowData& data,
+                          HeldMotion& now) {
+  const Tree& t = motion.trees().tree[tree];
+  const std::vector<double>& displacement = end.displacement;
+  std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
+  std::copy_n(potential_.begin() + t.dof_begin, t.dof_count, now.potential + t.dof_begin);
+  std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
+  std::copy_n(drive_change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
+  double* acceleration = now.acceleration + t.begin;
+  double* force = now.other_force + t.begin;
+  double& energy = now.energy[tree];
+  double& weight = now.weight[tree];
+  std::fill_n(acceleration, t.count, 0.0);
+  energy = 0.0;
+  weight = 0.5;
+  if (host::is_free_body(model, tree)) {
+    for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
+    return;
+  }
+  const double fell_back = end.fell_back[tree], back = std::min(fell_back, end.length);
+  weight = (end.length - back) / (2.0 * end.length + leads - back);
+  for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / end.length;
+  const double* velocity = host::velocity(d);
+  double* seen = generalized_.data() + t.dof_begin;
+  for (int i = 0; i < t.dof_count; ++i) {
+    const int dof = t.dof_begin + i;
+    const double potential = potential_[dof];
+    const double turning = potential - host::positional_force(d, dof);
+    force[i] += host::smooth_force(d, dof) + turning;
+    energy += 0.5 * velocity[dof] * momentum_[dof] +
+              (turning - weight * potential) * displacement[dof] +
+              end.way_back[t.begin + i] * turning;
+    seen[i] = weight * force[i] - 0.5 * turning;
+    force[i] -= wrench_[t.begin + i] + potential;
+  }
+  add_response(motion.trees(), tree, seen, acceleration);
+}
+
+void Trapezoid::keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
+                     const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
+                     const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
+  HeldMotion now = memory.held_motion();
+  if (!now.length) return;
+  wrench_.assign(motion.trees().coordinates, 0.0);
+  keep_equalities(end.length, constraints, rows, data, memory, ledger);
+  if (!keep_lengths(model, end, now)) return;
+  generalized_.resize(end.displacement.size());
+  momentum_.resize(end.displacement.size());
+  host::times_inertia(model, d, host::velocity(d), momentum_.data());
+  const double* leads = memory.leading_length();
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (now.length[tree] > 0.0) keep_tree(model, d, end, tree, leads[tree], motion, data, now);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,67 @@
+// What tells how much of the second half of a step springs and servos bring.
+
+#include <algorithm>
+
+#include "dashpot/motion/trapezoid.hpp"
+#include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
+                             const TreeMotion& motion) {
+  const HeldMotion before = memory.held_motion();
+  const int trees = motion.tree_count();
+  host::servo_changes(model, d, before.displacement, servo_change_);
+  const auto change_of = [&](const CoupledEnergy& coupled, int dof) {
+    const double change = potential_[dof] - before.potential[dof];
+    return coupled.follows_drives ? change + servo_change_[dof] : change;
+  };
+  for (int index = 0; index < trees; ++index) {
+    if (!left_half_[index]) continue;
+    const Tree& t = motion.trees().tree[index];
+    CoupledEnergy& coupled = coupled_[first_[index]];
+    if (host::is_free_body(model, index)) continue;
+    double work = 0.0;
+    for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof)
+      work += change_of(coupled, dof) * before.displacement[dof];
+    coupled.restoring -= work * before.length[index] * before.length[index];
+  }
+  const auto asks = [&](int index) {
+    return left_half_[index] && coupled_[first_[index]].restoring > 0.0;
+  };
+  int first = 0;
+  while (first < trees && !asks(first)) ++first;
+  if (first == trees) return;
+  rest_.assign(generalized_.size(), 0.0);
+  way_.assign(generalized_.size(), 0.0);
+  for (int index = first; index < trees; ++index) {
+    if (!asks(index)) continue;
+    const Tree& t = motion.trees().tree[index];
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    std::copy_n(before.displacement + t.dof_begin, t.dof_count, way_.begin() + t.dof_begin);
+    std::copy_n(generalized_.begin() + t.dof_begin, t.dof_count, rest_.begin() + t.dof_begin);
+    if (host::is_free_body(model, index)) continue;
+    double* force = force_.data() + t.begin;
+    for (int i = 0; i < t.dof_count; ++i)
+      force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);
+    spring_half_.assign(t.count, 0.0);
+    add_response(motion.trees(), index, force, spring_half_.data());
+    if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, spring_half_.data());
+    for (int i = 0; i < t.dof_count; ++i) rest_[t.dof_begin + i] -= spring_half_[i];
+  }
+  momentum_of_half_.resize(rest_.size());
+  const auto add_squares = [&](const std::vector<double>& x, double CoupledEnergy::*sum) {
+    host::times_inertia(model, d, x.data(), momentum_of_half_.data());
+    for (int index = first; index < trees; ++index) {
+      if (!asks(index)) continue;
+      const Tree& t = motion.trees().tree[index];
+      for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+        coupled_[first_[index]].*sum += x[i] * momentum_of_half_[i];
+    }
+  };
+  add_squares(way_, &CoupledEnergy::way);
+  add_squares(rest_, &CoupledEnergy::rest);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,66 @@
+#include "dashpot/motion/turning_parts.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/runge_kutta.hpp"
+
+namespace dashpot {
+
+namespace {
+
+bool is_far(double turn, double bend) {
+  return bend > kFollowedBend && turn + bend > kFollowedTurn;
+}
+
+double equal_part(double parts, double rest, double whole) {
+  return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
+}
+
+// Of what RK4 is followed in.
+double followed(const mjModel_* m) { return host::is_runge_kutta(m) ? 0.5 : 1.0; }
+
+}  // namespace
+
+double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double rest, double whole) {
+  const double share = followed(m);
+  double parts = 1.0;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
+    if (motion.is_accurate(index) && !by_stages) continue;
+    const Tree& tree = motion.trees().tree[index];
+    for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {
+      const double turn = share * rest * std::abs(motion.start_velocity()[dof]);
+      const double bend = share * rest * rest * std::abs(motion.smooth_acceleration()[dof]);
+      if (is_far(turn, bend) && host::is_rotational(m, dof))
+        parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
+    }
+  }
+  return equal_part(parts, rest, whole);
+}
+
+double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
+                           const std::vector<char>& touched, double rest, double whole) {
+  const double share = followed(m);
+  double parts = 1.0;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!touched[index] || motion.is_accurate(index)) continue;
+    const Tree& tree = motion.trees().tree[index];
+    for (int i = 0; i < tree.dof_count; ++i) {
+      const int dof = tree.dof_begin + i;
+      const double end = data.velocity[tree.begin + i];
+      const double turn = share * rest * std::abs(end);
+      const double bend = share * rest * std::abs(end - motion.start_velocity()[dof]);
+      if (turn > kFollowedTurn && is_far(turn, bend) && host::is_rotational(m, dof))
+        parts = std::max(parts, turn / kPartTurn);
+    }
+  }
+  return equal_part(parts, rest, whole);
+}
+
+double part_of_turning_rows(double turn, double rest, double whole) {
+  return turn > kPartTurn ? equal_part(turn / kPartTurn, rest, whole) : rest;
+}
+
+}  // namespace dashpot

@@ -1,0 +1,141 @@
+// How fast the Jacobians of equalities turn.
+//
+// A row's rate is u = J xi, so du/dt = J dxi/dt + dJ/dt xi. For a connect the second term is the
+// acceleration that its two anchors have relative to each other while xi is constant: centripetal,
+// and of Coriolis along a chain.
+
+#include <mujoco/mujoco.h>
+
+#include <cmath>
+
+#include "dashpot/mujoco/constraints.hpp"
+#include "dashpot/mujoco/equality_sides.hpp"
+#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/row_turns.hpp"
+#include "dashpot/mujoco/velocities.hpp"
+#include "dashpot/mujoco/welded_parts.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+struct Acceleration {
+  mjtNum angular[3], linear[3];
+};
+
+// Of a point (world) fixed to a body, while the generalized velocities are constant.
+Acceleration generalized_acceleration(const mjModel* m, const mjData* d, int body,
+                                      const mjtNum* point) {
+  mjtNum spatial[6] = {};
+  for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof])
+    for (int i = 0; i < 6; ++i) spatial[i] += d->cdof_dot[6 * dof + i] * d->qvel[dof];
+  // From the spatial acceleration about the tree's centre of mass to that of the point itself.
+  const mjtNum* rate = d->cvel + 6 * body;
+  mjtNum arm[3], velocity[3], turn[3];
+  mju_sub3(arm, point, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(velocity, rate, arm);
+  mju_addTo3(velocity, rate + 3);
+  Acceleration a;
+  mju_copy3(a.angular, spatial);
+  mju_cross(a.linear, spatial, arm);
+  mju_addTo3(a.linear, spatial + 3);
+  mju_cross(turn, rate, velocity);
+  mju_addTo3(a.linear, turn);
+  return a;
+}
+
+// The same while the motion coordinates are constant: those of a free body are its centre's.
+Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point,
+                          const Trees& trees) {
+  Acceleration a = generalized_acceleration(m, d, body, point);
+  const int tree = m->body_treeid[body];
+  if (tree < 0 || !trees.tree[tree].free_body) return a;
+  const Acceleration centre = generalized_acceleration(m, d, body, centre_of_motion(m, d, body));
+  mju_subFrom3(a.linear, centre.linear);
+  return a;
+}
+
+double turning_of_bodies(const mjModel* m, const mjData* d, int equality, int row,
+                         const Trees& trees) {
+  const EqualitySide side[2] = {side_of(m, d, equality, 0), side_of(m, d, equality, 1)};
+  Acceleration relative = acceleration(m, d, side[0].body, side[0].anchor, trees);
+  const Acceleration second = acceleration(m, d, side[1].body, side[1].anchor, trees);
+  mju_subFrom3(relative.linear, second.linear);
+  mju_subFrom3(relative.angular, second.angular);
+  if (row < 3) return relative.linear[row];
+  // MuJoCo's rate of the rotation error of a weld, (conj(q1) w q0) / 2 times the scale of torques;
+  // both sides turn alike, so the rates of q0 and q1 add nothing.
+  mjtNum inverse[4], turned[4], rate[4];
+  mju_negQuat(inverse, side[1].orientation);
+  mju_mulQuatAxis(turned, inverse, relative.angular);
+  mju_mulQuat(rate, turned, side[0].orientation);
+  return 0.5 * m->eq_data[mjNEQDATA * equality + 10] * rate[row - 2];
+}
+
+// Of the length of an edge: what is across the edge turns it, what the vertices are accelerated by
+// along it adds.
+double turning_of_edge(const mjModel* m, const mjData* d, int flex, int edge, const Trees& trees) {
+  mjtNum along[3]{}, velocity[3]{}, bend[3]{};
+  for (int side = 0; side < 2; ++side) {
+    const int vertex = m->flex_vertadr[flex] + m->flex_edge[2 * edge + side];
+    const int body = m->flex_vertbodyid[vertex];
+    const mjtNum* point = d->flexvert_xpos + 3 * vertex;
+    const mjtNum sign = side == 0 ? -1.0 : 1.0;
+    mjtNum rate[3];
+    point_velocity(m, d, body, point, rate);
+    mju_addToScl3(along, point, sign);
+    mju_addToScl3(velocity, rate, sign);
+    mju_addToScl3(bend, acceleration(m, d, body, point, trees).linear, sign);
+  }
+  const mjtNum length = mju_normalize3(along);
+  if (length < mjMINVAL) return 0.0;
+  const mjtNum stretching = mju_dot3(along, velocity);
+  return (mju_dot3(velocity, velocity) - stretching * stretching) / length + mju_dot3(along, bend);
+}
+
+// Of x0 - p(x1) with the polynomial p of joint and tendon equalities: -p''(x1) v1^2.
+double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
+  return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
+}
+
+double slope_of_polynomial(const mjtNum* p, double x) {
+  return p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
+}
+
+}  // namespace
+
+double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
+                           const Trees& trees, const RowTurns& turns) {
+  const int second = m->eq_obj2id[equality];
+  const mjtNum* data = m->eq_data + mjNEQDATA * equality;
+  switch (m->eq_type[equality]) {
+    case mjEQ_CONNECT:
+    case mjEQ_WELD:
+      return turning_of_bodies(m, d, equality, row, trees);
+    case mjEQ_JOINT: {
+      if (second < 0) return 0.0;
+      const int position = m->jnt_qposadr[second];
+      return turning_of_polynomial(data, d->qpos[position] - m->qpos0[position],
+                                   d->qvel[m->jnt_dofadr[second]]);
+    }
+    case mjEQ_TENDON: {
+      const double first = turns.tendon_turning(m->eq_obj1id[equality]);
+      if (second < 0) return first;
+      const double x = d->ten_length[second] - m->tendon_length0[second];
+      return first - slope_of_polynomial(data, x) * turns.tendon_turning(second) +
+             turning_of_polynomial(data, x, d->ten_velocity[second]);
+    }
+    case mjEQ_FLEX: {
+      // Edges whose ends do not move have no row.
+      const int flex = m->eq_obj1id[equality];
+      if (m->flex_interp[flex]) return 0.0;
+      int edge = m->flex_edgeadr[flex];
+      while (m->flexedge_rigid[edge] || row-- > 0) ++edge;
+      return turning_of_edge(m, d, flex, edge, trees);
+    }
+    default:
+      return 0.0;
+  }
+}
+
+}  // namespace dashpot::host

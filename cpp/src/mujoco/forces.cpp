@@ -1,0 +1,114 @@
+#include "dashpot/mujoco/forces.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include "dashpot/mujoco/effective_inertia.hpp"
+#include "dashpot/mujoco/flex_energy.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+double damping_force(const mjData* d, int dof) { return d->qfrc_damper[dof] + d->qfrc_fluid[dof]; }
+
+// Generalized force of the weight of the subtree that a degree of freedom moves.
+double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
+  const int body = m->dof_bodyid[dof];
+  mjtNum weight[3], arm[3], torque[3];
+  mju_scl3(weight, m->opt.gravity, m->body_subtreemass[body]);
+  // Axes are about the tree's centre of mass.
+  mju_sub3(arm, d->subtree_com + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
+  mju_cross(torque, arm, weight);
+  const mjtNum* axis = d->cdof + 6 * dof;
+  return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
+}
+
+}  // namespace
+
+double servo_stiffness(const mjModel_* m, const mjData_* d, int actuator) {
+  if (m->actuator_biastype[actuator] != mjBIAS_AFFINE) return 0.0;
+  if (m->actuator_forcelimited[actuator]) {
+    const mjtNum force = d->actuator_force[m->actuator_outadr[actuator]];
+    const mjtNum* range = m->actuator_forcerange + 2 * actuator;
+    if (force <= range[0] || force >= range[1]) return 0.0;
+  }
+  return -m->actuator_biasprm[mjNBIAS * actuator + 1];
+}
+
+double smooth_force(const mjData_* d, int dof) { return d->qfrc_smooth[dof]; }
+
+void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force) {
+  force.resize(m->nv);
+  for (int i = 0; i < m->nv; ++i) force[i] = damping_force(d, i);
+}
+
+void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force) {
+  force.resize(m->nv);
+  for (int i = 0; i < m->nv; ++i)
+    force[i] = d->qfrc_smooth[i] + d->qfrc_bias[i] - d->qfrc_spring[i] - damping_force(d, i);
+}
+
+double positional_force(const mjData_* d, int dof) {
+  return d->qfrc_spring[dof] + d->qfrc_gravcomp[dof] - d->qfrc_bias[dof];
+}
+
+double potential_force(const mjModel_* m, const mjData_* d, int dof) {
+  const double force = d->qfrc_spring[dof] + d->qfrc_gravcomp[dof];
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return force;
+  return force + weight_of_subtree(m, d, dof);
+}
+
+// Dampers have a part in the derivatives of implicit integrators, which takes theirs back.
+void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
+            std::vector<double>& force) {
+  driving_forces(m, d, force);
+  for (int i = 0; i < m->nv; ++i) force[i] -= d->qfrc_gravcomp[i];
+  if (m->nactuator == 0) return;
+  if (!takes_derivatives(m)) return add_strong_damping(m, d, velocity.data(), force.data());
+  for (int i = 0; i < m->nv; ++i) force[i] += damping_force(d, i);
+  add_damping(m, d, velocity.data(), force.data());
+}
+
+void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
+                   std::vector<double>& change) {
+  change.assign(m->nv, 0.0);
+  if (m->opt.disableflags & mjDSBL_ACTUATION) return;
+  for (int i = 0; i < m->nactuator; ++i) {
+    const double stiffness = servo_stiffness(m, d, i);
+    if (stiffness == 0.0) continue;
+    const int output = m->actuator_outadr[i];
+    const int first = d->moment_rowadr[output], last = first + d->moment_rownnz[output];
+    double length = 0.0;
+    for (int k = first; k < last; ++k)
+      length += d->actuator_moment[k] * displacement[d->moment_colind[k]];
+    for (int k = first; k < last; ++k)
+      change[d->moment_colind[k]] -= stiffness * length * d->actuator_moment[k];
+  }
+}
+
+void times_inertia(const mjModel_* m, const mjData_* d, const double* x, double* product) {
+  mj_mulM(m, d, product, x);
+}
+
+double potential_work(const mjModel_* m, const mjData_* d, const double* displacement) {
+  const bool gravity = !(m->opt.disableflags & mjDSBL_GRAVITY);
+  double work = 0.0;
+  for (int i = 0; i < m->nv; ++i) {
+    if (displacement[i] == 0.0) continue;
+    work += d->qfrc_spring[i] * displacement[i];
+    if (gravity) work += weight_of_subtree(m, d, i) * displacement[i];
+  }
+  return work;
+}
+
+std::array<double, 2> mechanical_energy(const mjModel_* m, mjData_* d) {
+  d->flg_energypos = d->flg_energyvel = 0;
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_comVel(m, d);
+  mj_energyPos(m, d);
+  mj_energyVel(m, d);
+  return {d->energy[1], d->energy[0] + flex_energy(m, d)};
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,117 @@
+#include "dashpot/mujoco/host.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+#include "dashpot/mujoco/contacts.hpp"
+#include "dashpot/mujoco/effective_inertia.hpp"
+#include "dashpot/mujoco/errors.hpp"
+#include "dashpot/mujoco/properties.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+bool callbacks_may_read_sensors(const mjModel* m) {
+  return m->nsensor > 0 &&
+         (mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain || mjcb_act_bias);
+}
+
+// While it lives, a model has other flags that disable parts of MuJoCo.
+class Disabled {
+ public:
+  Disabled(mjModel* m, int flags) : model_(m), own_(m->opt.disableflags) {
+    m->opt.disableflags |= flags;
+  }
+  ~Disabled() { model_->opt.disableflags = own_; }
+  Disabled(const Disabled&) = delete;
+  Disabled& operator=(const Disabled&) = delete;
+
+ private:
+  mjModel* model_;
+  int own_;
+};
+
+}  // namespace
+
+void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors) {
+  const bool reads = sensors == Sensors::kForCallbacks && callbacks_may_read_sensors(m);
+  const bool adhesive = has_adhesion(m);
+  d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
+  d->flg_energypos = d->flg_energyvel = d->flg_subtreevel = d->flg_rnepost = 0;
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_factorM(m, d);
+  // Adhesion, of actuators or of geoms, pulls along the normals of the contacts of the present
+  // positions. They need no rows: MuJoCo takes contacts inside the gap without.
+  if (adhesive) call_with_callbacks(mj_collision, m, d);
+  for (int i = 0; i < d->ncon; ++i)
+    if (d->contact[i].exclude == kIncluded) d->contact[i].exclude = kInGap;
+  mj_transmission(m, d);
+  if (reads) call_with_callbacks(mj_sensorPos, m, d);
+  call_with_callbacks(mj_fwdVelocity, m, d);
+  if (reads) call_with_callbacks(mj_sensorVel, m, d);
+  d->ncon = 0;
+  if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION))
+    call_with_callbacks(mjcb_control, m, d);
+  call_with_callbacks(mj_fwdActuation, m, d);
+  mj_fwdAcceleration(m, d);
+}
+
+void make_contact_sensors(const mjModel_* m, mjData_* d) {
+  const auto any = [&](int stage) {
+    for (int i = 0; i < m->nsensor; ++i)
+      if (m->sensor_type[i] == mjSENS_CONTACT && m->sensor_needstage[i] == stage) return true;
+    return false;
+  };
+  if (any(mjSTAGE_POS)) call_with_callbacks(mj_sensorPos, m, d);
+  if (any(mjSTAGE_VEL)) call_with_callbacks(mj_sensorVel, m, d);
+}
+
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
+                   const std::vector<ContactInput>& contacts,
+                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                   const std::vector<double>& row_force) {
+  std::copy(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
+  std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
+  const bool any = std::any_of(constraint_force.begin(), constraint_force.end(),
+                               [](double force) { return force != 0.0; });
+  if (any) {
+    thread_local std::vector<double> acceleration;  // a step allocates nothing
+    acceleration.resize(m->nv);
+    mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
+    mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
+  }
+  if (d->nefc > 0) mju_zero(d->efc_force, d->nefc);
+  for (const RowGroup& c : rows.group) {
+    const int address = c.kind == RowKind::kContact
+                            ? d->contact[contacts[c.input].source].efc_address
+                            : constraints[c.input].source;
+    if (address >= 0) std::copy_n(row_force.begin() + c.row, c.dim, d->efc_force + address);
+  }
+  call_with_callbacks(mj_sensorAcc, m, d);
+}
+
+bool adds_to_smooth_motion(const mjModel_* m) {
+  return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
+}
+
+void advance_all_but_motion(mjModel_* m, mjData_* d) {
+  const Disabled damping(m, mjDSBL_EULERDAMP);
+  mj_Euler(m, d);
+}
+
+void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
+               HeldStages& held) {
+  if (is_runge_kutta(m))
+    runge_kutta.advance(m, d, new_control, held);
+  else if (takes_derivatives(m))
+    mj_implicit(m, d);
+  else if (uses_motion)
+    mj_Euler(m, d);
+  else
+    advance_all_but_motion(m, d);
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,64 @@
+#include "dashpot/mujoco/mocap_bodies.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <array>
+
+#include "dashpot/mujoco/equality_sides.hpp"
+
+namespace dashpot::host {
+
+namespace {
+
+// The mocap body that a body is or is fixed to; -1 for none.
+int mocap_of(const mjModel* m, int body) {
+  return m->body_treeid[body] < 0 ? m->body_mocapid[m->body_rootid[body]] : -1;
+}
+
+// The bodies of a connect or weld; the world twice of other equalities.
+std::array<int, 2> joined_bodies(const mjModel* m, int equality) {
+  const int type = m->eq_type[equality];
+  if (type != mjEQ_CONNECT && type != mjEQ_WELD) return {0, 0};
+  const int first = m->eq_obj1id[equality], second = m->eq_obj2id[equality];
+  if (m->eq_objtype[equality] == mjOBJ_SITE) return {m->site_bodyid[first], m->site_bodyid[second]};
+  return {first, second};
+}
+
+}  // namespace
+
+bool holds(const mjModel_* m, int equality, int mocap) {
+  const std::array<int, 2> body = joined_bodies(m, equality);
+  return mocap_of(m, body[0]) == mocap || mocap_of(m, body[1]) == mocap;
+}
+
+bool holds_anything(const mjModel_* m, const mjData_* d, int mocap) {
+  for (int i = 0; i < m->neq; ++i)
+    if (d->eq_active[i] && holds(m, i, mocap)) return true;
+  return false;
+}
+
+std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mocap,
+                                     const std::array<double, 7>& pose) {
+  for (int i = 0; i < m->neq; ++i) {
+    if (!d->eq_active[i] || !holds(m, i, mocap)) continue;
+    const EqualitySide side[2] = {side_of(m, d, i, 0), side_of(m, d, i, 1)};
+    const int own = mocap_of(m, side[0].body) == mocap ? 0 : 1;
+    return where_met(side[own], side[1 - own], m->eq_type[i] == mjEQ_WELD, pose);
+  }
+  return pose;
+}
+
+bool is_mocap(const mjModel_* m, int body) { return mocap_of(m, body) >= 0; }
+
+const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
+  const int root = m->body_rootid[body];
+  return m->body_mocapid[root] >= 0 ? d->cvel + 6 * root : nullptr;
+}
+
+bool is_held_by_mocap(const mjModel_* m, int equality) {
+  if (m->nmocap == 0) return false;
+  const std::array<int, 2> body = joined_bodies(m, equality);
+  return is_mocap(m, body[0]) || is_mocap(m, body[1]);
+}
+
+}  // namespace dashpot::host

@@ -1,0 +1,103 @@
+#include "dashpot/mujoco/state.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+
+namespace dashpot::host {
+
+namespace {
+
+int first_joint(const mjModel* m, const Tree& t) { return m->dof_jntid[t.dof_begin]; }
+
+int last_joint(const mjModel* m, const Tree& t) {
+  return m->dof_jntid[t.dof_begin + t.dof_count - 1];
+}
+
+}  // namespace
+
+const double* position(const mjData_* d) { return d->qpos; }
+const double* velocity(const mjData_* d) { return d->qvel; }
+
+Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree) {
+  const mjtNum* q = d->xquat + 4 * m->dof_bodyid[m->tree_dofadr[tree]];
+  return {q[0], q[1], q[2], q[3]};
+}
+
+FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const WeldedParts* parts,
+                        const double* acceleration) {
+  const int dof = m->tree_dofadr[tree];
+  const int body = m->dof_bodyid[dof];
+  const mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
+  FreeBody free;
+  if (parts) {
+    free.mass = parts->mass();
+    free.inertia = parts->moments();
+    free.principal = parts->principal();
+    free.offset = parts->offset();
+  } else {
+    const mjtNum* principal = m->body_iquat + 4 * body;
+    free.mass = m->body_mass[body];
+    free.inertia = Eigen::Map<const Eigen::Vector3d>(m->body_inertia + 3 * body);
+    free.principal = {principal[0], principal[1], principal[2], principal[3]};
+    free.offset = Eigen::Map<const Eigen::Vector3d>(m->body_ipos + 3 * body);
+  }
+  free.origin = Eigen::Map<const Eigen::Vector3d>(q);
+  free.orientation = orientation(m, d, tree);
+  free.velocity = Eigen::Map<const Vector6>(d->qvel + dof);
+  free.acceleration = Eigen::Map<const Vector6>(acceleration);
+  return free;
+}
+
+void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body) {
+  const int dof = m->tree_dofadr[tree];
+  mjtNum* q = d->qpos + m->jnt_qposadr[m->dof_jntid[dof]];
+  std::copy_n(body.origin.data(), 3, q);
+  q[3] = body.orientation.w();
+  std::copy_n(body.orientation.vec().data(), 3, q + 4);
+  std::copy_n(body.velocity.data(), 6, d->qvel + dof);
+}
+
+void add_velocity(mjData_* d, const Tree& t, const double* change) {
+  mju_addTo(d->qvel + t.dof_begin, change + t.begin, t.dof_count);
+}
+
+void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displacement) {
+  for (int joint = first_joint(m, t); joint <= last_joint(m, t); ++joint) {
+    double* q = d->qpos + m->jnt_qposadr[joint];
+    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
+    switch (m->jnt_type[joint]) {
+      case mjJNT_FREE:
+        mju_addTo3(q, delta);
+        mju_quatIntegrate(q + 3, delta + 3, 1.0);
+        break;
+      case mjJNT_BALL:
+        mju_quatIntegrate(q, delta, 1.0);
+        break;
+      default:
+        q[0] += delta[0];
+    }
+  }
+}
+
+void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,
+                const double* displacement, const double* velocity) {
+  std::copy_n(velocity, t.dof_count, d->qvel + t.dof_begin);
+  const int next = last_joint(m, t) + 1;
+  const int begin = m->jnt_qposadr[first_joint(m, t)];
+  const int end = next < m->njnt ? m->jnt_qposadr[next] : static_cast<int>(m->nq);
+  std::copy(start_position + begin, start_position + end, d->qpos + begin);
+  move_tree(m, d, t, displacement);
+}
+
+void copy_state(const mjModel_* m, const mjData_* d, mjData_* to) {
+  mj_copyState(m, d, to, mjSTATE_INTEGRATION);
+}
+
+void reserve_memory(mjModel_* m, int size) { m->nuserdata += size; }
+
+double* memory(const mjModel_* m, mjData_* d, int size) {
+  return d->userdata + (m->nuserdata - size);
+}
+
+}  // namespace dashpot::host

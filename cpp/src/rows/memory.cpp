@@ -1,0 +1,249 @@
+#include "dashpot/rows/memory.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/rows/hit_time.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, lengths of
+// steps that lead, velocities at their end, mocap bodies, constraints, contacts.
+constexpr int kHeader = 9;
+constexpr int kStepped = 8;
+constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
+constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
+constexpr int kContactsAtOnce = 64;  // by a thread
+
+// a t1 + b t2 in the frame of geom 1, t1 and t2 the tangents of the contact.
+void tangent_to_local(double a, double b, const ContactInput& input, double* local) {
+  for (int i = 0; i < 3; ++i) {
+    local[i] = 0.0;
+    for (int j = 0; j < 3; ++j)
+      local[i] += input.rotation[3 * j + i] * (a * input.frame[3 + j] + b * input.frame[6 + j]);
+  }
+}
+
+bool is_integer(double value, int least, int most) {
+  return value >= least && value <= most && value == std::floor(value);
+}
+
+[[noreturn]] void refuse(const std::string& what, double value, int least, int most) {
+  throw std::invalid_argument("data.userdata holds no contact memory: " + what + " is " +
+                              std::to_string(value) + "; it must be an integer in [" +
+                              std::to_string(least) + ", " + std::to_string(most) + "]");
+}
+
+// By how much a spring is deformed beyond its position, deformation - offset, of the same sign.
+double slack(double deformation, double offset) {
+  const bool beyond = deformation * offset > 0.0 && std::abs(offset) <= std::abs(deformation);
+  return beyond ? std::abs(offset) : 0.0;
+}
+
+}  // namespace
+
+int MemoryLayout::held_size() const {
+  return 3 * held_trees + 4 * held_dofs + 2 * held_coordinates;
+}
+
+int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
+
+int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
+
+int MemoryLayout::size() const {
+  return kHeader + held_size() + leading_size() + mocap_size() + kConstraint * constraints +
+         static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
+}
+
+Memory::Memory(double* storage, const MemoryLayout& layout)
+    : storage_(storage),
+      layout_(layout),
+      contacts_(constraint_storage() + kConstraint * layout.constraints) {}
+
+double* Memory::mocap_storage() const {
+  return storage_ + kHeader + layout_.held_size() + layout_.leading_size();
+}
+
+double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
+
+HeldMotion Memory::held_motion() const {
+  if (layout_.held_trees == 0) return {};
+  HeldMotion motion;
+  motion.length = storage_ + kHeader;
+  motion.weight = motion.length + layout_.held_trees;
+  motion.energy = motion.weight + layout_.held_trees;
+  motion.displacement = motion.energy + layout_.held_trees;
+  motion.potential = motion.displacement + layout_.held_dofs;
+  motion.drive = motion.potential + layout_.held_dofs;
+  motion.drive_change = motion.drive + layout_.held_dofs;
+  motion.acceleration = motion.drive_change + layout_.held_dofs;
+  motion.other_force = motion.acceleration + layout_.held_coordinates;
+  return motion;
+}
+
+double* Memory::leading_length() const {
+  return layout_.held_trees == 0 ? nullptr : storage_ + kHeader + layout_.held_size();
+}
+
+double* Memory::end_velocity() const {
+  return layout_.held_trees == 0 ? nullptr : leading_length() + layout_.held_trees;
+}
+
+RememberedMocap Memory::mocap(int index) const {
+  RememberedMocap mocap;
+  std::memcpy(&mocap, mocap_storage() + kMocap * index, sizeof(mocap));
+  return mocap;
+}
+
+void Memory::set_mocap(int index, const RememberedMocap& mocap) {
+  std::memcpy(mocap_storage() + kMocap * index, &mocap, sizeof(mocap));
+}
+
+RememberedConstraint Memory::constraint(int index) const {
+  RememberedConstraint slot;
+  std::memcpy(&slot, constraint_storage() + kConstraint * index, sizeof(slot));
+  return slot;
+}
+
+double* Memory::equality(int constraint) const {
+  return constraint_storage() + kConstraint * constraint +
+         offsetof(RememberedConstraint, mean_force) / sizeof(double);
+}
+
+bool Memory::starts() const { return storage_[kStepped] == 0.0; }
+
+void Memory::check() const {
+  if (!is_integer(storage_[0], 0, layout_.contacts))
+    refuse("its number of contacts", storage_[0], 0, layout_.contacts);
+  for (int i = 0; i < contact_count(); ++i)
+    for (int side = 0; side < 2; ++side)
+      if (const double geom = contact_storage(i)[side];
+          !is_integer(geom, -layout_.flexes, layout_.geoms - 1))
+        refuse("geom " + std::to_string(side + 1) + " of its contact " + std::to_string(i), geom,
+               -layout_.flexes, layout_.geoms - 1);
+}
+
+int Memory::contact_count() const { return static_cast<int>(storage_[0]); }
+
+RememberedContact Memory::contact(int index) const {
+  RememberedContact slot;
+  std::memcpy(static_cast<void*>(&slot), contact_storage(index), sizeof(slot));
+  return slot;
+}
+
+std::array<int, 2> Memory::geoms(int index) const {
+  const double* geom = contact_storage(index) + offsetof(RememberedContact, geom) / sizeof(double);
+  return {static_cast<int>(geom[0]), static_cast<int>(geom[1])};
+}
+
+const double* Memory::position(int index, int side) const {
+  return contact_storage(index) + offsetof(RememberedContact, position) / sizeof(double) + 3 * side;
+}
+
+double Memory::force(int index) const {
+  const double* slot = contact_storage(index);
+  return slot[offsetof(RememberedContact, compression) / sizeof(double)] *
+         slot[offsetof(RememberedContact, stiffness) / sizeof(double)];
+}
+
+double Memory::parted_hit(int index) const {
+  const double* slot = contact_storage(index);
+  return slot[offsetof(RememberedContact, hit) / sizeof(double)] *
+         slot[offsetof(RememberedContact, compression) / sizeof(double)];
+}
+
+EnergyLedger Memory::ledger() const {
+  return {storage_[1], storage_[2], storage_[3], storage_[4],
+          storage_[5], storage_[6], storage_[7]};
+}
+
+void Memory::set_ledger(const EnergyLedger& ledger) {
+  storage_[1] = ledger.elastic;
+  storage_[2] = ledger.dissipated_normal;
+  storage_[3] = ledger.dissipated_friction;
+  storage_[4] = ledger.dissipated_constraint;
+  storage_[5] = ledger.dissipated_recovery;
+  storage_[6] = ledger.dissipated_damping;
+  storage_[7] = ledger.work;
+}
+
+void Memory::remember(const std::vector<ContactInput>& contacts,
+                      const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                      const RowData& data, Team& team) {
+  std::fill(constraint_storage(), contact_storage(0), 0.0);
+  thread_local std::vector<int> kept;  // by the thread: no allocation in a step
+  kept.resize(rows.group.size());
+  int* const compressed = kept.data();
+  int count = 0;
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact)
+      remember(constraints[c.input], rows, static_cast<int>(index), data);
+    else if (data.deformation[c.row] < 0.0)
+      compressed[count++] = static_cast<int>(index);
+  }
+  team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data](int slot) {
+    remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data, slot);
+  });
+  if (count < contact_count())
+    std::fill(contact_storage(count), contact_storage(contact_count()), 0.0);
+  storage_[0] = count;
+  storage_[kStepped] = 1.0;
+}
+
+void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
+                      const RowData& data) {
+  const RowGroup& c = rows.group[index];
+  RememberedConstraint slot{};
+  const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;
+  slot.stiffness = rows.stiffness[c.row];
+  if (!separated) {
+    slot.deformation = data.deformation[c.row];
+    slot.credit = data.credit[index];
+  }
+  if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
+  std::memcpy(constraint_storage() + kConstraint * input.memory, &slot, sizeof(slot));
+}
+
+void Memory::remember(const ContactInput& input, const Rows& rows, int index, const RowData& data,
+                      int place) {
+  const RowGroup& c = rows.group[index];
+  const double* s = data.deformation.data() + c.row;
+  const double* k = rows.stiffness.data() + c.row;
+  RememberedContact slot{};
+  for (int side = 0; side < 2; ++side) {
+    slot.geom[side] = input.geom[side];
+    std::copy_n(input.local_position[side].begin(), 3, slot.position[side]);
+  }
+  slot.source = input.source;
+  slot.sticking = data.sticking[index];
+  slot.compression = -s[0];
+  slot.stiffness = k[0];
+  slot.slack = slack(s[0], data.offset[index]);
+  if (c.dim > 1) {
+    tangent_to_local(s[1], s[2], input, slot.slide);
+    slot.slide_stiffness = k[more_mobile(rows, c, 1)];
+  }
+  if (c.dim > 3) {
+    slot.spin = s[3];
+    slot.spin_stiffness = k[3];
+  }
+  if (c.dim > 4) {
+    tangent_to_local(s[4], s[5], input, slot.roll);
+    slot.roll_stiffness = k[more_mobile(rows, c, 4)];
+  }
+  slot.credit = data.credit[index];
+  const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
+  slot.hit =
+      data.is_of_lone_pair[index] && (data.hit[index] || (input.gap > 0.0 && change > kHitSpeed));
+  slot.solref = c.solref;
+  std::memcpy(contact_storage(place), &slot, sizeof(slot));
+}
+
+}  // namespace dashpot

@@ -1,0 +1,237 @@
+// What rows take from memory at the start of a step.
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/memory.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
+constexpr double kBearableAcceleration = 100.0 * 9.80665;
+// How many times the load of smooth forces the spring of what is hit bears.
+constexpr double kHitLoads = 4.0;
+constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
+constexpr int kContactsAtOnce = 64;    // by a thread
+
+// Component of `local` (frame of geom 1) along a world direction.
+double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
+  double sum = 0.0;
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i) sum += local[i] * rotation[3 * j + i] * direction[j];
+  return sum;
+}
+
+double norm(const double* v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+
+// Factor on what a row remembers of a deformation under another stiffness. The force goes on,
+// F = k x. A rising stiffness takes energy, F^2 / (2 k), which goes to `credit` (J); a falling one
+// may add what that has and what the apparent mass has at the recovery speed, v^2 / (2 w), but no
+// more: there the force falls. Loads at rest stay carried, a load beyond what rows may add does not
+// lose force each time that the stiffness falls and rises, and stiffness that changes with the
+// configuration cannot pump a mechanism. The spring of what is hit keeps its energy: it must not
+// lose what it is about to give back.
+double recall_scale(double deformation, double old_stiffness, const Rows& rows, int row,
+                    double recovery_speed, bool hit, double& credit) {
+  if (deformation == 0.0) return 0.0;
+  const double k = rows.stiffness[row];
+  if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
+  const double same_force = old_stiffness / k;
+  if (std::isinf(recovery_speed)) return same_force;
+  const double stored = 0.5 * old_stiffness * deformation * deformation;
+  const auto added_by = [&](double scale) { return stored * (scale * scale / same_force - 1.0); };
+  if (hit) return std::sqrt(same_force);
+  if (same_force <= 1.0) {
+    credit -= added_by(same_force);
+    return same_force;
+  }
+  const double w = std::max(rows.inverse_mass[row], rows.typical_inverse_mass[row]);
+  const double allowed =
+      w > 0.0 ? recovery_speed / (std::sqrt(k * w) * std::abs(deformation)) : same_force;
+  const double covered = std::sqrt(same_force * (1.0 + credit / stored));
+  const double scale = std::min(same_force, std::max(allowed, covered));
+  credit = std::max(0.0, credit - added_by(scale));
+  return scale;
+}
+
+// Whether what is hit goes on as one hit, which the step does not resolve: its spring, with the
+// remembered `force` (N), throws back what smooth forces alone would not.
+bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double length,
+                    const RowData& data) {
+  const double w = rows.inverse_mass[c.row];
+  if (rows.stiffness[c.row] * w * length * length <= kShortHit * kShortHit) return false;
+  double load[kMaxRows];
+  gather(rows, c, data.smooth_acceleration.data(), load);
+  return force * w > kHitLoads * std::abs(load[0]);
+}
+
+// Whether a contact gives back most of what it stores: damping ratio up to 0.2, restitution above a
+// half.
+bool is_elastic(const Rows& rows, const RowGroup& c) {
+  const double k = rows.stiffness[c.row], d = rows.damping[c.row];
+  return d * d * rows.inverse_mass[c.row] <= 4.0 * kElasticRatio * kElasticRatio * k;
+}
+
+// Rigid contacts keep their slack, for their stiffness goes on changing. What is hit keeps all that
+// its spring stores, also where the geometry, frozen in the step before, turns out to be less deep.
+double recalled_deformation(const RememberedContact& old, const ContactInput& input,
+                            const Rows& rows, const RowGroup& c, double recovery_speed,
+                            double length, bool hit, double& credit) {
+  const double recovered = c.soft_load > 0.0 ? recovery_speed * length : 0.0;
+  const double compression =
+      hit ? old.compression
+          : std::min(old.compression, std::max(old.slack - recovered, 0.0) - input.gap);
+  return -compression *
+         recall_scale(compression, old.stiffness, rows, c.row, recovery_speed, hit, credit);
+}
+
+void recall_friction(const RememberedContact& old, const ContactInput& input, const Rows& rows,
+                     const RowGroup& c, double recovery_speed, bool hit, double& credit,
+                     RowData& data) {
+  double* deformation = data.deformation.data() + c.row;
+  const auto scale_of = [&](double remembered, double stiffness, int i) {
+    return recall_scale(remembered, stiffness, rows, c.row + i, recovery_speed, hit, credit);
+  };
+  // Of rows i and i + 1, along the two tangents.
+  const auto recall_tangents = [&](const double* vector, double stiffness, int i) {
+    const double scale = scale_of(norm(vector), stiffness, more_mobile(rows, c, i));
+    for (int k = 0; k < 2; ++k)
+      deformation[i + k] = scale * along(vector, input.rotation, input.frame.data() + 3 * (1 + k));
+  };
+  if (c.dim > 1) recall_tangents(old.slide, old.slide_stiffness, 1);
+  if (c.dim > 3) deformation[3] = old.spin * scale_of(old.spin, old.spin_stiffness, 3);
+  if (c.dim > 4) recall_tangents(old.roll, old.roll_stiffness, 4);
+}
+
+}  // namespace
+
+void Memory::recall(const std::vector<ContactInput>& contacts,
+                    const std::vector<ConstraintInput>& constraints,
+                    const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
+                    double length, RowData& data, Team& team) const {
+  recall_constraints(constraints, rows, recovery_speed, data);
+  recall_contacts(contacts, matches, rows, recovery_speed, length, data, team);
+}
+
+// Of a limit or equality that nothing is remembered of and whose solref the model sets: an
+// equality, which users switch on, takes what its spring bears in any step, a limit in the first of
+// all.
+double Memory::first_deformation(const ConstraintInput& input, const Rows& rows,
+                                 const RowGroup& c) const {
+  const double k = rows.stiffness[c.row];
+  const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
+  const bool acts = c.kind == RowKind::kBilateral || starts();
+  if (!input.has_solref || !acts || k * w == 0.0) return 0.0;
+  const double bearable = kBearableAcceleration / (k * w);
+  return std::clamp(input.position, -bearable, bearable);
+}
+
+void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                                double recovery_speed, RowData& data) const {
+  for (size_t index = 0; index < rows.group.size(); ++index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind == RowKind::kContact) continue;
+    const ConstraintInput& input = constraints[c.input];
+    const RememberedConstraint old = constraint(input.memory);
+    data.credit[index] = old.credit;
+    const auto rescaled = [&](double deformation) {
+      return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
+                                        false, data.credit[index]);
+    };
+    double& deformation = data.deformation[c.row];
+    if (c.kind == RowKind::kSlider) {
+      deformation = rescaled(old.deformation);
+      continue;
+    }
+    deformation = input.position;
+    const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
+    if (separated || std::isinf(recovery_speed)) continue;
+    // The spring keeps what it remembers, at most what the position says, of the same sign.
+    if (old.stiffness == 0.0)
+      deformation = first_deformation(input, rows, c);
+    else if (old.deformation * input.position <= 0.0)
+      deformation = 0.0;
+    else
+      deformation = rescaled(
+          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.slack),
+                        input.position));
+    data.offset[index] = deformation - input.position;
+  }
+}
+
+// Of a contact that nothing is remembered of: in the first step of all one of SI stiffness or of a
+// model's own solref takes what its spring bears.
+double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
+                                 double recovery_speed) const {
+  if (!starts() || c.soft_load == 0.0) return 0.0;
+  return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
+}
+
+void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
+                             const std::vector<Match>& matches, const Rows& rows,
+                             double recovery_speed, double length, RowData& data,
+                             Team& team) const {
+  team.for_each(static_cast<int>(rows.group.size()), kContactsAtOnce, [&](int index) {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact) return;
+    const ContactInput& input = contacts[c.input];
+    data.deformation[c.row] = input.gap;
+    const int nearest = matches[index].nearest;
+    if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
+    const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
+    const double force = old.stiffness * old.compression;
+    const bool alone = data.is_of_lone_pair[index];
+    const bool hit = ((alone && data.hit[index]) || (old.hit && (alone || is_elastic(rows, c)))) &&
+                     goes_on_as_hit(force, rows, c, length, data);
+    if (input.gap >= 0.0 && !hit) return;
+    double& credit = data.credit[index];
+    credit = old.credit;
+    if (!std::isinf(recovery_speed)) {
+      data.deformation[c.row] =
+          nearest < 0
+              ? first_deformation(input, rows, c, recovery_speed)
+              : recalled_deformation(old, input, rows, c, recovery_speed, length, hit, credit);
+      data.offset[index] = data.deformation[c.row] - input.gap;
+    }
+    if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, hit, credit, data);
+  });
+}
+
+void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,
+                               const std::vector<ContactInput>& contacts, const Rows& rows,
+                               RowData& data) const {
+  struct Stored {
+    double before = 0.0, now = 0.0;  // twice the energy, J
+  };
+  std::map<std::array<int, 2>, Stored> stored;
+  for (const auto& pair : pairs) stored[pair] = {};
+  for (int i = 0; i < contact_count(); ++i) {
+    const RememberedContact slot = contact(i);
+    const auto entry = stored.find({int(slot.geom[0]), int(slot.geom[1])});
+    if (entry != stored.end())
+      entry->second.before += slot.stiffness * slot.compression * slot.compression;
+  }
+  const auto for_each_compressed = [&](const auto& visit) {
+    for (size_t index = 0; index < rows.group.size(); ++index) {
+      const RowGroup& c = rows.group[index];
+      if (c.kind != RowKind::kContact || data.deformation[c.row] >= 0.0) continue;
+      const auto entry = stored.find(contacts[c.input].geom);
+      if (entry != stored.end()) visit(index, c.row, entry->second);
+    }
+  };
+  for_each_compressed([&](size_t, int row, Stored& pair) {
+    pair.now += rows.stiffness[row] * data.deformation[row] * data.deformation[row];
+  });
+  for_each_compressed([&](size_t index, int row, const Stored& pair) {
+    if (pair.now <= pair.before) return;
+    const double released = data.deformation[row] * (std::sqrt(pair.before / pair.now) - 1.0);
+    data.deformation[row] += released;
+    data.offset[index] += released;
+  });
+}
+
+}  // namespace dashpot

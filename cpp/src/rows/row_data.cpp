@@ -1,0 +1,72 @@
+#include "dashpot/rows/row_data.hpp"
+
+#include <algorithm>
+#include <vector>
+
+namespace dashpot {
+
+namespace {
+
+// Groups that are summed up one by one: sums over ranges of them do not depend on threads.
+constexpr int kGroupsOfSum = 128;
+
+}  // namespace
+
+double& share(EnergyShares& shares, const RowGroup& c, int i) {
+  if (c.kind != RowKind::kContact) return shares.constraint;
+  return i == 0 ? shares.normal : shares.friction;
+}
+
+void RowData::reset_motion(int coordinates) {
+  for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse,
+                      &shift, &braked, &added_acceleration})
+    array->assign(coordinates, 0.0);
+  velocity[kSurfaceCoordinate] = 1.0;
+  smooth_acceleration[kTurningCoordinate] = 1.0;
+}
+
+void RowData::reset_rows(const Rows& rows) {
+  for (auto* array : {&deformation, &rate, &total_impulse})
+    array->assign(rows.inverse_mass.size(), 0.0);
+  offset.assign(rows.group.size(), 0.0);
+  credit.assign(rows.group.size(), 0.0);
+  force_moment.assign(rows.group.size(), 0.0);
+  turning_work.assign(rows.group.size(), 0.0);
+  sticking.assign(rows.group.size(), 1);
+  for (auto* array : {&touched, &hit, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
+  work = recovery_input = EnergyShares{};
+}
+
+bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
+                              const double* velocity, const double* acceleration, double time) {
+  if (!c.is_unilateral() || gap <= 0.0) return false;
+  double rate[kMaxRows], load[kMaxRows];
+  gather(rows, c, velocity, rate);
+  gather(rows, c, acceleration, load);
+  return gap + time * (rate[0] + time * load[0]) <= 0.0;
+}
+
+EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team) {
+  const int count = static_cast<int>(rows.group.size());
+  thread_local std::vector<EnergyShares> kept;  // by the thread: no allocation in a step
+  std::vector<EnergyShares>& of_range = kept;
+  of_range.resize((count + kGroupsOfSum - 1) / kGroupsOfSum);
+  team.for_each(static_cast<int>(of_range.size()), 1, [&](int range) {
+    EnergyShares energy;
+    const int first = range * kGroupsOfSum, last = std::min(count, first + kGroupsOfSum);
+    for (int index = first; index < last; ++index) {
+      const RowGroup& c = rows.group[index];
+      if (c.is_unilateral() && data.deformation[c.row] >= 0.0) continue;
+      for (int i = 0; i < c.dim; ++i) {
+        const double x = data.deformation[c.row + i];
+        share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
+      }
+    }
+    of_range[range] = energy;
+  });
+  EnergyShares energy;
+  for (const EnergyShares& term : of_range) energy += term;
+  return energy;
+}
+
+}  // namespace dashpot

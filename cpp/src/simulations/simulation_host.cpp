@@ -1,0 +1,142 @@
+#include "dashpot/simulations/simulation_host.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+
+#include "dashpot/engine/engine.hpp"
+#include "dashpot/mujoco/errors.hpp"
+#include "dashpot/mujoco/model_view.hpp"
+#include "dashpot/mujoco/owned.hpp"
+
+namespace dashpot {
+namespace {
+
+int signature(StateKind kind) {
+  return kind == StateKind::kFullPhysics ? mjSTATE_FULLPHYSICS : mjSTATE_INTEGRATION;
+}
+
+// MuJoCo's own notion of a bad state (mj_checkPos).
+bool all_usable(const mjtNum* values, int count) {
+  for (int i = 0; i < count; ++i) {
+    if (!(std::abs(values[i]) <= mjMAXVAL)) return false;
+  }
+  return true;
+}
+
+[[noreturn]] void refuse_callbacks() {
+  throw std::runtime_error(
+      "callbacks of MuJoCo's Python package raise here, where data are not made in Python; clear "
+      "them (mujoco.set_mjcb_control(None) and the like), or step data of Engine.make_data()");
+}
+
+}  // namespace
+
+ModelSizes sizes_of(const mjModel_* model) {
+  ModelSizes sizes;
+  sizes.nq = static_cast<int>(model->nq);
+  sizes.nv = static_cast<int>(model->nv);
+  sizes.nu = static_cast<int>(model->nu);
+  sizes.nbody = static_cast<int>(model->nbody);
+  sizes.nsensordata = static_cast<int>(model->nsensordata);
+  sizes.full_physics = static_cast<int>(mj_stateSize(model, mjSTATE_FULLPHYSICS));
+  sizes.integration = static_cast<int>(mj_stateSize(model, mjSTATE_INTEGRATION));
+  return sizes;
+}
+
+struct Simulation::Impl {
+  explicit Impl(const mjModel* m) : model(m) {}
+  host::ModelView model;
+  host::OwnedData data;
+  std::optional<Stepper> stepper;
+};
+
+Simulation::Simulation(const mjModel_* model, const Parameters* parameters)
+    : impl_(std::make_unique<Impl>(model)) {
+  update_model(model);
+  if (parameters) impl_->stepper.emplace(impl_->model.get(), *parameters);
+  impl_->data = host::make_data(impl_->model.get());
+}
+
+Simulation::~Simulation() = default;
+
+void Simulation::update_model(const mjModel_* model) {
+  impl_->model.update(model);
+  // A diverging run has to be seen, not silently started over.
+  impl_->model.get()->opt.disableflags |= mjDSBL_AUTORESET;
+}
+
+void Simulation::set_timestep(double timestep) { impl_->model.get()->opt.timestep = timestep; }
+
+void Simulation::reset() { mj_resetData(impl_->model.get(), impl_->data.get()); }
+
+void Simulation::set_state(const double* state, StateKind kind) {
+  mj_setState(impl_->model.get(), impl_->data.get(), state, signature(kind));
+}
+
+void Simulation::get_state(double* state, StateKind kind) const {
+  mj_getState(impl_->model.get(), impl_->data.get(), state, signature(kind));
+}
+
+void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
+  std::copy_n(qpos, impl_->model.get()->nq, impl_->data->qpos);
+  std::copy_n(qvel, impl_->model.get()->nv, impl_->data->qvel);
+}
+
+void Simulation::set_control(const double* control) {
+  std::copy_n(control, impl_->model.get()->nu, impl_->data->ctrl);
+}
+
+const double* Simulation::sensordata() const { return impl_->data->sensordata; }
+
+void Simulation::call(void (*function)(const mjModel*, mjData*)) {
+  try {
+    const host::ErrorGuard guard(impl_->data.get());
+    host::call_with_callbacks(function, impl_->model.get(), impl_->data.get());
+  } catch (const host::CallbackError&) {
+    refuse_callbacks();
+  }
+}
+
+void Simulation::step() {
+  mjModel* model = impl_->model.get();
+  mjData* data = impl_->data.get();
+  if (impl_->stepper) {
+    try {
+      impl_->stepper->step(data, 1, false);
+    } catch (const host::CallbackError&) {
+      refuse_callbacks();
+    }
+  } else {
+    call(mj_step);
+  }
+  if (!all_usable(data->qpos, static_cast<int>(model->nq)) ||
+      !all_usable(data->qvel, static_cast<int>(model->nv))) {
+    throw std::runtime_error("the state is no longer finite");
+  }
+}
+
+void Simulation::update_kinematics() { mj_kinematics(impl_->model.get(), impl_->data.get()); }
+
+void Simulation::update_sensors() {
+  mjModel* model = impl_->model.get();
+  mjData* data = impl_->data.get();
+  // Sensors compute these where no one has since the last step.
+  data->flg_energypos = data->flg_energyvel = data->flg_subtreevel = 0;
+  mj_fwdKinematics(model, data);
+  mj_makeM(model, data);  // of kinetic energy
+  mj_transmission(model, data);
+  call(mj_fwdVelocity);
+  call(mj_sensorPos);
+  call(mj_sensorVel);
+}
+
+void Simulation::body_pose(int body, double* position, double* quaternion) const {
+  std::copy_n(impl_->data->xpos + 3 * body, 3, position);
+  std::copy_n(impl_->data->xquat + 4 * body, 4, quaternion);
+}
+
+}  // namespace dashpot
