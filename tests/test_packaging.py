@@ -50,7 +50,14 @@ def test_formatters_are_the_same_in_ci_and_before_commits() -> None:
         assert only(rf"/{hook}\n +rev: v(.+)", hooks) == only(rf'"{tool}==(.+)"', tools)
 
 
-PAGES = ("README.md", "benchmarks/README.md", "docs/method.md", "docs/from_mujoco.md")
+PAGES = (
+    "README.md",
+    "CHANGELOG.md",
+    "benchmarks/README.md",
+    "docs/from_mujoco.md",
+    "docs/limits.md",
+    "docs/method.md",
+)
 LINKS = [
     (page, link) for page in PAGES for link in re.findall(r"\]\((?!http)([^)]+)\)", read(page))
 ]

@@ -1,7 +1,8 @@
 // The complementarity-free law in a step, see comfree.hpp.
 
-#include "dashpot/law/solref.hpp"
 #include "dashpot/microsteps/comfree.hpp"
+
+#include "dashpot/law/solref.hpp"
 #include "dashpot/mujoco/features.hpp"
 #include "stepper_impl.hpp"
 

@@ -1,8 +1,9 @@
 // How the state follows: trees that rows moved go as in the micro-steps, all others as MuJoCo's
 // integrator takes them.
 
-#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/state.hpp"
+
+#include "dashpot/mujoco/host.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
