@@ -9,7 +9,8 @@
 // that is smaller than that: frozen rows lead too deep there. Limits and equalities do the same
 // with their position. In the first step of all a contact of SI stiffness takes what its spring
 // bears, and so does a contact or limit whose solref the model sets; an equality with one does
-// whenever nothing is remembered of it, as where it is switched on.
+// whenever nothing is remembered of it, as where it is switched on. One that the steps resolve has
+// its position for its deformation in every step.
 //
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
@@ -161,13 +162,12 @@ class Memory {
   double* contact_storage(int index) const { return contacts_ + kContactSize * index; }
   double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
                            double recovery_speed) const;
-  double first_deformation(const ConstraintInput& input, const Rows& rows,
-                           const RowGroup& group) const;
+  bool begins_stretched(const ConstraintInput& input, const RowGroup& group) const;
   void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
                        const Rows& rows, double recovery_speed, double length, RowData& data,
                        Team& team) const;
   void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                          double recovery_speed, RowData& data) const;
+                          double recovery_speed, double length, RowData& data) const;
 
   static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
 
