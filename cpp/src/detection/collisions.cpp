@@ -33,7 +33,10 @@ constexpr double kFastReach = 0.05;
 constexpr double kFastReachOfMesh = 0.0005;
 // Types whose pairs meet in more than one point.
 constexpr int kExtended[] = {mjGEOM_CAPSULE, mjGEOM_CYLINDER, mjGEOM_BOX, mjGEOM_MESH};
-constexpr double kSearchTolerance = 1e-9;  // m, of the distance that a search ends with
+// Of the distance that a search ends with, in m and as a fraction of the smaller half width; of
+// capsules, whose segment inside is apart from what it touches, as such a fraction alone.
+constexpr double kSearchTolerance = 1e-9, kSearchToleranceOfWidth = 1e-8;
+constexpr double kSearchToleranceOfCapsule = 1e-4;
 constexpr double kTwins =
     1e-9;  // fraction of the radius between two points that are one but for rounding
 
@@ -93,9 +96,11 @@ bool are_nearest_points_searched(const mjModel* m, int geom1, int geom2) {
   return type1 != mjGEOM_CAPSULE || (type2 != mjGEOM_CAPSULE && type2 != mjGEOM_BOX);
 }
 
-// Of a capsule the segment inside is apart from what it touches: that search is close enough.
-double search_tolerance(const mjModel* m, int geom1) {
-  return m->geom_type[geom1] == mjGEOM_CAPSULE ? mjMAXVAL : kSearchTolerance;
+double search_tolerance(const mjModel* m, int geom1, int geom2) {
+  const double width = std::min(half_width(m, geom1), half_width(m, geom2));
+  return m->geom_type[geom1] == mjGEOM_CAPSULE
+             ? kSearchToleranceOfCapsule * width
+             : std::min(kSearchTolerance, kSearchToleranceOfWidth * width);
 }
 
 // A capsule across the edge of a box may touch in one point that MuJoCo returns twice: two springs
@@ -116,7 +121,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
     const auto ask = [&] { return collide_pair(m, d, found, geom1, geom2, within); };
     if (!face_buffers || may_adhere(m, geom1, geom2)) return ask();
     int count = are_nearest_points_searched(m, geom1, geom2)
-                    ? in_one_point(search_tolerance(m, geom1), ask)
+                    ? in_one_point(search_tolerance(m, geom1, geom2), ask)
                     : ask();
     if (type1 == mjGEOM_CAPSULE) count = without_twin(m, geom1, found, count);
     if (count == 0) return count;
@@ -175,7 +180,7 @@ int collide_ellipsoid(const mjModel* m, mjData* d, mjPreContact* contact, int ge
                                                                  margin);
   };
   if (m != replaced || !face_buffers) return collide();
-  const int count = in_one_point(kSearchTolerance, collide);
+  const int count = in_one_point(search_tolerance(m, geom1, geom2), collide);
   if (count > 0) improve_ellipsoid_contact(m, d, geom1, geom2, *contact);
   return count;
 }

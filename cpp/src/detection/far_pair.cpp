@@ -3,8 +3,6 @@
 #include <cmath>
 
 #include "dashpot/detection/faces.hpp"
-#include "dashpot/rows/hit_time.hpp"
-
 namespace dashpot::host {
 
 namespace {
@@ -61,7 +59,7 @@ bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenCont
 
 // Not into or out of each other.
 bool FarPair::runs_along(const ContactInput& contact) const {
-  return std::abs(motion_.gap_rate(contact)) < kHitSpeed;
+  return motion_.length() * std::abs(motion_.gap_rate(contact)) < kFarWay * motion_.way();
 }
 
 bool FarPair::touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const {

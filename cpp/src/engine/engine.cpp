@@ -224,7 +224,8 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   read_solref_at_load(view, matches, contacts, data.velocity.data(), clock.length, rows, materials);
   pressed_between.find(model, contacts, rows, materials);
   sag_times.find(model, rows, contacts, matches, data.velocity.data(), clock.length, team);
-  find_hits(rows, islands.all(), contacts, constraints, hit_frequency(), clock.length, data);
+  find_hits(view, matches, rows, islands.all(), contacts, constraints, hit_frequency(),
+            clock.length, data);
   pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
   islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, clock.length,
                resolved_length(), parameters.options, team);

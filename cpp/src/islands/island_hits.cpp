@@ -11,6 +11,8 @@ namespace {
 
 // The hits of one step.
 struct Hits {
+  const Memory& memory;
+  const std::vector<Match>& matches;
   const Rows& rows;
   const std::vector<ContactInput>& contacts;
   const std::vector<ConstraintInput>& constraints;
@@ -41,6 +43,17 @@ struct Hits {
     const Motion motion = motion_of(c);
     return motion.gap - step * motion.closing() < 0.0 &&
            std::abs(motion.rate) > std::max(kHitSpeed, 2.0 * std::abs(motion.change));
+  }
+
+  // Whether what was hit in the last step, and hangs at its deepest as this one begins, is still
+  // thrown back: its spring bears more than smooth forces, and gives it speed.
+  bool goes_on(int index) const {
+    const RowGroup& c = rows.group[index];
+    if (c.kind != RowKind::kContact || matches[index].nearest < 0) return false;
+    const RememberedContact old = memory.contact(matches[index].nearest);
+    const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
+    return old.hit == kHit && old.stiffness * w * step * step > kShortHit * kShortHit &&
+           step * throws > std::max(kHitSpeed, kHitLoads * std::abs(motion_of(c).change));
   }
 
   double onset(const RowGroup& c) const {
@@ -101,11 +114,11 @@ struct Hits {
 
 }  // namespace
 
-void find_hits(const Rows& rows, const std::vector<Island>& islands,
-               const std::vector<ContactInput>& contacts,
+void find_hits(const Memory& memory, const std::vector<Match>& matches, const Rows& rows,
+               const std::vector<Island>& islands, const std::vector<ContactInput>& contacts,
                const std::vector<ConstraintInput>& constraints, const HitFrequency& frequency,
                double step, RowData& data) {
-  const Hits hits{rows, contacts, constraints, frequency, step, data};
+  const Hits hits{memory, matches, rows, contacts, constraints, frequency, step, data};
   for (const Island& island : islands) {
     const int count = island.group_count();
     const bool alone =
@@ -113,8 +126,10 @@ void find_hits(const Rows& rows, const std::vector<Island>& islands,
     if (!island.has_few_groups()) continue;
     const bool lone_pair = hits.is_of_two_trees(island);
     for (int index : island.group) {
-      data.hit[index] = hits.is_hit(rows.group[index], alone);
       data.is_of_lone_pair[index] = lone_pair;
+      data.hit[index] = hits.is_hit(rows.group[index], alone) ? kHit
+                        : lone_pair && hits.goes_on(index)    ? kHitBefore
+                                                              : 0;
     }
   }
 }

@@ -60,7 +60,7 @@ double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
 }  // namespace
 
 void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                         const Rows& rows, RowData& data) {
+                         Rows& rows, RowData& data) {
   in_time_.assign(motion.tree_count(), 0);
   may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
@@ -75,6 +75,7 @@ void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const Tree
   if (!find_way_back(model, memory, motion, data)) return;
   make_way_for_rows(motion, rows, data);
   take_gaps_back(rows, data);
+  take_times_back(rows);
   for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
   way_back_ = data.shift;
 }
@@ -172,6 +173,20 @@ void Leapfrog::take_gaps_back(const Rows& rows, RowData& data) {
       deformation = std::max(0.0, gap);
       data.offset[index] = std::max(0.0, -gap);
     }
+  }
+}
+
+// The geometry of a row is that of a time after q, at which trees that fell back are later.
+void Leapfrog::take_times_back(Rows& rows) const {
+  for (RowGroup& c : rows.group) {
+    double later = 0.0;
+    int count = 0;
+    for (int tree : c.tree) {
+      if (tree < 0) continue;
+      later += 0.5 * fell_back_[tree];
+      ++count;
+    }
+    if (later > 0.0) c.ahead += later / count;
   }
 }
 

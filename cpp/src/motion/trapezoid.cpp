@@ -266,8 +266,8 @@ void Trapezoid::load_drives(double length, const Memory& memory, const Trees& tr
 }
 
 // Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,
-// without that of common translations, which move no row. Where mocap bodies drive them energy is
-// not conserved.
+// without that of common translations, which move no row. Of rows that mocap bodies drive that
+// speed says nothing: they have the energy of the drive.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
@@ -279,7 +279,7 @@ void Trapezoid::stop_fast_turns(double length, Rows& rows) {
     // Of a row across the plane of a linkage rounding is all that moves and turns.
     const bool moves = w > kDirection * kDirection * rows.typical_inverse_mass[c.row];
     if (moves && !is_driven) fastest_turn_ = std::max(fastest_turn_, turn);
-    if (is_driven || turn > kPartTurn) coupled.turns = false;
+    if (!is_driven && turn > kPartTurn) coupled.turns = false;
   }
   for (const RowGroup& c : rows.group)
     if (c.kind == RowKind::kBilateral && !coupled_[first_[c.tree[0]]].turns) stop_turning(rows, c);

@@ -240,8 +240,8 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   }
   slot.credit = data.credit[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
-  slot.hit =
-      data.is_of_lone_pair[index] && (data.hit[index] || (input.gap > 0.0 && change > kHitSpeed));
+  const bool comes = input.gap > 0.0 && change > kHitSpeed;
+  slot.hit = data.is_of_lone_pair[index] ? (comes ? kHit : data.hit[index]) : 0.0;
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }

@@ -13,8 +13,6 @@ namespace {
 
 // That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
-// How many times the load of smooth forces the spring of what is hit bears.
-constexpr double kHitLoads = 4.0;
 constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
 constexpr int kContactsAtOnce = 64;    // by a thread
 // (omega H)^2 of an equality on a model's own solref up to which its spring has the position for

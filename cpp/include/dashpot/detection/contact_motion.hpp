@@ -30,6 +30,7 @@ class ContactMotion {
   // of flexes and of signed distance fields, which are points of a search.
   bool find(const ContactInput& contact, const Trees& trees, const double* motion);
 
+  double length() const { return length_; }
   int geom(int side) const { return side_[side].geom; }
   int geom_type(int side) const { return model_->geom_type[side_[side].geom]; }
   // Whether the geom belongs to a free body.

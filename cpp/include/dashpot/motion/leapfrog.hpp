@@ -35,8 +35,8 @@ class Leapfrog {
  public:
   // After the rows of a step have their deformations: takes trees that may be held back to where
   // they are in time, by the displacements and the gaps in `data`.
-  void fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                 const Rows& rows, RowData& data);
+  void fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion, Rows& rows,
+                 RowData& data);
   // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
   // `held`, by tree: rows that have a position moved it.
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -64,6 +64,7 @@ class Leapfrog {
   void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
   // Gives rows the deformations and offsets that they have where trees are in time.
   void take_gaps_back(const Rows& rows, RowData& data);
+  void take_times_back(Rows& rows) const;
 
   // Trees that may go ahead in this step, where no row holds them.
   void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,

@@ -44,8 +44,8 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
-  double hit;  // 1 if it was hit in that step, or came to touch in it as a hit, and its island had
-               // contacts of its two geoms alone
+  double hit;     // RowData::hit, or kHit if it came to touch in that step as a hit; 0 where its
+                  // island had contacts of other geoms than its two
   SolrefLoad solref;
 };
 

@@ -23,6 +23,9 @@ struct EnergyShares {
 // The share that the energy of row i of a group belongs to.
 double& share(EnergyShares& shares, const RowGroup& group, int i);
 
+// Values of RowData::hit: a hit of this step, and one of the step before that goes on.
+inline constexpr char kHit = 1, kHitBefore = 2;
+
 // What the micro-steps change.
 struct RowData {
   // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
