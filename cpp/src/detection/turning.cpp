@@ -41,8 +41,21 @@ struct Step {
   double length;
   const Trees& trees;
   const double* motion;  // velocities in motion coordinates
+  const std::vector<double>& lead;
   const HitFrequency& frequency;
   const LonePairs& pairs;
+
+  // By how much (s) the places of two trees lead, on the average of those that are trees.
+  double lead_of(const std::array<int, 2>& tree) const {
+    double sum = 0.0;
+    int count = 0;
+    for (int index : tree) {
+      if (index < 0) continue;
+      sum += lead[index];
+      ++count;
+    }
+    return count > 0 ? sum / count : 0.0;
+  }
 };
 
 // The contacts of two geoms over a step.
@@ -55,6 +68,7 @@ class TurningPair {
         step_(step),
         first_(first),
         last_(last),
+        lead_(step.lead_of(first->tree)),
         motion_(m, d, step.length),
         far_(motion_),
         found_(motion_, step.length) {}
@@ -100,15 +114,15 @@ class TurningPair {
       if (contact->is_at_seam()) continue;
       const double frequency = hit_frequency(*contact);
       const bool comes = frequency > 0.0 && contact->gap > 0.0;
-      if (!see(faces, *contact, comes ? hit_time(*contact, frequency, 0.0) : middle())) continue;
+      const double at = middle() - lead_;
+      if (!see(faces, *contact, comes ? hit_time(*contact, frequency, 0.0) : at)) continue;
       if (frequency > 0.0) {
         // As it turns, its gap closes at another rate; what rolls closes all gaps by turning, and
         // is no hit.
         const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
         const bool rolls =
             std::abs(rate) < std::max(kHitSpeed, 2.0 * step_.length * std::abs(turning));
-        if (!see(faces, *contact, rolls ? middle() : hit_time(*contact, frequency, turning)))
-          continue;
+        if (!see(faces, *contact, rolls ? at : hit_time(*contact, frequency, turning))) continue;
       }
       freeze(then_, *contact);
       mju_copy(data_->contact[contact->source].frame, contact->frame.data(), 9);
@@ -132,44 +146,49 @@ class TurningPair {
     return rate >= kHitSpeed && std::abs(first_->gap) < kEarly * step_.length * rate;
   }
 
-  // When a gap that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the length
-  // of the step if it is not within it.
-  double onset(const ContactInput& contact, double closing, double acceleration) const {
-    if (contact.gap <= 0.0) return 0.0;
-    const double square = closing * closing - 2.0 * acceleration * contact.gap;
+  // When a gap (m) that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the
+  // length of the step if it is not within it.
+  double onset(double gap, double closing, double acceleration) const {
+    if (gap <= 0.0) return 0.0;
+    const double square = closing * closing - 2.0 * acceleration * gap;
     if (closing <= 0.0 || square <= 0.0) return step_.length;
-    return std::min(step_.length, 2.0 * contact.gap / (closing + std::sqrt(square)));
+    return std::min(step_.length, 2.0 * gap / (closing + std::sqrt(square)));
   }
 
   // Of a contact that is hit, or flies off, in a fraction of the step (hit_time.hpp); else 0.
   double hit_frequency(const ContactInput& contact) const {
     const double rate = motion_.gap_rate(contact);
-    if (std::abs(rate) < kHitSpeed || onset(contact, -rate, 0.0) == step_.length) return 0.0;
+    if (std::abs(rate) < kHitSpeed || onset(contact.gap, -rate, 0.0) == step_.length) return 0.0;
     const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
     if (inverse_mass == 0.0) return 0.0;
     const double frequency = step_.frequency(contact, inverse_mass);
     if (frequency * step_.length < kShortHit) return 0.0;
-    const double deepest = deepest_of_hit(onset(contact, -rate, 0.0), frequency);
+    const double deepest = deepest_of_hit(onset(contact.gap, -rate, 0.0), frequency);
     return step_.pairs.is_alone(contact, deepest) ? frequency : 0.0;
   }
 
-  // When the force of a hit acts, whose gap has an acceleration (m/s^2): elsewhere it does work on
-  // what the turn of its geometry adds to the rate.
+  // When the force of a hit acts, after the place of the start, whose gap has an acceleration
+  // (m/s^2): elsewhere it does work on what the turn of its geometry adds to the rate.
   double hit_time(const ContactInput& contact, double frequency, double acceleration) const {
-    const double closing = -motion_.gap_rate(contact);
-    const double begins = onset(contact, closing, acceleration), left = step_.length - begins;
+    const double closing = -motion_.gap_rate(contact) + acceleration * lead_;
+    const double gap = contact.gap + lead_ * (closing - 0.5 * acceleration * lead_);
+    const double begins = onset(gap, closing, acceleration), left = step_.length - begins;
     if (left == 0.0) return seen_at_;
-    return begins + centre_of_hit(frequency, std::max(0.0, -contact.gap),
-                                  closing - acceleration * begins, left);
+    return begins - lead_ +
+           centre_of_hit(frequency, std::max(0.0, -gap), closing - acceleration * begins, left);
   }
 
-  // Finds what a contact is at a time (s), unless that is about the start, as which it stays.
+  // Finds what a contact is at a time (s), unless that is about the start, as which it stays; but
+  // where places lead, the start is no more the time up to which nothing turns.
   bool see(FaceBuffers& faces, const ContactInput& contact, double time) {
     const double same = kSameTime * step_.length;
-    if (time <= same) return false;
+    if (lead_ > 0.0)
+      time = std::copysign(std::max(std::abs(time), 2.0 * same), time);
+    else if (time <= same)
+      return false;
     if (std::abs(time - seen_at_) > same) {
       seen_at_ = time;
-      way_ = motion_.way_in(time);
+      way_ = motion_.way_in(std::abs(time));
       found_.find(model_, data_, time, first_->margin + way_, faces);
       motion_.find_twists(time);
     }
@@ -182,7 +201,7 @@ class TurningPair {
     if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
     const bool corners =
         has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
-    const double part = std::min(1.0, seen_at_ / middle());
+    const double part = std::min(1.0, std::abs(seen_at_) / middle());
     const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
     if (squared_distance(contact, *same) > far * far) return false;
     if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
@@ -233,6 +252,7 @@ class TurningPair {
   mjData* data_;
   const Step& step_;
   ContactInput *first_, *last_;
+  double lead_;  // s, by which the places of the start are later than its velocities
   ContactMotion motion_;
   FarPair far_;
   double size_ = 0.0;     // m, radius about the smaller geom
@@ -246,15 +266,15 @@ class TurningPair {
 }  // namespace
 
 void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
-                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
-                     std::vector<double>& taken, Team& team) {
+                     const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
+                     Workplaces& workplaces, const HitFrequency& frequency,
+                     std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team) {
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
   const LonePairs pairs(m, d, length, trees, motion, contacts);
-  const Step step{length, trees, motion, frequency, pairs};
+  const Step step{length, trees, motion, lead, frequency, pairs};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const Workplace at(workplaces, worker);

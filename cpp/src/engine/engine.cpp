@@ -151,6 +151,7 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 // Builds the rows of the part, and finds what they do in it.
 void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
+  if (parameters.options.law != Law::kComFree) leapfrog.find_leads(model, memory(d), motion);
   turned.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
@@ -233,7 +234,7 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
               data, team);
   if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
     view.limit_compression(part.impact, contacts, rows, data);
-  leapfrog.fall_back(model, view, motion, rows, data);
+  leapfrog.fall_back(view, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands() {

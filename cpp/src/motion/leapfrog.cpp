@@ -59,20 +59,37 @@ double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
 
 }  // namespace
 
-void Leapfrog::fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                         Rows& rows, RowData& data) {
+void Leapfrog::find_leads(const mjModel_* model, const Memory& memory, const TreeMotion& motion) {
   in_time_.assign(motion.tree_count(), 0);
+  led_.assign(motion.tree_count(), 0.0);
+  leapfrogs_.clear();
+  const double* length = memory.leading_length();
+  if (!length) return;
+  leapfrogs_.resize(motion.tree_count());
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
+    const Tree& t = motion.trees().tree[index];
+    const double* velocity = motion.start_velocity().data() + t.dof_begin;
+    if (!leapfrogs_[index] ||
+        !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
+      continue;
+    led_[index] = 0.5 * length[index];
+    in_time_[index] = led_[index] == 0.0;
+  }
+}
+
+void Leapfrog::fall_back(const Memory& memory, const TreeMotion& motion, Rows& rows,
+                         RowData& data) {
   may_lead_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
   left_.assign(motion.trees().coordinates, 0.0);
   way_back_.assign(motion.trees().coordinates, 0.0);
-  leapfrogs_.clear();
   if (!memory.leading_length()) return;
   find_recovering(rows, data);
   start_velocity_ = data.velocity;
   start_gap_ = data.deformation;
-  if (!find_way_back(model, memory, motion, data)) return;
+  if (!find_way_back(motion, data)) return;
   make_way_for_rows(motion, rows, data);
   take_gaps_back(rows, data);
   take_times_back(rows);
@@ -89,24 +106,15 @@ void Leapfrog::find_recovering(const Rows& rows, const RowData& data) {
   }
 }
 
-bool Leapfrog::find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                             RowData& data) {
-  const double* length = memory.leading_length();
-  leapfrogs_.resize(motion.tree_count());
+bool Leapfrog::find_way_back(const TreeMotion& motion, RowData& data) {
   bool any = false;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
-    const Tree& t = motion.trees().tree[index];
-    const double* velocity = motion.start_velocity().data() + t.dof_begin;
-    if (!leapfrogs_[index] ||
-        !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
-      continue;
-    in_time_[index] = length[index] == 0.0;
-    if (in_time_[index]) continue;
+    if (led_[index] == 0.0) continue;
     any = true;
-    fell_back_[index] = length[index];
+    fell_back_[index] = 2.0 * led_[index];
+    const Tree& t = motion.trees().tree[index];
     for (int i = 0; i < t.dof_count; ++i)
-      data.shift[t.begin + i] = -0.5 * length[index] * velocity[i];
+      data.shift[t.begin + i] = -led_[index] * motion.start_velocity()[t.dof_begin + i];
   }
   return any;
 }

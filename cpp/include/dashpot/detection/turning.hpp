@@ -47,11 +47,13 @@ class Workplaces;
 // hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from
 // where its centre of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by
 // tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
+// `lead`, by tree: by how much (s) its places at the start are later than its velocities
+// (leapfrog.hpp); times of contacts are counted from these places.
 // `frequency` is asked of contacts that may be hit. `faces` are kept from step to step. Contacts
 // without a counterpart then stay as they are.
 void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
-                     const double* motion, FaceBuffers& faces, Workplaces& workplaces,
-                     const HitFrequency& frequency, std::vector<ContactInput>& contacts,
-                     std::vector<double>& taken, Team& team);
+                     const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
+                     Workplaces& workplaces, const HitFrequency& frequency,
+                     std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team);
 
 }  // namespace dashpot::host

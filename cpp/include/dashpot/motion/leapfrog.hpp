@@ -15,7 +15,9 @@
 // lands or has room, or it would fall back time and again from what it never reaches, and what
 // leaves a row for less than a step would go on by one and a half steps and then by a half. Where
 // rows bar the way back, it goes around them and keeps the part of its lead that they bar. Momentum
-// is that of the forces, always. Rows keep the geometry of q, an error of second order. Free bodies
+// is that of the forces, always. Contacts are seen where velocities lead from q until the middle of
+// the step, which is H / 2 less far, and rows have the times of where trees fell back to: with half
+// a step of their turn missing, what inertia presses left again in every other step. Free bodies
 // and RK4 do not lead.
 
 #pragma once
@@ -33,10 +35,13 @@ namespace dashpot {
 
 class Leapfrog {
  public:
+  // At the start of a step, before all else: how far positions lead as the last step left them.
+  void find_leads(const mjModel_* model, const Memory& memory, const TreeMotion& motion);
+  // The same by tree, s.
+  const std::vector<double>& led() const { return led_; }
   // After the rows of a step have their deformations: takes trees that may be held back to where
   // they are in time, by the displacements and the gaps in `data`.
-  void fall_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion, Rows& rows,
-                 RowData& data);
+  void fall_back(const Memory& memory, const TreeMotion& motion, Rows& rows, RowData& data);
   // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
   // `held`, by tree: rows that have a position moved it.
   void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
@@ -58,9 +63,8 @@ class Leapfrog {
  private:
   // Marks trees that recover from overlap, most of which no spring holds: they do not lead.
   void find_recovering(const Rows& rows, const RowData& data);
-  // Finds which trees the last step left ahead, and shifts them back; whether there are any.
-  bool find_way_back(const mjModel_* model, const Memory& memory, const TreeMotion& motion,
-                     RowData& data);
+  // Shifts trees that the last step left ahead back; whether there are any.
+  bool find_way_back(const TreeMotion& motion, RowData& data);
   void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
   // Gives rows the deformations and offsets that they have where trees are in time.
   void take_gaps_back(const Rows& rows, RowData& data);
@@ -75,6 +79,7 @@ class Leapfrog {
   std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
   std::vector<char> leads_;      // by tree: at the end of the step
   std::vector<char> in_time_;    // by tree: as the last step left it
+  std::vector<double> led_;      // by tree: by how much (s), as the last step left it
   std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
   std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
   std::vector<double> fell_back_;
