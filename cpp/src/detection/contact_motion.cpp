@@ -61,6 +61,11 @@ void ContactMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* v
   mju_addTo3(velocity, side.linear);
 }
 
+double ContactMotion::gravity() const {
+  const double own = host::gravity(model_);
+  return own > 0.0 ? own : kStandardGravity;
+}
+
 bool ContactMotion::is_free_ball(int side) const {
   const int geom = side_[side].geom;
   if (!side_[side].is_free || model_->geom_type[geom] != mjGEOM_SPHERE) return false;

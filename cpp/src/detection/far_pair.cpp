@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "dashpot/detection/faces.hpp"
+
 namespace dashpot::host {
 
 namespace {
@@ -11,6 +12,10 @@ namespace {
 constexpr double kFarWay = 0.1;
 // How far off, relative to the same, what rolls or slides along still is.
 constexpr double kNear = 0.5 * kFarWay;
+
+// Gap rate up to which a pair runs along, as a fraction of sqrt(g r): what rests falls by a 200th
+// of its radius until it is faster.
+constexpr double kAlong = 0.095;
 
 void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local) {
   mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);
@@ -59,7 +64,7 @@ bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenCont
 
 // Not into or out of each other.
 bool FarPair::runs_along(const ContactInput& contact) const {
-  return motion_.length() * std::abs(motion_.gap_rate(contact)) < kFarWay * motion_.way();
+  return std::abs(motion_.gap_rate(contact)) < kAlong * std::sqrt(motion_.gravity() * size_);
 }
 
 bool FarPair::touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const {

@@ -195,8 +195,8 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     input.limit = d->efc_frictionloss[row];
     std::copy_n(source.solref, 2, input.solref.begin());
     std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());
-    input.has_solref = !is_default_impedance(source.solref, source.solimp) ||
-                       (type == mjCNSTR_EQUALITY && is_held_by_mocap(m, id));
+    input.is_of_mocap = type == mjCNSTR_EQUALITY && is_held_by_mocap(m, id);
+    input.has_solref = !is_default_impedance(source.solref, source.solimp) || input.is_of_mocap;
     constraints.push_back(input);
   }
 }

@@ -120,11 +120,12 @@ double borne_position(const ConstraintInput& input, double remembered, const Row
 }
 
 // Whether the spring of an equality is one of the model's own solref that steps of `length` (s)
-// resolve.
+// resolve. What jumps of a mocap body part is no spring's deformation.
 bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowGroup& c,
                       double length) {
   const double square = rows.stiffness[c.row] * rows.typical_inverse_mass[c.row] * length * length;
-  return c.kind == RowKind::kBilateral && input.has_solref && square <= kSoftEquality;
+  return c.kind == RowKind::kBilateral && input.has_solref && !input.is_of_mocap &&
+         square <= kSoftEquality;
 }
 
 }  // namespace

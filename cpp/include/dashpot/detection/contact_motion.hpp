@@ -30,7 +30,8 @@ class ContactMotion {
   // of flexes and of signed distance fields, which are points of a search.
   bool find(const ContactInput& contact, const Trees& trees, const double* motion);
 
-  double length() const { return length_; }
+  // m/s^2; without any that on earth.
+  double gravity() const;
   int geom(int side) const { return side_[side].geom; }
   int geom_type(int side) const { return model_->geom_type[side_[side].geom]; }
   // Whether the geom belongs to a free body.

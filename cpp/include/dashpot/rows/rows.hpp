@@ -81,7 +81,8 @@ struct ConstraintInput {
   double limit = 0.0;               // of a slider, N or N m
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
-  bool has_solref = false;  // the model sets solref or solimp itself
+  bool has_solref = false;   // the model sets solref or solimp itself
+  bool is_of_mocap = false;  // an equality that a mocap body holds something by
   bool is_joint_limit = false;
   int ball = -1, tendon = -1;  // ball joint or tendon whose limit it is, else -1
   double side = 1.0;           // of a tendon's limit: +1 below it, -1 above
