@@ -47,6 +47,7 @@ constexpr double kTangentOfAxis = 1e-6;
 thread_local mjModel* replaced = nullptr;  // the model whose collisions are
 thread_local FaceBuffers* face_buffers = nullptr;
 thread_local Narrowing* narrowing_now = nullptr;
+thread_local Found found_now = Found::kInStep;
 mjfCollision collide_now[mjNGEOMTYPES][mjNGEOMTYPES] = {}, collide_cylinder = nullptr,
              collide_capsule = nullptr;
 mjfCollision collide_whole[mjNGEOMTYPES][mjNGEOMTYPES] = {};  // replaced, but not narrowed
@@ -136,7 +137,7 @@ int find_contacts(const mjModel* m, mjData* d, int geom1, int geom2, mjtNum marg
     return take_ends_of_sides(m, d, geom1, geom2, within, *face_buffers, found, count);
   };
   int count = collide(margin, contact);
-  if (type1 == mjGEOM_PLANE) return count;
+  if (type1 == mjGEOM_PLANE || found_now == Found::kAtPresent) return count;
   const mjtNum width = std::min(half_width(m, geom1), half_width(m, geom2));
   if (type1 == mjGEOM_BOX && type2 == mjGEOM_BOX && count == 0 && margin > kFarReach * width)
     count = mjc_Convex(m, d, contact, geom1, geom2, margin);
@@ -274,17 +275,20 @@ void install() {
 
 }  // namespace
 
-ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing)
+ReplacedCollisions::ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing,
+                                       Found found)
     : model_(m),
       flags_(m->opt.disableflags),
       tolerance_(m->opt.ccd_tolerance),
       outer_(replaced),
       outer_faces_(face_buffers),
-      outer_narrowing_(narrowing_now) {
+      outer_narrowing_(narrowing_now),
+      outer_found_(found_now) {
   install();
   replaced = m;
   face_buffers = faces;
   narrowing_now = narrowing;
+  found_now = found;
 }
 
 ReplacedCollisions::~ReplacedCollisions() {
@@ -293,6 +297,7 @@ ReplacedCollisions::~ReplacedCollisions() {
   replaced = outer_;
   face_buffers = outer_faces_;
   narrowing_now = outer_narrowing_;
+  found_now = outer_found_;
 }
 
 double distance_of_convex(const mjModel_* m, mjData_* d, int geom1, int geom2, double most) {

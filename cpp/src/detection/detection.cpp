@@ -76,6 +76,11 @@ bool make_rows(const mjModel* m, mjData* d, ContactRows of_contacts) {
   return make_rows_without_contacts(m, d);
 }
 
+[[noreturn]] void throw_contacts_exceed_memory() {
+  throw std::runtime_error(
+      "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
+}
+
 void collide_candidates(mjModel* m, mjData* d, FaceBuffers* faces, Detection& detection,
                         Team& team) {
   const std::vector<CandidatePair>& near =
@@ -129,8 +134,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     }
     const bool rows_fit = make_rows(m, d, detection.contact_rows);
     if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
-      throw std::runtime_error(
-          "contacts exceed the memory of the model; enlarge <size memory=\"...\"/>");
+      throw_contacts_exceed_memory();
   }
   read_loadable(m, d, detection, contacts, team);
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
@@ -159,6 +163,16 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
     mj_energyPos(m, d);
     mj_energyVel(m, d);
   }
+}
+
+void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection) {
+  const int lost = d->warning[mjWARN_CONTACTFULL].number;
+  detection.faces.surplus.clear();
+  const ReplacedCollisions collisions(m, detection.takes_faces ? &detection.faces : nullptr,
+                                      nullptr, Found::kAtPresent);
+  call_with_callbacks(mj_collision, m, d);
+  if (!add_surplus(d, detection.faces.surplus) || d->warning[mjWARN_CONTACTFULL].number > lost)
+    throw_contacts_exceed_memory();
 }
 
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,

@@ -107,7 +107,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   motion.start(d);
   mocap.begin(clock.length);
   const bool new_control = !parts.cut();
-  host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks);
+  host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks, find_contacts);
   mocap.write_velocities();
   motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   if (shorten_for_turns(parts))

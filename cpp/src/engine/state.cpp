@@ -87,7 +87,8 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                      clock.length);
   const bool comfree = parameters.options.law == Law::kComFree;
-  host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages);
+  host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages,
+                  find_contacts);
   if (comfree && !stages) return;
   find_unpaid(d);
   lost.resize(motion.tree_count());

@@ -127,6 +127,9 @@ struct Stepper::Impl {
   KnockOn knock_on;
   ProvenApart proven_apart;
   host::Detection detection;
+  const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {
+    host::find_present_contacts(m, d, detection);
+  };
   host::MocapBuffers mocap_buffers;
   bool geometry_of_middle = false;  // of the part, not of its start
   std::vector<ContactInput> contacts;

@@ -35,7 +35,8 @@ class Disabled {
 
 }  // namespace
 
-void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors) {
+void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
+                  const FindContacts& find_contacts) {
   const bool reads = sensors == Sensors::kForCallbacks && callbacks_may_read_sensors(m);
   const bool adhesive = has_adhesion(m);
   d->ncon = d->ne = d->nf = d->nl = d->nefc = 0;
@@ -45,7 +46,7 @@ void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors senso
   mj_factorM(m, d);
   // Adhesion, of actuators or of geoms, pulls along the normals of the contacts of the present
   // positions. They need no rows: MuJoCo takes contacts inside the gap without.
-  if (adhesive) call_with_callbacks(mj_collision, m, d);
+  if (adhesive) find_contacts(m, d);
   for (int i = 0; i < d->ncon; ++i)
     if (d->contact[i].exclude == kIncluded) d->contact[i].exclude = kInGap;
   mj_transmission(m, d);
@@ -103,9 +104,9 @@ void advance_all_but_motion(mjModel_* m, mjData_* d) {
 }
 
 void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
-               HeldStages& held) {
+               HeldStages& held, const FindContacts& find_contacts) {
   if (is_runge_kutta(m))
-    runge_kutta.advance(m, d, new_control, held);
+    runge_kutta.advance(m, d, new_control, held, find_contacts);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
   else if (uses_motion)

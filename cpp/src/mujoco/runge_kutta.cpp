@@ -82,7 +82,8 @@ class RungeKutta::Start {
   const std::array<mjtBool, 4> flag_;
 };
 
-void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held) {
+void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+                         const FindContacts& find_contacts) {
   constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
   constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
                              [](double force) { return force != 0.0; });
@@ -102,12 +103,12 @@ void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& 
           "adhesion is not stepped with integrator RK4 where callbacks or plugins are asked in its "
           "stages; use Euler or implicitfast");
     Start start(m, d, state_);
-    find_slopes(m, d, new_control, held);
+    find_slopes(m, d, new_control, held, find_contacts);
     get_state(m, d, kInputs, inputs_);
     start.restore_state();
-    smooth_stage(m, d, false, Sensors::kStay);
+    smooth_stage(m, d, false, Sensors::kStay, find_contacts);
   } else {
-    find_slopes(m, copy_state(m, d), new_control, held);
+    find_slopes(m, copy_state(m, d), new_control, held, find_contacts);
   }
   find_mean_slope();
   check_mean_slope(m);
@@ -130,11 +131,12 @@ mjData* RungeKutta::copy_state(const mjModel* m, const mjData* d) {
   return beside_.get();
 }
 
-void RungeKutta::find_slopes(const mjModel* m, mjData* d, bool new_control, HeldStages& held) {
+void RungeKutta::find_slopes(mjModel* m, mjData* d, bool new_control, HeldStages& held,
+                             const FindContacts& find_contacts) {
   const ErrorGuard guard(d);
   for (int stage = 1; stage < kStages; ++stage) {
     go_to_stage(m, d, stage, held);
-    smooth_stage(m, d, new_control, Sensors::kStay);
+    smooth_stage(m, d, new_control, Sensors::kStay, find_contacts);
     read_slope(m, d, stage, held);
   }
   read_end(m, d);

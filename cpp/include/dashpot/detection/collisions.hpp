@@ -35,12 +35,17 @@ namespace dashpot::host {
 struct FaceBuffers;
 class Narrowing;
 
+// Which contacts collisions find: all that may start in the step, or those of the present positions
+// alone, by which velocities do not count.
+enum class Found { kInStep, kAtPresent };
+
 // While it lives, collisions of this thread and model are those; others stay as they are. Contacts
 // that MuJoCo looks for are narrowed where `narrowing` is there. Faces that lie flat give their
 // points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
-  ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing);
+  ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing,
+                     Found found = Found::kInStep);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
@@ -52,6 +57,7 @@ class ReplacedCollisions {
   mjModel_* outer_;  // a callback of collision may step another model
   FaceBuffers* outer_faces_;
   Narrowing* outer_narrowing_;
+  Found outer_found_;
 };
 
 // Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are

@@ -19,8 +19,10 @@ namespace dashpot::host {
 // `new_control` false: controls are held, the control callback is not asked. Where the callbacks of
 // this stage may read sensors, those of positions and velocities are made for them, as in mj_step,
 // but without contacts and rows; detection makes them again. In the stages of RK4 they stay.
+// `find_contacts` is asked where there is adhesion, which pulls along their normals.
 enum class Sensors { kForCallbacks, kStay };
-void smooth_stage(const mjModel_* m, mjData_* d, bool new_control, Sensors sensors);
+void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
+                  const FindContacts& find_contacts);
 
 // Makes the sensors of positions and velocities anew where some of them look at contacts, which are
 // not those of detection any more.
@@ -37,7 +39,7 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
 // (time, activations, plugins, trees without contact). `new_control` as in smooth_stage;
 // `uses_motion`: whether any of the velocities and positions that it comes to stays.
 void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
-               HeldStages& held);
+               HeldStages& held, const FindContacts& find_contacts);
 // MuJoCo's Euler for time, activations and plugins alone: without the implicit damping of its
 // velocities, for which it would factor an inertia.
 void advance_all_but_motion(mjModel_* m, mjData_* d);

@@ -16,6 +16,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "dashpot/mujoco/owned.hpp"
@@ -28,6 +29,9 @@ class HeldStages;
 }
 
 namespace dashpot::host {
+
+// Finds the contacts of the present positions, in a room that knows detection.
+using FindContacts = std::function<void(mjModel_*, mjData_*)>;
 
 bool is_runge_kutta(const mjModel_* m);
 
@@ -50,7 +54,8 @@ class RungeKutta {
   // within the step the control callback is not asked. Where a callback raises, and with
   // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
   // of a model with adhesion, state, controls and applied forces are those of the start again.
-  void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+  void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+               const FindContacts& find_contacts);
 
   // The smooth forces at the end of the last step, as its fourth stage saw it.
   const SmoothForces& end() const { return end_; }
@@ -62,7 +67,8 @@ class RungeKutta {
   class Start;
 
   mjData_* copy_state(const mjModel_* m, const mjData_* d);
-  void find_slopes(const mjModel_* m, mjData_* d, bool new_control, HeldStages& held);
+  void find_slopes(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+                   const FindContacts& find_contacts);
   void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
   void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
   void find_mean_slope();
