@@ -63,59 +63,105 @@ void Stepper::Impl::find_unpaid(mjData_* d) {
     for (double& energy : unpaid) energy *= gained / all;
 }
 
+// Whether a tree went the way of the stages of RK4, or its velocity comes from them.
+bool Stepper::Impl::has_stages(int tree) const {
+  return host::is_runge_kutta(model) && motion.integrated()[tree];
+}
+
+bool Stepper::Impl::goes_as_in_microsteps(int tree) const {
+  return touched[tree] && (held[tree] || !has_stages(tree));
+}
+
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
 // change of kinetic energy of all others goes with their mean velocity, also that of trees which
-// dry friction alone slows where RK4 integrates them.
-void Stepper::Impl::account_smooth_work(mjData_* d) {
-  const auto moved = [&](int tree) {
-    return touched[tree] &&
-           (held[tree] || !host::is_runge_kutta(model) || !motion.integrated()[tree]);
-  };
+// dry friction alone slows where RK4 integrates them: that of its stages.
+void Stepper::Impl::find_mean_displacement(const mjData_* d) {
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   mean_displacement.resize(start_velocity.size());
   added_in_flight.assign(start_velocity.size(), 0.0);
-  for (size_t i = 0; i < start_velocity.size(); ++i)
-    mean_displacement[i] = 0.5 * clock.length * (start_velocity[i] + velocity[i]);
-  if (parameters.options.law != Law::kComFree) {
-    recovered.assign(start_velocity.size(), 0.0);
-    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+  beyond_stages.assign(start_velocity.size(), 0.0);
+  recovered.assign(start_velocity.size(), 0.0);
+  const bool comfree = parameters.options.law == Law::kComFree;
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+    const Tree& tree = motion.trees().tree[index];
+    double* mean = mean_displacement.data() + tree.dof_begin;
+    for (int i = 0; i < tree.dof_count; ++i) {
+      const int dof = tree.dof_begin + i;
+      mean[i] = has_stages(index) ? clock.length * runge_kutta.mean_velocity()[dof]
+                                  : 0.5 * clock.length * (start_velocity[dof] + velocity[dof]);
+    }
+    if (comfree) return;
+    if (gets_second_half_in_flight(index) && !has_stages(index)) {
+      const double* added = trapezoid.added_velocity() + tree.begin;
+      for (int i = 0; i < tree.dof_count; ++i) {
+        mean[i] += 0.5 * clock.length * added[i];
+        added_in_flight[tree.dof_begin + i] = added[i];
+      }
+    }
+    if (!goes_as_in_microsteps(index)) return;
+    double* beyond = beyond_stages.data() + tree.dof_begin;
+    if (has_stages(index))
+      for (int i = 0; i < tree.dof_count; ++i) beyond[i] = -mean[i];
+    double* shift = recovered.data() + tree.dof_begin;
+    motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+    motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
+    for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
+    if (!tree.free_body)
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
+    if (has_stages(index))
+      for (int i = 0; i < tree.dof_count; ++i) beyond[i] += mean[i];
+  });
+}
+
+void Stepper::Impl::account_smooth_work(mjData_* d) {
+  find_mean_displacement(d);
+  if (trapezoid.load())
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      if (!goes_as_in_microsteps(index)) continue;
       const Tree& tree = motion.trees().tree[index];
-      if (gets_second_half_in_flight(index)) {
-        const double* added = trapezoid.added_velocity() + tree.begin;
-        for (int i = 0; i < tree.dof_count; ++i) {
-          mean_displacement[tree.dof_begin + i] += 0.5 * clock.length * added[i];
-          added_in_flight[tree.dof_begin + i] = added[i];
-        }
-      }
-      if (!moved(index)) return;
-      double* mean = mean_displacement.data() + tree.dof_begin;
-      double* shift = recovered.data() + tree.dof_begin;
-      motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
-      motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
-      for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
-      if (!tree.free_body)
-        for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
-    });
-    if (trapezoid.load())
-      for (int index = 0; index < motion.tree_count(); ++index) {
-        if (!moved(index)) continue;
-        const Tree& tree = motion.trees().tree[index];
-        for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-          ledger.work += trapezoid.load()[i] * mean_displacement[i];
-      }
-    ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
-  }
+      for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
+        ledger.work += trapezoid.load()[i] * mean_displacement[i];
+    }
+  ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
   smooth_work.find(
       model, d, motion.trees(),
-      {start_velocity.data(), mean_displacement.data(), motion.smooth_acceleration().data(),
-       &touched, host::is_runge_kutta(model) ? &runge_kutta.end() : nullptr, &motion.integrated(),
-       data.braked.data(), added_in_flight.data()});
+      {motion.start_velocity().data(), mean_displacement.data(),
+       motion.smooth_acceleration().data(), &touched,
+       host::is_runge_kutta(model) ? &runge_kutta.forces() : nullptr, beyond_stages.data(),
+       &motion.integrated(), data.braked.data(), added_in_flight.data()});
   ledger.dissipated_damping -= smooth_work.damping;
   ledger.work += smooth_work.applied + work_ahead_of_servos();
+  leave_to_rows_by_stages(d);
   book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
   for (const RowGroup& c : rows.group)
     ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
+}
+
+// Adds to what is left to rows what they are booked to have given beyond what they gave trees that
+// RK4 moved (stage_work.hpp). Where they have done nothing but displace one, recovery has it.
+void Stepper::Impl::leave_to_rows_by_stages(mjData_* d) {
+  if (!host::is_runge_kutta(model) || parameters.options.law == Law::kComFree) return;
+  if (std::none_of(touched.begin(), touched.end(), [](char any) { return any; })) return;
+  stage_work.find(model, d, runge_kutta, motion.start_velocity(), beyond_stages);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (!touched[index] || !has_stages(index)) continue;
+    const Tree& tree = motion.trees().tree[index];
+    bool pushed = false;
+    double left = 0.0;
+    for (int i = 0; i < tree.dof_count; ++i) {
+      const int dof = tree.dof_begin + i, k = tree.begin + i;
+      const double even = 0.5 * clock.length * (data.start_motion[k] + data.velocity[k]);
+      left += constraint_force[dof] * even +
+              host::smooth_force(d, dof) * (even - microstep_displacement[k]) -
+              stage_work.of_rows()[dof];
+      pushed |= constraint_force[dof] != 0.0;
+    }
+    if (pushed)
+      smooth_work.left_to_rows[smooth_work.group[index]] += left;
+    else
+      ledger.dissipated_recovery += left;
+  }
 }
 
 // Work that servos did on free bodies by the force of the middle of the step beyond that of its

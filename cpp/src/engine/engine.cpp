@@ -247,6 +247,7 @@ void Stepper::Impl::run_islands() {
   find_touched_trees();
   leapfrog.lead(clock.length, held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
+  if (host::is_runge_kutta(model)) microstep_displacement = data.total_displacement;
   recovery_displacement.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
     const double strained =

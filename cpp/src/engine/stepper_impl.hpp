@@ -25,6 +25,7 @@
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/stage_work.hpp"
 #include "dashpot/mujoco/step_parts.hpp"
 #include "dashpot/mujoco/work.hpp"
 #include "dashpot/rows/energy_ledger.hpp"
@@ -104,7 +105,11 @@ struct Stepper::Impl {
   RowsOnTree rows_on_tree(int tree, bool stages) const;
 
   // Energies, memory and statistics (books.cpp).
+  bool has_stages(int tree) const;
+  bool goes_as_in_microsteps(int tree) const;
+  void find_mean_displacement(const mjData_* d);
   void account_smooth_work(mjData_* d);
+  void leave_to_rows_by_stages(mjData_* d);
   double work_ahead_of_servos() const;
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
@@ -162,8 +167,13 @@ struct Stepper::Impl {
   std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
   std::vector<double> recovered;               // the same, generalized
-  HeldStages held_stages;                      // of RK4
+  // Of RK4: where micro-steps take trees, in motion coordinates, and how much farther than in its
+  // stages they go, generalized.
+  AlignedDoubles microstep_displacement;
+  std::vector<double> beyond_stages;
+  HeldStages held_stages;
   host::RungeKutta runge_kutta;
+  host::StageWork stage_work;
   host::SmoothWork smooth_work;
   EnergyLedger ledger;
 };

@@ -92,8 +92,9 @@ void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& 
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
   reported_acceleration_.assign(d->qacc, d->qacc + m->nv);
   acceleration_[0] = reported_acceleration_;
-  if (constrained_) held.bar(acceleration_[0]);
+  bar(m, d, 0, held);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
+  read_forces(m, d, 0);
   time_ = d->time;
   const bool others_look = others_look_at_data(m);
   if (others_look) {
@@ -112,6 +113,7 @@ void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& 
   }
   find_mean_slope();
   check_mean_slope(m);
+  find_mean_forces(m);
   if (others_look) mj_setState(m, d, inputs_.data(), kInputs);
   // Time, plugins and activations are as with Euler, under the mean slope.
   std::copy(reported_acceleration_.begin(), reported_acceleration_.end(), d->qacc);
@@ -138,8 +140,8 @@ void RungeKutta::find_slopes(mjModel* m, mjData* d, bool new_control, HeldStages
     go_to_stage(m, d, stage, held);
     smooth_stage(m, d, new_control, Sensors::kStay, find_contacts);
     read_slope(m, d, stage, held);
+    read_forces(m, d, stage);
   }
-  read_end(m, d);
 }
 
 void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage, const HeldStages& held) {
@@ -171,8 +173,19 @@ void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& 
   }
   velocity_[stage].assign(d->qvel, d->qvel + m->nv);
   acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
-  if (constrained_) held.bar(acceleration_[stage]);
+  bar(m, d, stage, held);
   activation_rate_[stage].assign(d->act_dot, d->act_dot + m->na);
+}
+
+void RungeKutta::bar(const mjModel* m, const mjData* d, int stage, HeldStages& held) {
+  row_force_[stage] = constraint_force_;
+  if (!constrained_) return;
+  barred_ = acceleration_[stage];
+  held.bar(acceleration_[stage]);
+  for (int i = 0; i < m->nv; ++i) barred_[i] -= acceleration_[stage][i];
+  barring_force_.resize(m->nv);
+  mj_mulM(m, d, barring_force_.data(), barred_.data());
+  mju_subFrom(row_force_[stage].data(), barring_force_.data(), static_cast<int>(m->nv));
 }
 
 void RungeKutta::find_mean_slope() {
@@ -198,11 +211,29 @@ void RungeKutta::check_mean_slope(const mjModel* m) const {
   }
 }
 
-void RungeKutta::read_end(const mjModel* m, const mjData* d) {
-  end_.all.assign(d->qfrc_smooth, d->qfrc_smooth + m->nv);
-  driving_forces(m, d, end_.driving);
-  damping_forces(m, d, end_.damping);
-  end_.velocity.assign(d->qvel, d->qvel + m->nv);
+void RungeKutta::read_forces(const mjModel* m, const mjData* d, int stage) {
+  smooth_force_[stage].assign(d->qfrc_smooth, d->qfrc_smooth + m->nv);
+  driving_forces(m, d, driving_force_[stage]);
+  damping_forces(m, d, damping_force_[stage]);
+}
+
+void RungeKutta::find_mean_forces(const mjModel* m) {
+  const auto find = [&](const std::array<std::vector<double>, kStages>& force, StageForce& found) {
+    found.mean.assign(m->nv, 0.0);
+    found.work_of_changes.assign(m->nv, 0.0);
+    for (int i = 0; i < m->nv; ++i) {
+      double& mean = found.mean[i];
+      double& work = found.work_of_changes[i];
+      for (int stage = 0; stage < kStages; ++stage) mean += kWeight[stage] * force[stage][i];
+      for (int stage = 0; stage < kStages; ++stage)
+        work += m->opt.timestep * kWeight[stage] * (force[stage][i] - mean) *
+                (velocity_[stage][i] - mean_velocity_[i]);
+    }
+  };
+  find(smooth_force_, forces_.smooth);
+  find(driving_force_, forces_.driving);
+  find(damping_force_, forces_.damping);
+  find(row_force_, forces_.rows);
 }
 
 }  // namespace dashpot::host

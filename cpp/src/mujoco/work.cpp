@@ -52,8 +52,11 @@ void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
 
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
-  find_mean_forces(m, d, trees, motion);
-  for (int i = 0; i < m->nv; ++i) applied += driving_force_[i] * motion.displacement[i];
+  find_mean_forces(m, d, motion);
+  for (int i = 0; i < m->nv; ++i) {
+    applied += driving_force_[i] * motion.displacement[i];
+    if (has_stages(motion, m->dof_treeid[i])) applied += motion.stages->driving.work_of_changes[i];
+  }
   const int count = static_cast<int>(trees.tree.size());
   group_trees(m, count, group);
   left_to_rows.assign(count, 0.0);
@@ -81,20 +84,17 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
   }
 }
 
-void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
-                                  const StepMotion& motion) {
+void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion) {
   damping_forces(m, d, damping_force_);
   driving_forces(m, d, driving_force_);
   undamped_force_.resize(m->nv);
   for (int i = 0; i < m->nv; ++i) {
     undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
-    if (!motion.end || !(*motion.integrated)[m->dof_treeid[i]]) continue;
-    const SmoothForces& end = *motion.end;
-    const double accounted =
-        2.0 * trees.joint_damping[i] * (end.velocity[i] - motion.start_velocity[i]);
-    damping_force_[i] += 0.5 * (end.damping[i] + accounted - damping_force_[i]);
-    driving_force_[i] += 0.5 * (end.driving[i] - driving_force_[i]);
-    undamped_force_[i] += 0.5 * (end.all[i] - end.damping[i] - undamped_force_[i]);
+    if (!has_stages(motion, m->dof_treeid[i])) continue;
+    const StageForces& stages = *motion.stages;
+    damping_force_[i] = stages.damping.mean[i];
+    driving_force_[i] = stages.driving.mean[i];
+    undamped_force_[i] = stages.smooth.mean[i] - stages.damping.mean[i];
   }
 }
 
@@ -132,6 +132,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
       if (brakes(trees.tree[index]))
         to[group[index]] += implicit_braking(m, d, trees, index, kept_[index], sign, motion);
   };
+  if (motion.stages) add_changes_in_stages(trees, motion);
   if (!takes_derivatives(m) || m->nactuator == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
     return add_braking(dampers_, 1.0);
   // Of actuators: all less that of dampers.
@@ -142,6 +143,17 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
   });
   add_braking(actuators_, -1.0);
   add_braking(dampers_, 1.0);
+}
+
+void SmoothWork::add_changes_in_stages(const Trees& trees, const StepMotion& motion) {
+  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
+    if (!has_stages(motion, index)) continue;
+    const Tree& t = trees.tree[index];
+    double work = 0.0;
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+      work += motion.stages->damping.work_of_changes[i];
+    dampers_[group[index]] += {-work, -kept_[index] * work};
+  }
 }
 
 // s of a tree that rows moved.
@@ -185,6 +197,8 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
   };
   const double step = m->opt.timestep;
   double integrated = step * gain(change);
+  if (has_stages(motion, tree))
+    return {0.0, 2.0 / step * form(motion.displacement, motion.beyond_stages)};
   if (!(*motion.touched)[tree]) {
     if (t.damped) integrated -= (step - trees.implicit_time) * gain(motion.added);
     return {integrated, integrated};
@@ -197,7 +211,7 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
     return {dragged + as_inertia, dragged + kept * as_inertia};
   }
   const double mean = form(motion.displacement, mean_change_.data());
-  if (motion.end) return {integrated, 2.0 * mean};
+  if (motion.stages) return {integrated, 2.0 * mean};
   return {integrated, mean + 0.5 * kept * form(motion.displacement, change)};
 }
 
@@ -214,6 +228,10 @@ void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& t
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       lost += undamped_force_[i] * motion.displacement[i] -
               (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];
+    if (!has_stages(motion, static_cast<int>(index))) continue;
+    const StageForces& stages = *motion.stages;
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+      lost += stages.smooth.work_of_changes[i] - stages.damping.work_of_changes[i];
   }
 }
 

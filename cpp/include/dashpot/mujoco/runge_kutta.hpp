@@ -35,12 +35,17 @@ using FindContacts = std::function<void(mjModel_*, mjData_*)>;
 
 bool is_runge_kutta(const mjModel_* m);
 
-// Generalized forces and velocities (nv each), N or N m, m/s or rad/s.
-struct SmoothForces {
-  std::vector<double> all;
-  std::vector<double> driving;  // see driving_forces in mujoco/forces.hpp
-  std::vector<double> damping;  // of dampers and fluids
-  std::vector<double> velocity;
+// A generalized force in the stages, by degree of freedom: its mean, N or N m, and the work, J, of
+// what it differs from it by on the way that their velocities differ from their mean by.
+struct StageForce {
+  std::vector<double> mean, work_of_changes;
+};
+
+struct StageForces {
+  StageForce smooth;
+  // Parts of it: see driving_forces in mujoco/forces.hpp; of dampers and fluids.
+  StageForce driving, damping;
+  StageForce rows;  // F and what rows bar with
 };
 
 // Keeps its arrays from step to step.
@@ -57,8 +62,8 @@ class RungeKutta {
   void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
                const FindContacts& find_contacts);
 
-  // The smooth forces at the end of the last step, as its fourth stage saw it.
-  const SmoothForces& end() const { return end_; }
+  // The forces of the last step.
+  const StageForces& forces() const { return forces_; }
   // The velocity (nv) that positions went with in the last step.
   const std::vector<double>& mean_velocity() const { return mean_velocity_; }
 
@@ -71,9 +76,11 @@ class RungeKutta {
                    const FindContacts& find_contacts);
   void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
   void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
+  void bar(const mjModel_* m, const mjData_* d, int stage, HeldStages& held);
   void find_mean_slope();
   void check_mean_slope(const mjModel_* m) const;
-  void read_end(const mjModel_* m, const mjData_* d);
+  void read_forces(const mjModel_* m, const mjData_* d, int stage);
+  void find_mean_forces(const mjModel_* m);
 
   bool moves_free_bodies_;
   // Where stages are computed, unless callbacks or plugins look at them: those know but the data of
@@ -86,7 +93,10 @@ class RungeKutta {
   std::vector<double> position_, activation_, reported_acceleration_;
   std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;
   std::vector<double> mean_velocity_, mean_acceleration_, mean_activation_rate_;
-  SmoothForces end_;
+  std::array<std::vector<double>, kStages> smooth_force_, driving_force_, damping_force_,
+      row_force_;
+  StageForces forces_;
+  std::vector<double> barred_, barring_force_;  // of one stage
 };
 
 }  // namespace dashpot::host

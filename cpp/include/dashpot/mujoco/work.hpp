@@ -38,9 +38,17 @@
 // the last being what is left to rows with 1 - s. A tree in flight that the last step left a second
 // half k has it from an inertia with e D, and goes on with H D.
 //
-// With RK4, D is half of the joint damping, so that dampers brake at the mean velocity: w - v0 is
-// 2 (x / H - v0). Instead of f stands the mean of the smooth forces at both ends of the step, that
-// of dampers without what D accounts for.
+// RK4 sees smooth forces f_i and velocities v_i in its stages, of weights w_i. They do the work
+// that it would find if energy were one more of the quantities that it integrates, as exactly as it
+// finds these:
+//
+//     H sum w_i f_i v_i  =  f x + H sum w_i (f_i - f) (v_i - v),    f, v: means,  x = H v.
+//
+// The second form holds for the x that rows lead to as well, which goes b = x - H v beyond the
+// stages; what rows have to do with it is in stage_work.hpp. Dampers brake at the velocities that
+// there are, by 2 x'D b / H more, D being half of the joint damping, and of the last sum they take
+// s times theirs: where rows act within a moment, the velocities of the stages are those of no
+// time.
 
 #pragma once
 
@@ -56,13 +64,14 @@ namespace dashpot::host {
 
 // How a step moved: generalized velocity at its start, displacement that the change of kinetic
 // energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
-// the tree), smooth acceleration (nv each), and by tree whether rows moved it. `end`: smooth forces
-// at the end of the step, null where the integrator does not ask for them, and by tree whether it
-// moved under them.
+// the tree), smooth acceleration (nv each), and by tree whether rows moved it. `stages`: forces in
+// the stages of RK4, null with others; how far trees went beyond those (nv), and by tree whether
+// RK4 moved it.
 struct StepMotion {
   const double *start_velocity, *displacement, *acceleration;
   const std::vector<char>* touched;
-  const SmoothForces* end;
+  const StageForces* stages;
+  const double* beyond_stages;
   const std::vector<char>* integrated;
   const double* braked;  // RowData::braked
   const double* added;   // velocity that the last step left to trees in flight (nv)
@@ -91,6 +100,7 @@ class SmoothWork {
     }
   };
   void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
+  void add_changes_in_stages(const Trees& trees, const StepMotion& motion);
   double kept_change(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
                      const StepMotion& motion) const;
   static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
@@ -99,8 +109,10 @@ class SmoothWork {
                            double kept, double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
-  void find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
-                        const StepMotion& motion);
+  void find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion);
+  static bool has_stages(const StepMotion& motion, int tree) {
+    return motion.stages && (*motion.integrated)[tree];
+  }
 
   // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
   // whether rows moved any of the trees.
