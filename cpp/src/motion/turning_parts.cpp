@@ -21,6 +21,21 @@ double equal_part(double parts, double rest, double whole) {
 // Of what RK4 is followed in.
 double followed(const mjModel_* m) { return host::is_runge_kutta(m) ? 0.5 : 1.0; }
 
+// How many parts a ball or free joint of this angular velocity and acceleration asks for in `rest`.
+double parts_of_spin(double rest, double whole, const double* velocity,
+                     const double* acceleration) {
+  double square = 0.0, along = 0.0, all = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    square += velocity[i] * velocity[i];
+    along += acceleration[i] * velocity[i];
+    all += acceleration[i] * acceleration[i];
+  }
+  const double spin = std::sqrt(square);
+  if (whole * spin <= kFollowedTurn) return 1.0;
+  const double across = std::sqrt(std::max(0.0, all - along * along / square));
+  return whole * across > kSteadyAxis * spin ? rest * spin / kPartTurn : 1.0;
+}
+
 }  // namespace
 
 double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double rest, double whole) {
@@ -35,6 +50,10 @@ double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double r
       const double bend = share * rest * rest * std::abs(motion.smooth_acceleration()[dof]);
       if (is_far(turn, bend) && host::is_rotational(m, dof))
         parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
+      if (host::begins_spin(m, dof))
+        parts = std::max(
+            parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
+                                 motion.smooth_acceleration().data() + dof));
     }
   }
   return equal_part(parts, rest, whole);
