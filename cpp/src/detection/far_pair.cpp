@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/side_by_side.hpp"
 
 namespace dashpot::host {
 
@@ -13,6 +14,8 @@ constexpr double kFarWay = 0.1;
 // How far off, relative to the same, what rolls or slides along still is.
 constexpr double kNear = 0.5 * kFarWay;
 
+// Change of the cosine of a normal to the axis of a round side up to which it is along one line.
+constexpr double kSameLine = 1e-3;
 // Gap rate up to which a pair runs along, as a fraction of sqrt(g r): what rests falls by a 200th
 // of its radius until it is faster.
 constexpr double kAlong = 0.095;
@@ -56,6 +59,7 @@ bool FarPair::find(const mjData* d, const ContactInput& contact) {
 
 bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
                       const LonePairs& pairs, double length) const {
+  if (start.continued >= 0 && is_past_end(d, start, seen)) return false;
   if (!is_far_) return true;
   if (on_round_ && touches_round(seen.local_normal[0], seen.local_normal[1])) return true;
   if (stays_on_face(d, start, seen)) return true;
@@ -69,6 +73,16 @@ bool FarPair::runs_along(const ContactInput& contact) const {
 
 bool FarPair::touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const {
   return motion_.is_round_along(0, local_normal1) && motion_.is_round_along(1, local_normal2);
+}
+
+bool FarPair::is_past_end(const mjData* d, const ContactInput& start,
+                          const SeenContact& seen) const {
+  const int side = start.continued, type = motion_.geom_type(side);
+  mjtNum normal[3];
+  to_local(d, motion_.geom(side), start.frame.data(), normal);
+  if (has_round_side(type) && std::abs(normal[2]) < kSameLine)
+    return std::abs(seen.local_normal[side][2] - normal[2]) > kSameLine;
+  return has_faces(type) && mju_dot3(normal, seen.local_normal[side]) < kOfFace;
 }
 
 bool FarPair::stays_on_face(const mjData* d, const ContactInput& start,

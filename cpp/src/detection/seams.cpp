@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/velocities.hpp"
 
@@ -59,6 +60,11 @@ bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
   const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
   return held_by == 0 || has_more_geoms(m, held_by);
 }
+
+// A contact, and on which of its sides what is asked about is.
+struct ContactSide {
+  int index = -1, side = 0;
+};
 
 class Seams {
  public:
@@ -116,13 +122,15 @@ class Seams {
     return deepest;
   }
 
-  bool is_at_seam(const ContactInput& contact) {
+  // The contact with what bears a geom up to the seam that this one is at, and the side of that
+  // geom; none where it is at none.
+  ContactSide before_seam(const ContactInput& contact) {
     const bool may_pass[2] = {may_pass_over(contact, 0), may_pass_over(contact, 1)};
-    if (!may_pass[0] && !may_pass[1]) return false;
+    if (!may_pass[0] && !may_pass[1]) return {};
     // What touches already does so at the rate of the start; what comes may be turned by others.
     if (contact.gap <= 0.0 &&
         m_->opt.timestep * closing(contact) <= kMotion * contact_radius(m_, contact))
-      return false;
+      return {};
     for (int side = 0; side < 2; ++side) {
       if (!may_pass[side]) continue;
       const int body = body_of(contact, side), other = body_of(contact, 1 - side);
@@ -132,10 +140,11 @@ class Seams {
       for (int at = buffers_.first[is_static ? other : body]; at >= 0; at = buffers_.next[at]) {
         const ContactInput& rest = contacts_[at / 2];
         const int rest_side = is_static ? 1 - at % 2 : at % 2;
-        if (body_of(rest, rest_side) == body && passes(contact, side, rest, rest_side)) return true;
+        if (body_of(rest, rest_side) == body && passes(contact, side, rest, rest_side))
+          return {at / 2, rest_side};
       }
     }
-    return false;
+    return {};
   }
 
  private:
@@ -181,9 +190,18 @@ class Seams {
     return held_by != 0 ? held_by : body;
   }
 
-  // Whether there may be a face beneath the geom on `side`, which has an end.
+  // Whether there may be a face or a straight side beneath the geom on `side`, which has an end.
   bool may_pass_over(const ContactInput& contact, int side) const {
-    return has_faces(m_->geom_type[contact.geom[1 - side]]) && is_bounded(contact.geom[side]);
+    const int type = m_->geom_type[contact.geom[1 - side]];
+    return (has_faces(type) || has_round_side(type)) && is_bounded(contact.geom[side]);
+  }
+
+  // Whether a geom whose highest point along `up` is given lies beneath the plane on which another
+  // one rests by a contact of which that is the normal, as the next rail of a row of capsules.
+  bool lies_beneath(const Eigen::Vector3d& highest, const Eigen::Vector3d& up,
+                    const ContactInput& rest, double tolerance) const {
+    const Eigen::Map<const Eigen::Vector3d> middle(rest.position.data());
+    return up.dot(highest - middle) + 0.5 * (rest.gap + rest.margin) <= tolerance;
   }
 
   // Whether the geom has a bound in every direction.
@@ -224,8 +242,10 @@ class Seams {
     const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
                                     Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom);
     if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > allowed) return false;
-    if (!has_face_along(m_, d_, other, up, kSameNormal, faces_)) return false;
     const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
+    if (!lies_beneath(highest, up, rest, tolerance(contact)) &&
+        !has_face_along(m_, d_, other, up, kSameNormal, faces_))
+      return false;
     const double overlap = up.dot(highest - lowest);
     const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
     return overlap + m_->opt.timestep * std::max(0.0, rate - closing(rest)) <= allowed;
@@ -238,6 +258,14 @@ class Seams {
   SeamBuffers& buffers_;
   const std::vector<ContactInput>& contacts_;
 };
+
+// Notes on the contacts of a pair that its geom on `side` bears the other one up to a seam.
+void mark_continued(size_t index, int side, std::vector<ContactInput>& contacts) {
+  const std::array<int, 2> pair = contacts[index].geom;
+  while (index > 0 && contacts[index - 1].is_of_pair(pair)) --index;
+  for (; index < contacts.size() && contacts[index].is_of_pair(pair); ++index)
+    contacts[index].continued = side;
+}
 
 // Where a round geom has left a tile over its edge, with all of its contacts from `first` to `last`
 // that touch, others take them over. A line across a seam stays on both sides.
@@ -276,9 +304,14 @@ void drop_contacts_at_seams(const mjModel_* m, const mjData_* d,
   // Those to be dropped are found before any is: each may be what another body rests on.
   size_t kept = 0;
   std::vector<char>& at_seam = buffers.at_seam;
-  at_seam.resize(contacts.size());
-  for (size_t i = 0; i < contacts.size(); ++i)
-    at_seam[i] = moves(contacts[i]) && seams.is_at_seam(contacts[i]);
+  at_seam.assign(contacts.size(), 0);
+  for (size_t i = 0; i < contacts.size(); ++i) {
+    if (!moves(contacts[i])) continue;
+    const ContactSide before = seams.before_seam(contacts[i]);
+    if (before.index < 0) continue;
+    at_seam[i] = 1;
+    mark_continued(before.index, 1 - before.side, contacts);
+  }
   // Contacts of a pair come one after the other.
   for (size_t first = 0, last; first < contacts.size(); first = last) {
     last = first + 1;

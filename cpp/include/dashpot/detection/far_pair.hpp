@@ -31,6 +31,8 @@ class FarPair {
  private:
   bool runs_along(const ContactInput& contact) const;
   bool touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const;
+  // Whether a contact is seen past the end of a surface that another geom continues.
+  bool is_past_end(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
   bool stays_on_face(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
 
   const ContactMotion& motion_;

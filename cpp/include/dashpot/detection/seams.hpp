@@ -6,13 +6,15 @@
 // low over it. MuJoCo looks once they overlap, by far the least along the normal of the floor, and
 // lets it pass, but for what falls. So where a geom's body touches something along the normal m
 // (into it), s deep or -s above it, or may in the step, a contact of the geom with another one that
-// has a face along m is left out, unless its normal is m, while both overlap along m by no more
-// than the body is pressed in, or keep apart as far:
+// has a face along m, or lies beneath the plane of what it touches, as the next of a row of
+// capsules that are a rail, is left out, unless its normal is m, while both overlap along m by no
+// more than the body is pressed in, or keep apart as far:
 //
 //     o = max of m x over the other - min of m x over the geom,
 //     o + H max(0, rate at which o grows - rate at which s does) <= s + s+ / 2 + tolerance ,
 //
-// s+ = max(0, s): what it touches ends its fall.
+// s+ = max(0, s): what it touches ends its fall. What the other one continues is not seen in the
+// middle of the step past its end (detection/far_pair.hpp).
 //
 // What rolls over a seam is for a while in touch with the face of one tile and the edge of the
 // other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
