@@ -27,7 +27,7 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
 // is more than smooth forces, or the turn of its geometry, make in two steps.
-inline constexpr double kHitSpeed = 0.005;
+inline constexpr double kHitSpeed = 0.02;
 // How many times the load of smooth forces the spring of what is hit bears.
 inline constexpr double kHitLoads = 4.0;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the
