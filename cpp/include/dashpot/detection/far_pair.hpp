@@ -1,6 +1,5 @@
 // Pairs of geoms that go on far in a step, and whether a contact in the middle is one of the start.
 //
-//
 // What goes on far may be past an edge by then: a ball that slides off a tile meets its edge in the
 // middle, though it is on the next tile. What is round is still what it was on one face, whose
 // normal it meets; on what is round itself, which has no edges; and over an edge with nothing

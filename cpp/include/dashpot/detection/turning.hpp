@@ -20,10 +20,10 @@
 // is known of two bodies that hit each other alone (detection/lone_pairs.hpp). Of others a blow
 // between round ones that begins or ends early keeps the geometry of the start.
 //
-// Of links the axes of the joints go to the middle (mujoco_moved_axes), also where they turn above
-// a foot that stands: of its own motion the floor sees none, but a trunk that swung above it gained
-// energy as what rolls does. Their inertia stays that of the start, where smooth forces are: the
-// second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
+// Of links the axes of the joints go to the middle (mujoco/moved_axes.hpp), also where they turn
+// above a foot that stands: of its own motion the floor sees none, but a trunk that swung above it
+// gained energy as what rolls does. Their inertia stays that of the start, where smooth forces are:
+// the second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
 // constraints hold, whose rows have the geometry of the start.
 
 #pragma once

@@ -10,8 +10,9 @@
 //                                 a' = inv(H1) (f1 + g + J1' lambda),
 //
 // f: smooth forces that follow from position and velocity alone, bias and springs; g: all other
-// forces, those of limits and contacts too, which have the geometry of the middle (mujoco_turning);
-// lambda: mean forces of the equality rows; H: length of the step; H0 and H1: effective inertia.
+// forces, those of limits and contacts too, which have the geometry of the middle
+// (detection/turning.hpp); lambda: mean forces of the equality rows; H: length of the step; H0 and
+// H1: effective inertia.
 //
 // Forces of actuators, and those that users apply, most often follow from the motion too: position
 // servos, and controllers that are asked once a step. Held over a step whose positions have both

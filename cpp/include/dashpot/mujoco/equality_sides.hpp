@@ -1,5 +1,4 @@
 // What connects and welds join: an anchor and an orientation of either body, which are to coincide.
-//
 
 #pragma once
 

@@ -26,7 +26,8 @@ namespace dashpot {
 using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
-// is more than smooth forces, or the turn of its geometry, make in two steps.
+// is more than smooth forces, or the turn of its geometry, make in two steps. Corners that hit more
+// slowly leave with 17 % of the impulse wrong, not 8; with 5 mm/s a pile at rest passed for hit.
 inline constexpr double kHitSpeed = 0.02;
 // How many times the load of smooth forces the spring of what is hit bears.
 inline constexpr double kHitLoads = 4.0;
