@@ -203,28 +203,29 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
-  double stiffest_sliding = given.rigid() ? stiffest : resolved;
-  if (!is_limited && microstep.hit && c.dim > 1) {
-    const double finer = stiffest_rigid(coupling.stiffness) / (h * h);
-    stiffest_sliding = std::min(finer, material.tangential_ratio * rows.stiffness[c.row] *
-                                           larger_inverse_mass(c, 1, inverse_mass));
-  }
+  const bool is_rigid_hit = !is_limited && microstep.hit;
+  const double resolved_sliding =
+      is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
   for (int i = 1; i < c.dim; ++i) {
     const int row = c.row + i;
-    const double w = inverse_mass(row);
-    double sliding = stiffest_sliding;
-    if (w > 0.0) sliding *= w / larger_inverse_mass(c, i, inverse_mass);
-    if (!given.rigid()) {
-      as_given = as_given && fits(rows.stiffness[row] * w, sliding);
-      sliding = std::min(sliding, rows.stiffness[row] * w);
-    }
-    // Rigid rows are damped as each of them alone needs it, those of a spring alike.
-    const double of_mean =
-        given.rigid() || w == 0.0 ? 1.0 : w / mean_inverse_mass(c, i, inverse_mass);
-    const double sliding_damping =
+    const double w = inverse_mass(row), mean = mean_inverse_mass(c, i, inverse_mass);
+    // Of what is not as stiff as it can be friction is isotropic, and of what is hit.
+    const double of_mean = w > 0.0 && (is_limited || microstep.hit) ? w / mean : 1.0;
+    const double of_resolved =
+        microstep.hit || w == 0.0 ? of_mean : w / larger_inverse_mass(c, i, inverse_mass);
+    double asked_sliding = stiffest * of_mean;
+    if (!given.rigid()) asked_sliding = rows.stiffness[row] * w;
+    if (is_rigid_hit)
+      asked_sliding = material.tangential_ratio * rows.stiffness[c.row] *
+                      mean_inverse_mass(c, 1, inverse_mass) * of_mean;
+    const double sliding = std::min(asked_sliding, resolved_sliding * of_resolved);
+    const double asked_damping =
         2.0 * sliding_damping_ratio(material) * std::sqrt(sliding * of_mean);
-    if (!given.rigid()) as_given = as_given && fits(sliding_damping, most_damped_sliding);
-    fill(row, sliding, std::min(sliding_damping, most_damped_sliding));
+    const double most_damped_here = most_damped_sliding * of_mean;
+    if (!given.rigid())
+      as_given = as_given && fits(asked_sliding, resolved_sliding * of_resolved) &&
+                 fits(asked_damping, most_damped_here);
+    fill(row, sliding, std::min(asked_damping, most_damped_here));
   }
   return as_given;
 }
