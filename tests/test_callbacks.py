@@ -100,6 +100,35 @@ def test_a_control_callback_drives_the_model(install):
     assert np.array_equal(data.qpos, by_hand.qpos)
 
 
+def test_an_exception_of_a_stage_leaves_what_an_equality_has_let_go_alone(install):
+    """The second half of the last step under the equality stayed in the velocity."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><option integrator="RK4"/><worldbody>
+      <body name="upper"><joint type="hinge" axis="0 1 0"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .2 0 0" mass=".3"/>
+        <body name="lower" pos=".2 0 0"><joint type="hinge" axis="0 1 0"/>
+          <geom type="capsule" size=".02" fromto="0 0 0 .2 0 -.1" mass=".3"/></body></body>
+      </worldbody><equality><connect body1="lower" body2="world" anchor=".2 0 -.1"/></equality>
+      </mujoco>""")
+    engine = Engine(model)
+    data = engine.make_data()
+    data.qvel[:] = 3.0, -8.0
+    engine.step(data, nstep=100)
+    data.eq_active[0] = 0
+    before = state_of(engine, data)
+    calls = 0
+
+    def fail_late(*_):
+        nonlocal calls
+        calls += 1
+        if calls > 2:
+            raise CallbackError
+
+    install("control", fail_late)
+    with pytest.raises(CallbackError):
+        engine.step(data)
+    assert np.array_equal(state_of(engine, data), before)
+
+
 @pytest.mark.parametrize("name", ["control", "passive"])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 def test_feedback_of_a_callback_on_sensors_is_that_of_mj_step(install, integrator, name):

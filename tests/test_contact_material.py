@@ -88,6 +88,42 @@ def test_springs_in_series_and_overrides():
 
 
 @pytest.mark.parametrize("stiffness", [1e5, None])
+def test_damping_is_whole_where_one_geom_alone_has_a_material(stiffness):
+    """Beside a floor that nobody set half of the N s/m of a material were left."""
+    engine = engine_of()
+    engine.set_material("ball", Material(stiffness=stiffness, damping=40.0))
+    found = engine.contact_material("ball", "floor")
+    assert (found.stiffness, found.damping, found.damping_ratio) == (stiffness, 40.0, 0.0)
+    # Two that are set are two dashpots in series.
+    engine.set_material("floor", Material(stiffness=stiffness, damping=40.0))
+    assert engine.contact_material("ball", "floor").damping == 20.0
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_damping_of_a_rigid_contact_is_in_newton_seconds_per_metre(impact):
+    """It was taken for a damping ratio: what hit a rigid floor rebounded whatever its mass."""
+
+    def rebound(mass, damping):
+        model = mujoco.MjModel.from_xml_string(f"""<mujoco><option gravity="0 0 0"/><worldbody>
+          <geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 .11"><freejoint/>
+          <geom name="ball" size=".1" mass="{mass}"/></body></worldbody></mujoco>""")
+        engine = dashpot.Engine(model, impact=impact)
+        engine.set_material("ball", Material(damping=damping))
+        data = engine.make_data()
+        data.qvel[2] = -1.0
+        engine.step(data, nstep=50)
+        return data.qvel[2]
+
+    # By d / m alone, with -log e = pi d / (2 m omega) to first order.
+    assert rebound(100.0, 1000.0) == pytest.approx(rebound(1.0, 10.0), rel=1e-9)
+    assert np.log(rebound(1.0, 10.0)) == pytest.approx(10 * np.log(rebound(1.0, 1.0)), rel=0.02)
+    assert 0.98 < rebound(1.0, 1.0) < 1.0
+    assert rebound(1.0, 0.0) == pytest.approx(1.0, rel=1e-9)
+    # As much as micro-steps resolve, and no more.
+    assert 0.0 <= rebound(0.01, 1e4) < 0.3
+
+
+@pytest.mark.parametrize("stiffness", [1e5, None])
 def test_restitution_is_that_of_the_bounce(stiffness):
     engine = engine_of()
     engine.model.opt.gravity[:] = 0.0

@@ -46,10 +46,10 @@ def rebound(engine: dashpot.Engine, throw: tuple, heading: float) -> np.ndarray:
     return np.concatenate([back, data.qvel[3:]])
 
 
-# How a contact is given, and by how much of the speed, and of the spin, headings may differ. Friction
-# solves tangents one by one, in micro-steps: to first order in these, which are some 10 us in the 5
-# to 10 ms of the hits of a material in SI units, and a tenth of a hit of rigid ones. What damps more
-# than these resolve is limited by how the two tangents are coupled.
+# How a contact is given, and by how much of the speed, and of the spin, headings may differ.
+# Friction solves tangents one by one, in micro-steps: to first order in these, which are some 10 us
+# in the 5 to 10 ms of the hits of a material in SI units, and a tenth of a hit of rigid ones. What
+# damps more than these resolve is limited by how the two tangents are coupled.
 CONTACTS = {
     "SI": (dashpot.Material(stiffness=1e5, friction=(1.0, 0.01, 0.01)), "", 2e-3, 2e-3),
     "solref": (None, 'solref=".01 1"', 0.02, 0.1),

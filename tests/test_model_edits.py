@@ -308,3 +308,18 @@ def test_a_shape_that_a_geom_cannot_have_is_refused(shape, message):
     with pytest.raises(ValueError, match=message):
         engine.step(data)
     assert np.array_equal(data.qpos, before)
+
+
+def test_a_contact_that_was_a_dashpot_alone_gets_a_spring():
+    """What it remembered was not a number from there on."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco><default><geom solref="0 -100"/></default>
+      <worldbody><geom type="plane" size="1 1 1"/><body pos="0 0 .0999"><freejoint/>
+      <geom size=".1" mass="1"/></body></worldbody></mujoco>""")
+    engine = Engine(model)
+    data = engine.make_data()
+    engine.step(data, nstep=5)
+    assert engine.contacts(data).force[0, 0] > 0.0
+    engine.model.geom_solref[:] = 0.02, 1.0
+    engine.step(data, nstep=500)
+    assert np.isfinite(data.userdata).all()
+    assert engine.contacts(data).force[0, 0] == pytest.approx(9.81, rel=1e-6)

@@ -133,3 +133,31 @@ def test_a_part_whose_weight_is_compensated_holds_the_rest_as_a_pendulum():
         found.append(now.kinetic + now.potential - lift)
         engine.step(data, nstep=10)
     assert np.ptp(found) < 2e-3
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+def test_a_body_on_a_hardening_spring_of_its_joint_keeps_its_energy(timestep):
+    # f = -k1 x - k3 |x|^2 x, at the largest stretch with the frequency 47 rad/s.
+    joint = '<joint type="free" stiffness="10 0 1.1e5"/>'
+    engine = make(timestep, joint=joint, option='gravity="0 0 0"')
+    data = engine.make_data()
+    data.qpos[0] += 0.1
+    found = energies(engine, data, 10.0)
+    stretched = 0.5 * 10 * 0.1**2 + 0.25 * 1.1e5 * 0.1**4
+    assert found[0, 0] == pytest.approx(stretched, rel=1e-12)
+    # Second order in the phase of a step.
+    assert np.ptp(found[:, 0]) < (47 * timestep) ** 2 * stretched
+
+
+def test_servos_of_a_disabled_group_do_nothing():
+    servo = '<position group="3" site="top" refsite="hook" gear="1 0 0 0 0 0" kp="1000"/>'
+    engine = make(
+        0.002,
+        rest=f"<actuator>{servo}</actuator>",
+        option='gravity="0 0 0" actuatorgroupdisable="3"',
+    )
+    data = engine.make_data()
+    data.qvel[0] = 0.3
+    engine.step(data, nstep=1000)
+    assert data.qvel[0] == pytest.approx(0.3, abs=1e-12)
+    assert engine.energy(data).work == pytest.approx(0.0, abs=1e-12)

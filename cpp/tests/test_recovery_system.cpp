@@ -71,7 +71,8 @@ struct Problem {
   }
 };
 
-// Fills in the sizes of a group whose Jacobian is there, and random springs.
+// Fills in the sizes of a group whose Jacobian is there, and random springs; some rows but those of
+// equalities are dashpots alone.
 void finish_group(Problem& p, RowGroup& c) {
   append_mass_weighted(p.rows, c, p.trees);
   find_inverse_mass(p.rows, c, p.trees);
@@ -79,6 +80,7 @@ void finish_group(Problem& p, RowGroup& c) {
     const double w = p.rows.inverse_mass[row];
     p.rows.typical_inverse_mass[row] = w * uniform(0.5, 2.0);
     p.rows.stiffness[row] = std::exp(uniform(0.0, 4.0)) / (w * kTime * kTime);
+    if (c.kind != RowKind::kBilateral && uniform(0.0, 1.0) < 0.1) p.rows.stiffness[row] = 0.0;
   }
   p.group.push_back(static_cast<int>(p.group.size()));
 }
@@ -172,6 +174,9 @@ void check(const Problem& p, double tolerance) {
     for (int i = 0; i < c.dim; ++i) {
       const bool friction = c.kind == RowKind::kSlider || i > 0;
       if (friction && slips) continue;
+      const bool equality = c.kind == RowKind::kBilateral;
+      const double k = p.rows.stiffness[c.row + i];
+      if (k == 0.0 && !equality) continue;
       Vector row(n);
       for (int k = 0; k < n; ++k) {
         double rate[kMaxRows];
@@ -179,9 +184,7 @@ void check(const Problem& p, double tolerance) {
         row(k) = k < kGroundCoordinates ? 0.0 : rate[i];
       }
       jacobian.push_back(row);
-      const bool equality = c.kind == RowKind::kBilateral;
       const double w = row.dot(inverse * row), typical = p.rows.typical_inverse_mass[c.row + i];
-      const double k = p.rows.stiffness[c.row + i];
       softness.push_back(equality ? std::max(w / 100.0, typical - w) : 1.0 / (k * kTime * kTime));
       const bool recovers = equality && offset * (x - offset) < 0.0;
       target.push_back(recovers ? std::max(-kReach, std::min(offset, kReach)) : 0.0);

@@ -49,7 +49,8 @@ class Material:
     stiffness : float or None
         Contact stiffness k, N/m, > 0. None means rigid: as stiff as the micro-step resolves.
     damping : float, optional
-        Damping d, N s/m, >= 0.
+        Damping d, N s/m, >= 0. Rigid contacts have it too, as far as micro-steps resolve it;
+        `StepStats.clipped` counts those of which they do not.
     damping_ratio : float, optional
         ``d / (2 sqrt(k m))`` with the apparent mass m of the contact, >= 0. Contacts of one pair
         of geoms that are pressed together have it together: m is that of their common vibration.
@@ -202,8 +203,9 @@ class CombinationRules:
         "series": two dampings in N s/m are two dashpots in series, ``d = d1 d2 / (d1 + d2)``; two
         damping ratios (restitution is turned into one) are averaged with the share of elastic
         energy as weight; of one each, the ratio part and the N s/m part scaled by their shares add.
-        Against a rigid side the soft side's damping is taken whole under every rule, unless both
-        are in N s/m. "min" and "max" need both in the same form.
+        Beside a geom without a material that of the other is taken whole under every rule, and
+        that of a soft side against a rigid one, unless both are in N s/m. "min" and "max" need
+        both in the same form.
     friction : {"max", "min", "mean", "geometric_mean"}
         Element by element; "max" is MuJoCo's. It acts where a `Material` of at least one of the two
         geoms names friction, the other's being its own or that of the MJCF; contacts of geoms

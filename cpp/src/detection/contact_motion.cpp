@@ -61,10 +61,7 @@ void ContactMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* v
   mju_addTo3(velocity, side.linear);
 }
 
-double ContactMotion::gravity() const {
-  const double own = host::gravity(model_);
-  return own > 0.0 ? own : kStandardGravity;
-}
+double ContactMotion::gravity() const { return usual_gravity(model_); }
 
 bool ContactMotion::is_free_ball(int side) const {
   const int geom = side_[side].geom;

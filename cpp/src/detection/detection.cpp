@@ -181,6 +181,7 @@ void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& accelerati
                   Team& team) {
   detection.faces.body_velocity = body_velocity.data();
   detect_rows(m, d, acceleration, detection, contacts, constraints, team);
+  detection.faces.body_velocity = nullptr;
 }
 
 MiddleGeometry::MiddleGeometry(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,

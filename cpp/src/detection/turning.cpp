@@ -11,6 +11,7 @@
 #include "dashpot/detection/lone_pairs.hpp"
 #include "dashpot/detection/seen_contacts.hpp"
 #include "dashpot/detection/workplaces.hpp"
+#include "dashpot/mujoco/properties.hpp"
 #include "dashpot/rows/hit_time.hpp"
 
 namespace dashpot::host {
@@ -44,6 +45,7 @@ struct Step {
   const std::vector<double>& lead;
   const HitFrequency& frequency;
   const LonePairs& pairs;
+  double hit_speed;  // m/s
 
   // By how much (s) the places of two trees lead, on the average of those that are trees.
   double lead_of(const std::array<int, 2>& tree) const {
@@ -121,7 +123,7 @@ class TurningPair {
         // is no hit.
         const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
         const bool rolls =
-            std::abs(rate) < std::max(kHitSpeed, 2.0 * step_.length * std::abs(turning));
+            std::abs(rate) < std::max(step_.hit_speed, 2.0 * step_.length * std::abs(turning));
         if (!see(faces, *contact, rolls ? at : hit_time(*contact, frequency, turning))) continue;
       }
       freeze(then_, *contact);
@@ -143,7 +145,7 @@ class TurningPair {
   // Whether a blow begins or ends early in the step, by how fast the gap changes.
   bool parts_early() const {
     const double rate = std::abs(motion_.gap_rate(*first_));
-    return rate >= kHitSpeed && std::abs(first_->gap) < kEarly * step_.length * rate;
+    return rate >= step_.hit_speed && std::abs(first_->gap) < kEarly * step_.length * rate;
   }
 
   // When a gap (m) that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the
@@ -158,7 +160,8 @@ class TurningPair {
   // Of a contact that is hit, or flies off, in a fraction of the step (hit_time.hpp); else 0.
   double hit_frequency(const ContactInput& contact) const {
     const double rate = motion_.gap_rate(contact);
-    if (std::abs(rate) < kHitSpeed || onset(contact.gap, -rate, 0.0) == step_.length) return 0.0;
+    if (std::abs(rate) < step_.hit_speed || onset(contact.gap, -rate, 0.0) == step_.length)
+      return 0.0;
     const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
     if (inverse_mass == 0.0) return 0.0;
     const double frequency = step_.frequency(contact, inverse_mass);
@@ -274,7 +277,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
   const LonePairs pairs(m, d, length, trees, motion, contacts);
-  const Step step{length, trees, motion, lead, frequency, pairs};
+  const Step step{length, trees, motion, lead, frequency, pairs, kHitSpeed * metre(m)};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const Workplace at(workplaces, worker);

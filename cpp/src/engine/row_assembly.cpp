@@ -19,9 +19,8 @@ constexpr int kGroupsAtOnce = 32;  // by a thread
 
 // Weight (N) of the lighter tree of a contact. Without gravity that which it has on earth.
 double weight_at_contact(const mjModel_* model, const ContactInput& input, double inverse_mass) {
-  const double gravity = host::gravity(model) > 0.0 ? host::gravity(model) : host::kStandardGravity;
   const double mass = host::contact_mass(model, input);
-  return gravity * (std::isinf(mass) ? 1.0 / inverse_mass : mass);
+  return host::usual_gravity(model) * (std::isinf(mass) ? 1.0 / inverse_mass : mass);
 }
 
 void prefetch_inertia(const Trees& trees, const std::array<int, 2>& tree) {
@@ -99,6 +98,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   int count = static_cast<int>(constraints.size());
   for (const ContactInput& contact : contacts) count += contact.dim;
   rows.reset(count);
+  rows.metre = host::metre(model);
   materials.resize(constraints.size() + contacts.size());
   for (size_t i = 0; i < constraints.size(); ++i) {
     const ConstraintInput& input = constraints[i];

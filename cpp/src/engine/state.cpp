@@ -4,6 +4,7 @@
 #include "dashpot/mujoco/state.hpp"
 
 #include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/properties.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
@@ -79,6 +80,8 @@ bool Stepper::Impl::rows_move_all() const {
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
 // its velocity there, as other integrators of MuJoCo do.
 void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
+  const double* velocity = host::velocity(d);
+  velocity_at_start.assign(velocity, velocity + host::dof_count(model));
   for (int index = 0; index < motion.tree_count(); ++index)
     if (gets_second_half_in_flight(index))
       host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
@@ -87,8 +90,13 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                      clock.length);
   const bool comfree = parameters.options.law == Law::kComFree;
-  host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages,
-                  find_contacts);
+  try {
+    host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages,
+                    find_contacts);
+  } catch (...) {
+    host::set_velocity(d, velocity_at_start);
+    throw;
+  }
   if (comfree && !stages) return;
   find_unpaid(d);
   lost.resize(motion.tree_count());

@@ -163,6 +163,7 @@ struct Stepper::Impl {
   std::vector<double> unpaid, lost;            // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
+  std::vector<double> velocity_at_start;       // generalized, to which a step that fails goes back
   std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight
   std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates

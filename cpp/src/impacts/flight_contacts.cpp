@@ -246,7 +246,7 @@ class FlightSearch {
       impact = impact_within(clearance);
       // Which what holds them may bring about: the row tells whether they come on from there.
       if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
-    } catch (const std::runtime_error&) {
+    } catch (const UndecidedImpact&) {
       return;  // undecided: contacts stay as they were found
     }
     flight.misses = !impact.hit;

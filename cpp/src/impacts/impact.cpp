@@ -126,7 +126,7 @@ class ImpactSearch {
                                     length, pair.margin + standoff)
                          .time;
         return pair.clear;
-      } catch (const std::runtime_error&) {
+      } catch (const UndecidedImpact&) {
         pair.apart = false;  // undecided: the two hover at the standoff, rows take care of them
         return length;
       }

@@ -26,7 +26,7 @@ double rigid_microstep(const Options& options, double length) {
 double hit_frequency(const mjModel_* model, const Parameters& parameters,
                      const ContactInput& contact, double inverse_mass, double length) {
   const double rigid = std::sqrt(kStiffestAlone) / rigid_microstep(parameters.options, length);
-  const GroupMaterial given = material_of(model, parameters, contact, host::kStandardGravity);
+  const GroupMaterial given = material_of(model, parameters, contact, host::usual_gravity(model));
   if (given.from_solref) return std::min(rigid, std::sqrt(given.normalised_stiffness));
   if (given.rigid()) return rigid;
   return std::min(rigid, std::sqrt(given.material.stiffness * inverse_mass));

@@ -37,12 +37,16 @@ struct Hits {
             load[0] * step};
   }
 
+  double hit_speed(const RowGroup& c) const {
+    return c.kind == RowKind::kContact ? kHitSpeed * rows.metre : kHitSpeed;
+  }
+
   bool is_hit(const RowGroup& c, bool alone) const {
     // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
     const Motion motion = motion_of(c);
     return motion.gap - step * motion.closing() < 0.0 &&
-           std::abs(motion.rate) > std::max(kHitSpeed, 2.0 * std::abs(motion.change));
+           std::abs(motion.rate) > std::max(hit_speed(c), 2.0 * std::abs(motion.change));
   }
 
   // Whether what was hit in the last step, and hangs at its deepest as this one begins, is still
@@ -53,7 +57,7 @@ struct Hits {
     const RememberedContact old = memory.contact(matches[index].nearest);
     const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
     return old.hit == kHit && old.stiffness * w * step * step > kShortHit * kShortHit &&
-           step * throws > std::max(kHitSpeed, kHitLoads * std::abs(motion_of(c).change));
+           step * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
   }
 
   double onset(const RowGroup& c) const {

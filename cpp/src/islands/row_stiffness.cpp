@@ -62,11 +62,22 @@ bool keeps_restitution(const GroupMaterial& given) {
          given.material.form == DampingForm::kRestitution;
 }
 
-// The damping ratio that a rigid material's contact has alone.
-double damping_ratio(const RowGroup& c, const Material& material) {
-  if (material.form != DampingForm::kRestitution) return material.damping;
+// The damping ratio that a rigid contact of a given restitution has alone.
+double inelastic_ratio(const RowGroup& c, const Material& material) {
   const double ratio = std::min(restitution_to_damping_ratio(material.damping), kRigidInelastic);
   return ratio / std::sqrt(c.pressed);
+}
+
+// delta that a rigid material asks for at a kappa and an inverse mass w.
+double rigid_damping(const RowGroup& c, const Material& material, double kappa, double w) {
+  if (material.form == DampingForm::kRestitution)
+    return 2.0 * inelastic_ratio(c, material) * std::sqrt(kappa);
+  return w > 0.0 ? w * damping_of(material, kappa / w, w) : 0.0;
+}
+
+// Whether a rigid material says how damped it is, rather than in proportion to what is resolved.
+bool fixes_damping(const Material& material) {
+  return material.form != DampingForm::kRatio || material.added_damping > 0.0;
 }
 
 // Of a material in SI units whose restitution is 0 the force of a hit is over in so short a time
@@ -117,7 +128,7 @@ double longest_solref_microstep(const Rates& asked, const RigidCoupling& couplin
 // need.
 double longest_inelastic_microstep(const RowGroup& c, const Material& material,
                                    const RigidCoupling& coupling, double sag_time) {
-  const double zeta = damping_ratio(c, material);
+  const double zeta = inelastic_ratio(c, material);
   if (zeta == 0.0) return std::numeric_limits<double>::infinity();
   return most_damped_rigid(coupling.normal_damping) * sag_time *
          std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
@@ -190,17 +201,17 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   bool as_given = fits(asked.stiffness, resolved);
   if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
   if (!is_limited) {
-    const double zeta = damping_ratio(c, material);
-    if (keeps_restitution(given) && zeta > 0.0) {
+    const double zeta = keeps_restitution(given) ? inelastic_ratio(c, material) : 0.0;
+    if (zeta > 0.0) {
       const double bearing =
           kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time.weight), 2);
       const double holding = 1.0 / std::pow(sag_time.dry_friction, 2);
       kappa =
           std::min(kappa, std::max({std::pow(most_damped / (2.0 * zeta), 2), bearing, holding}));
     }
-    delta = 2.0 * zeta * std::sqrt(kappa);
+    delta = rigid_damping(c, material, kappa, loaded_inverse_mass(rows, c, c.row));
   }
-  if (is_limited || keeps_restitution(given)) as_given = as_given && fits(delta, most_damped);
+  if (is_limited || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
   fill(c.row, kappa, std::min(delta, most_damped));
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
   const bool is_rigid_hit = !is_limited && microstep.hit;

@@ -18,13 +18,17 @@ constexpr double kLargestRatio = 5.0;
 
 void make_impact_spring(Material& material, double inverse_mass, double length, double stiffness) {
   if (inverse_mass == 0.0) return;
-  // At unit stiffness and mass the damping is twice its ratio.
-  const double ratio = std::min(0.5 * damping_of(material, 1.0, 1.0), kLargestRatio);
+  // N s/m of its own, beside a ratio; at unit stiffness and mass damping is twice its ratio.
+  double absolute = material.added_damping, ratio = 0.0;
+  if (material.form == DampingForm::kDamping)
+    absolute += material.damping;
+  else
+    ratio = std::min(0.5 * (damping_of(material, 1.0, 1.0) - absolute), kLargestRatio);
   material.form = DampingForm::kRatio;
   material.damping = ratio;
-  material.added_damping = 0.0;
+  // Large damping must be resolved too: 2 zeta omega, or d / m, in place of omega.
+  material.added_damping = std::min(absolute, kImpactRate / (length * inverse_mass));
   material.rigid = false;
-  // Large damping must be resolved too: 2 zeta omega in place of omega.
   const double rate = kImpactRate / (length * std::max(1.0, 2.0 * ratio));
   material.stiffness = rate * rate / inverse_mass;
   if (stiffness == 0.0) return;

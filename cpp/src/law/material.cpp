@@ -12,6 +12,8 @@
 //   one of each:       zeta = s1 zeta1 and, added to it, d = s2^2 d2: a dashpot that takes the
 //   share
 //       s2 of the rate dissipates s2^2 d2 u^2.
+// That of a side beside one that nobody set is taken whole, and that of a soft side beside a rigid
+// one, unless both are in N s/m.
 //
 // Restitution of a Kelvin-Voigt contact that releases when its force reaches zero, without load:
 // release comes at the phase omega t = 2 psi, which gives
@@ -124,7 +126,13 @@ void combine_damping(const Material& a, const Material& b, DampingRule rule, dou
   const bool absolute_b = b.form == DampingForm::kDamping;
   pair.form = DampingForm::kRatio;
   pair.added_damping = 0.0;
-  if (absolute_a && absolute_b) {
+  const auto take_whole = [&](const Material& side) {
+    pair.form = side.form == DampingForm::kDamping ? DampingForm::kDamping : DampingForm::kRatio;
+    pair.damping = ratio_of(side);
+  };
+  if (a.from_model != b.from_model) {
+    take_whole(a.from_model ? b : a);
+  } else if (absolute_a && absolute_b) {
     pair.form = DampingForm::kDamping;
     if (rule == DampingRule::kSeries) {
       const double low = std::min(a.damping, b.damping), high = std::max(a.damping, b.damping);
@@ -133,10 +141,8 @@ void combine_damping(const Material& a, const Material& b, DampingRule rule, dou
       pair.damping = select(rule, a.damping, b.damping);
     }
   } else if (a.rigid != b.rigid) {
-    // The pair is as stiff as one side alone: that side's damping is taken whole.
-    const Material& whole = pair.rigid == a.rigid ? a : b;
-    pair.form = whole.form == DampingForm::kDamping ? DampingForm::kDamping : DampingForm::kRatio;
-    pair.damping = ratio_of(whole);
+    // The pair is as stiff as one side alone, which deforms alone.
+    take_whole(pair.rigid == a.rigid ? a : b);
   } else if (!absolute_a && !absolute_b) {
     const double x = ratio_of(a);
     const double y = a.form == b.form && a.damping == b.damping ? x : ratio_of(b);

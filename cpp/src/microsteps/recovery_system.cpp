@@ -50,7 +50,7 @@ void RecoverySystem::reset(const Rows& rows, const Trees& trees, const Island& i
                                   ? std::max(kSoftness * w, rows.typical_inverse_mass[row] - w)
                                   : 1.0 / (k * time * time);
       const bool acts = !slips && k > 0.0 && w + softness > 0.0;
-      softness_.push_back(softness);
+      softness_.push_back(acts ? softness : 0.0);
       scale_.push_back(acts ? 1.0 / (w + softness) : 0.0);
       target_.push_back(0.0);
     }

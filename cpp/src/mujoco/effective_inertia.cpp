@@ -41,8 +41,13 @@ bool has_rigid_body_inertia(const mjModel* m, const mjData* d, const Trees& tree
       for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
         if (d->qDeriv[k] != 0.0) return false;
   }
-  return std::all_of(m->tendon_armature, m->tendon_armature + m->ntendon,
-                     [](mjtNum armature) { return armature == 0.0; });
+  for (int tendon = 0; tendon < m->ntendon; ++tendon) {
+    if (m->tendon_armature[tendon] == 0.0) continue;
+    const int *first = m->ten_J_colind + m->ten_J_rowadr[tendon],
+              *last = first + m->ten_J_rownnz[tendon];
+    if (std::any_of(first, last, [&](int dof) { return m->dof_treeid[dof] == tree; })) return false;
+  }
+  return true;
 }
 
 // In the form of Trees::inverse for free bodies.

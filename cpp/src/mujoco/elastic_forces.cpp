@@ -31,6 +31,22 @@ double spring_force(const mjModel* m, const mjData* d, int tendon) {
   return force;
 }
 
+bool has_spring(const mjModel* m, int joint) {
+  return m->jnt_type[joint] == mjJNT_FREE &&
+         has_stiffness(m->jnt_stiffness[joint], m->jnt_stiffnesspoly + mjNPOLY * joint);
+}
+
+// Adds the force of a free joint's spring that is stretched along `stretch` (3), or its torque.
+void add_spring(const mjModel* m, int joint, const mjtNum* stretch, double* force) {
+  const mjtNum length = mju_norm3(stretch);
+  mjtNum secant = m->jnt_stiffness[joint], power = 1.0;
+  for (int i = 0; i < mjNPOLY; ++i) {
+    power *= length;
+    secant += m->jnt_stiffnesspoly[mjNPOLY * joint + i] * power;
+  }
+  for (int k = 0; k < 3; ++k) force[k] -= secant * stretch[k];
+}
+
 void add_tendon(const mjModel* m, const mjData* d, int tendon, double scale,
                 std::vector<double>& force) {
   const int first = m->ten_J_rowadr[tendon], last = first + m->ten_J_rownnz[tendon];
@@ -111,7 +127,7 @@ void ElasticForces::find_trees(const mjModel* m, const mjData* d) {
     for (int k = first; k < last; ++k) mark(m, m->ten_J_colind[k]);
   }
   for (int i = 0; i < m->njnt && has_springs; ++i)
-    if (m->jnt_type[i] == mjJNT_FREE && m->jnt_stiffness[i] != 0.0) mark(m, m->jnt_dofadr[i]);
+    if (has_spring(m, i)) mark(m, m->jnt_dofadr[i]);
   for (int i = 0; i < m->nactuator && !(m->opt.disableflags & mjDSBL_ACTUATION); ++i) {
     if (servo_stiffness(m, d, i) == 0.0) continue;
     const int output = m->actuator_outadr[i], first = d->moment_rowadr[output];
@@ -159,17 +175,16 @@ void ElasticForces::add_servos(const mjModel* m, const mjData* d) {
 void ElasticForces::add_joints(const mjModel* m, const mjData* d) {
   if (m->opt.disableflags & mjDSBL_SPRING) return;
   for (int i = 0; i < m->njnt; ++i) {
-    if (m->jnt_type[i] != mjJNT_FREE || m->jnt_stiffness[i] == 0.0) continue;
+    if (!has_spring(m, i)) continue;
     const int q = m->jnt_qposadr[i], dof = m->jnt_dofadr[i];
     for (auto [data, force] : {std::pair{d, &now_}, {ahead_.get(), &then_}}) {
-      mjtNum orientation[4], turn[3];
+      mjtNum orientation[4], turn[3], way[3];
       mju_copy4(orientation, data->qpos + q + 3);
       mju_normalize4(orientation);
       mju_subQuat(turn, orientation, m->qpos_spring + q + 3);
-      for (int k = 0; k < 3; ++k) {
-        (*force)[dof + k] -= m->jnt_stiffness[i] * (data->qpos[q + k] - m->qpos_spring[q + k]);
-        (*force)[dof + 3 + k] -= m->jnt_stiffness[i] * turn[k];
-      }
+      mju_sub3(way, data->qpos + q, m->qpos_spring + q);
+      add_spring(m, i, way, force->data() + dof);
+      add_spring(m, i, turn, force->data() + dof + 3);
     }
   }
 }

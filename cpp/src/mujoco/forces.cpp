@@ -23,10 +23,18 @@ double weight_of_subtree(const mjModel* m, const mjData* d, int dof) {
   return mju_dot3(axis, torque) + mju_dot3(axis + 3, weight);
 }
 
+// Groups of actuators that `disableactuator` has a bit for end here.
+constexpr int kLastGroup = 30;
+
+bool is_disabled(const mjModel* m, int actuator) {
+  const int group = m->actuator_group[actuator];
+  return group >= 0 && group <= kLastGroup && (m->opt.disableactuator & (1 << group));
+}
+
 }  // namespace
 
 double servo_stiffness(const mjModel_* m, const mjData_* d, int actuator) {
-  if (m->actuator_biastype[actuator] != mjBIAS_AFFINE) return 0.0;
+  if (m->actuator_biastype[actuator] != mjBIAS_AFFINE || is_disabled(m, actuator)) return 0.0;
   if (m->actuator_forcelimited[actuator]) {
     const mjtNum force = d->actuator_force[m->actuator_outadr[actuator]];
     const mjtNum* range = m->actuator_forcerange + 2 * actuator;

@@ -26,9 +26,6 @@ constexpr double kArrived = 1e-9;
 using Vector = std::array<double, 3>;
 using Pose = std::array<double, 7>;
 
-// A metre in the model's unit of length, which gravity tells: a thousand where it is 9810.
-double metre(const mjModel* m) { return std::max(1.0, gravity(m) / kStandardGravity); }
-
 // The rotation vector, world, from one orientation to another.
 Vector rotation_between(const double* from, const double* to) {
   mjtNum inverse[4], difference[4];

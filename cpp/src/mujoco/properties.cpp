@@ -26,6 +26,13 @@ double gravity(const mjModel_* m) {
   return m->opt.disableflags & mjDSBL_GRAVITY ? 0.0 : mju_norm3(m->opt.gravity);
 }
 
+double usual_gravity(const mjModel_* m) {
+  const double own = gravity(m);
+  return own > 0.0 ? own : kStandardGravity;
+}
+
+double metre(const mjModel_* m) { return std::max(1.0, gravity(m) / kStandardGravity); }
+
 std::array<double, 3> geom_friction(const mjModel_* m, int geom) {
   const mjtNum* f = geom < 0 ? m->flex_friction + 3 * (-1 - geom) : m->geom_friction + 3 * geom;
   return {f[0], f[1], f[2]};

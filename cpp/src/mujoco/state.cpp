@@ -58,6 +58,10 @@ void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& bo
   std::copy_n(body.velocity.data(), 6, d->qvel + dof);
 }
 
+void set_velocity(mjData_* d, const std::vector<double>& velocity) {
+  std::copy(velocity.begin(), velocity.end(), d->qvel);
+}
+
 void add_velocity(mjData_* d, const Tree& t, const double* change) {
   mju_addTo(d->qvel + t.dof_begin, change + t.begin, t.dof_count);
 }

@@ -154,8 +154,8 @@ double Memory::force(int index) const {
 
 double Memory::parted_hit(int index) const {
   const double* slot = contact_storage(index);
-  return slot[offsetof(RememberedContact, hit) / sizeof(double)] *
-         slot[offsetof(RememberedContact, compression) / sizeof(double)];
+  const bool hit = slot[offsetof(RememberedContact, hit) / sizeof(double)] != 0.0;
+  return hit ? slot[offsetof(RememberedContact, compression) / sizeof(double)] : 0.0;
 }
 
 EnergyLedger Memory::ledger() const {
@@ -240,7 +240,7 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   }
   slot.credit = data.credit[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
-  const bool comes = input.gap > 0.0 && change > kHitSpeed;
+  const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
   slot.hit = data.is_of_lone_pair[index] ? (comes ? kHit : data.hit[index]) : 0.0;
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));

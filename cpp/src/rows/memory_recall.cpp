@@ -11,7 +11,7 @@ namespace dashpot {
 
 namespace {
 
-// That of a hundred weights, as contacts of SI stiffness bear: m/s^2 or rad/s^2.
+// That of a hundred weights, as contacts of SI stiffness bear, m/s^2; of rotations the same number.
 constexpr double kBearableAcceleration = 100.0 * 9.80665;
 constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
 constexpr int kContactsAtOnce = 64;    // by a thread
@@ -42,6 +42,7 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   if (deformation == 0.0) return 0.0;
   const double k = rows.stiffness[row];
   if (k == 0.0) return 1.0;  // a dashpot alone: neither force nor energy
+  if (old_stiffness == 0.0) return 0.0;
   const double same_force = old_stiffness / k;
   if (std::isinf(recovery_speed)) return same_force;
   const double stored = 0.5 * old_stiffness * deformation * deformation;
@@ -115,7 +116,7 @@ double borne_position(const ConstraintInput& input, double remembered, const Row
   const double k = rows.stiffness[c.row];
   const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
   if (k * w == 0.0) return 0.0;
-  const double most = std::max(kBearableAcceleration / (k * w), std::abs(remembered));
+  const double most = std::max(kBearableAcceleration * rows.metre / (k * w), std::abs(remembered));
   return std::clamp(input.position, -most, most);
 }
 

@@ -111,8 +111,8 @@ void parallel_for(int items, int threads, const Interrupt& interrupt,
       const std::lock_guard<std::mutex> lock(mutex);
       ++at_work;
     }
-  } catch (const std::system_error&) {
-    // The system gives no more threads: those that there are do the work.
+  } catch (const std::exception&) {
+    // The system gives no more threads, or memory: those that there are do the work.
   }
   work(0);
   {

@@ -26,7 +26,7 @@ void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& fo
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
 // What an actuator's force falls by with its length, N/m or N m/rad: of servos, whose bias is
-// affine in it, unless their force is at the end of its range.
+// affine in it, unless their group is disabled or their force is at the end of its range.
 double servo_stiffness(const mjModel_* m, const mjData_* d, int actuator);
 // What the forces of actuators (nv) change by, to first order, because joints move by a
 // `displacement` (nv): those of servos, whose bias is affine in the actuator's length, where their

@@ -2,6 +2,8 @@
 
 #pragma once
 
+#include <vector>
+
 #include "dashpot/mujoco/welded_parts.hpp"
 #include "dashpot/rows/free_body.hpp"
 #include "dashpot/rows/trees.hpp"
@@ -21,6 +23,7 @@ FreeBody read_free_body(const mjModel_* m, const mjData_* d, int tree, const Wel
 Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
+void set_velocity(mjData_* d, const std::vector<double>& velocity);  // (nv)
 void add_velocity(mjData_* d, const Tree& t, const double* change);  // by motion coordinate
 // Moves one tree by `displacement`, one entry per degree of freedom of it.
 void move_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* displacement);

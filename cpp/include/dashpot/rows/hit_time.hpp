@@ -27,7 +27,8 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
 // is more than smooth forces, or the turn of its geometry, make in two steps. Corners that hit more
-// slowly leave with 17 % of the impulse wrong, not 8; with 5 mm/s a pile at rest passed for hit.
+// slowly leave with 17 % of the impulse wrong, not 8; with 5 mm/s a pile at rest passed for hit. Of
+// contacts in a model's own unit of length (Rows::metre); a limit has the same number in rad/s.
 inline constexpr double kHitSpeed = 0.02;
 // How many times the load of smooth forces the spring of what is hit bears.
 inline constexpr double kHitLoads = 4.0;

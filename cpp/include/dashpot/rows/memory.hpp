@@ -45,7 +45,7 @@ struct RememberedContact {
   double roll[3], roll_stiffness;
   double credit;  // energy that rising stiffness took from these springs, J
   double hit;     // RowData::hit, or kHit if it came to touch in that step as a hit; 0 where its
-                  // island had contacts of other geoms than its two
+                  // island had contacts of other trees than its two
   SolrefLoad solref;
 };
 

@@ -172,7 +172,8 @@ struct Rows {
   // coefficient (1 or m) of a contact's friction row, the force (N, N m) of a slider.
   std::vector<double> stiffness, damping, friction;
 
-  int appended = 0;  // rows of the groups so far
+  double metre = 1.0;  // in the model's unit of length
+  int appended = 0;    // rows of the groups so far
 
   // w, but no less than a hundredth of the typical one. Near a singular configuration w falls by
   // orders of magnitude within a step; stiffness and energies per apparent mass go by this bound.
