@@ -49,6 +49,57 @@ def test_a_tumbler_on_a_swing_keeps_the_energy_of_both(joints, timestep):
     assert np.abs(change).max() < 1e-3
 
 
+def rocker(timestep, joints, tilt, shape, inertia=""):
+    """Return a body that stands on its ellipsoid or ball, tilted about y, on a rigid plane."""
+    engine = dashpot.Engine(
+        mujoco.MjModel.from_xml_string(f"""<mujoco><option timestep="{timestep}"/><worldbody>
+          <geom type="plane" size="9 9 1" friction="1 0 0"/><body pos="0 0 1">{joints}{inertia}
+          <geom {shape} friction="1 0 0"/></body></worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    if data.qpos.size == 7:
+        data.qpos[3:] = np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0
+    else:
+        data.qpos[-1] = tilt
+    mujoco.mj_forward(engine.model, data)
+    floor_to_body = dashpot.distance(engine.model, data, 0, 1).distance
+    data.qpos[2 if data.qpos.size == 7 else 1] -= floor_to_body
+    return engine, data
+
+
+ROCKERS = {
+    # Semi-axes of a homogeneous pebble; a ball whose centre is above that of mass.
+    "pebble": ('type="ellipsoid" size=".1 .06 .02" density="1000"', "", 0.15),
+    "small swing": ('type="ellipsoid" size=".1 .06 .02" density="1000"', "", 0.05),
+    "roly-poly": (
+        'size=".1" pos="0 0 .08"',
+        '<inertial pos="0 0 0" mass="1" diaginertia="4e-4 4e-4 4e-4"/>',
+        0.2,
+    ),
+}
+ROCKER_JOINTS = {
+    "free": "<freejoint/>",
+    "joints": '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+    '<joint type="hinge" axis="0 1 0"/>',
+}
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002])
+@pytest.mark.parametrize("joints", ROCKER_JOINTS)
+@pytest.mark.parametrize("body", ROCKERS)
+def test_what_rocks_in_place_gains_no_energy(body, joints, timestep):
+    """A pebble gained 18 % in 30 s at 2 ms by what it sank in by in every step, and rose by."""
+    shape, inertia, tilt = ROCKERS[body]
+    level = rocker(timestep, ROCKER_JOINTS[joints], 0.0, shape, inertia)
+    engine, data = rocker(timestep, ROCKER_JOINTS[joints], tilt, shape, inertia)
+    lowest = level[0].energy(level[1]).mechanical
+    swing = engine.energy(data).mechanical - lowest
+    engine.step(data, nstep=round(20.0 / timestep))
+    kept = (engine.energy(data).mechanical - lowest) / swing
+    # Of fourth order; a loss is that of gaps, which close within a step.
+    assert 0.94 < kept < 1.01
+
+
 def test_a_tumbler_swings_in_phase():
     """Of second order in the step."""
     coarse, fine = (phase_error(timestep, duration=2.0) for timestep in (0.004, 0.002))

@@ -149,6 +149,7 @@ void fill_law(double h, ContactLanes<Dim>& law) {
     law.inverse_friction_load[lane] = log_uniform(1e-3, 10.0);
     for (Lanes& turning : law.turning) turning[lane] = uniform(-1.0, 1.0);
     law.ahead[lane] = uniform(0.0, 1e-3);
+    law.drift[lane] = uniform(-1e-3, 1e-3);
     for (auto& of_row : law.relaxation) of_row.relaxation[lane] = uniform(0.0, 1.0);
     law.bearable[lane] = 1e-4;
     law.recovery_speed[lane] = 0.1;

@@ -70,11 +70,12 @@ struct LanePacker {
   }
 
   template <int Dim>
-  void pack_law(const RowGroup& c, int lane, ContactLanes<Dim>& law) const {
+  void pack_law(const RowGroup& c, int index, int lane, ContactLanes<Dim>& law) const {
     law.loaded_friction[lane] = c.loaded_friction;
     law.inverse_friction_load[lane] = 1.0 / c.friction_load;
     law.load_dependent = law.load_dependent || c.loaded_friction < 1.0;
     law.ahead[lane] = c.ahead;
+    law.drift[lane] = data.drift[index];
     for (int i = 0; i < std::min(Dim, 3); ++i) {
       law.turning[i][lane] = c.turning[i];
       law.turns = law.turns || c.turning[i] != 0.0;
@@ -90,7 +91,7 @@ struct LanePacker {
     }
   }
 
-  void pack_law(const RowGroup& c, int lane, SpringLanes& law) const {
+  void pack_law(const RowGroup& c, int, int lane, SpringLanes& law) const {
     law.relaxation.relaxation[lane] = relaxation(c.row);
     law.limit[lane] =
         c.kind == RowKind::kSlider ? rows.friction[c.row] : std::numeric_limits<double>::infinity();
@@ -106,7 +107,7 @@ struct LanePacker {
       const RowGroup& c = rows.group[index];
       pack_jacobian(c, lane, groups.values[lane], block.jacobian);
       pack_rows(c, index, lane, block.law);
-      pack_law(c, lane, block.law);
+      pack_law(c, index, lane, block.law);
     }
   }
 };

@@ -242,6 +242,7 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
   const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
   slot.hit = data.is_of_lone_pair[index] ? (comes ? kHit : data.hit[index]) : 0.0;
+  slot.turning = c.turning[0];
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }

@@ -28,10 +28,8 @@ void RowData::reset_motion(int coordinates) {
 void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
-  offset.assign(rows.group.size(), 0.0);
-  credit.assign(rows.group.size(), 0.0);
-  force_moment.assign(rows.group.size(), 0.0);
-  turning_work.assign(rows.group.size(), 0.0);
+  for (auto* array : {&offset, &credit, &force_moment, &turning_work, &drift})
+    array->assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
   for (auto* array : {&touched, &hit, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
   work = recovery_input = EnergyShares{};

@@ -57,6 +57,7 @@ struct ContactLanes : RowLanes<Dim> {
   Lanes turning[Dim < 3 ? Dim : 3];              // of RowGroup
   Lanes turning_work;                            // J, of RowData
   Lanes ahead;                                   // of RowGroup
+  Lanes drift;                                   // m/s, of RowData
 };
 
 // A spring-damper of either sign whose force is at most `limit`: infinite for an equality.

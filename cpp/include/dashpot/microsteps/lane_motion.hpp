@@ -49,14 +49,15 @@ template <int Dim>
 
 // What the turn of its geometry adds to a contact's rates at `rate_time` (s) from the start of the
 // step on: less than those of the frozen geometry before the time that this is of, and more after
-// it. It is no motion of bodies, so no work is booked of it. `work_time` (s): the mean time of the
-// last impulses.
+// it, and the drift. It is no motion of bodies, so no work is booked of it. `work_time` (s): the
+// mean time of the last impulses.
 template <int Dim>
 [[gnu::always_inline]] static inline void turn_rows(ContactLanes<Dim>& c, double rate_time,
                                                     double work_time, Lanes* rate) {
   for (int i = 0; i < std::min(Dim, 3); ++i) {
-    rate[i] += c.turning[i] * (rate_time - c.ahead);
-    const Lanes work = c.impulse[i] * c.turning[i] * (work_time - c.ahead);
+    const Lanes drift = i == 0 ? c.drift : Lanes{};
+    rate[i] += c.turning[i] * (rate_time - c.ahead) + drift;
+    const Lanes work = c.impulse[i] * (c.turning[i] * (work_time - c.ahead) + drift);
     c.work[i > 0] -= work;
     c.turning_work += work;
   }
@@ -69,6 +70,7 @@ template <int Dim>
                                                             Lanes* displacement) {
   for (int i = 0; i < std::min(Dim, 3); ++i)
     displacement[i] += c.turning[i] * (time * (0.5 * time - c.ahead));
+  displacement[0] += c.drift * time;
 }
 
 // Books the second term of the work, of all micro-steps together. `load`: of every row.

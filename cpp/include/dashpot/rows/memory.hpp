@@ -43,9 +43,10 @@ struct RememberedContact {
   double slide[3], slide_stiffness;
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
-  double credit;  // energy that rising stiffness took from these springs, J
-  double hit;     // RowData::hit, or kHit if it came to touch in that step as a hit; 0 where its
-                  // island had contacts of other trees than its two
+  double credit;   // energy that rising stiffness took from these springs, J
+  double hit;      // RowData::hit, or kHit if it came to touch in that step as a hit; 0 where its
+                   // island had contacts of other trees than its two
+  double turning;  // of its normal, m/s^2, see RowGroup::turning
   SolrefLoad solref;
 };
 

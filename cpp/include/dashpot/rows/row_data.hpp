@@ -47,6 +47,9 @@ struct RowData {
   // Per group: work (J) that a contact frozen within the step would have done on bodies because its
   // normal and arms turn.
   std::vector<double> turning_work;
+  // Per group: how much faster (m/s) the gap of a turning contact grows than by the rates of its
+  // normal (detection/turning.hpp). It is no motion of bodies.
+  std::vector<double> drift;
 
   // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth
   // acceleration is no part of the integrator's; and the energy (J) that the drag of damped trees
