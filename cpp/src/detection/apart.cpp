@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dashpot/detection/collisions.hpp"
+#include "dashpot/geometry/slots_by_pair.hpp"
 
 namespace dashpot::host {
 
@@ -22,10 +23,6 @@ constexpr double kStepsWorth = 2.0;
 constexpr int kWaits = 32;
 // Pairs kept. More come from many bodies that move among each other; then it begins anew.
 constexpr size_t kMostKept = 4096;
-
-std::uint64_t key_of(const CandidatePair& pair) {
-  return (static_cast<std::uint64_t>(pair.geom[0]) << 32) | static_cast<unsigned>(pair.geom[1]);
-}
 
 // Whether MuJoCo searches for the distance of two geoms, and climbs over the vertices of a mesh, so
 // that a distance known saves time. Without one a search takes no longer than all of this: heaps of
@@ -104,13 +101,13 @@ void PairsApart::make_room() {
 
 std::optional<PairsApart::Known> PairsApart::known(const CandidatePair& pair) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = known_.find(key_of(pair));
+  const auto found = known_.find(pair_key(pair.geom[0], pair.geom[1]));
   return found == known_.end() ? std::nullopt : std::optional<Known>(found->second);
 }
 
 void PairsApart::keep(const CandidatePair& pair, const Known& known) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  known_[key_of(pair)] = known;
+  known_[pair_key(pair.geom[0], pair.geom[1])] = known;
 }
 
 }  // namespace dashpot::host

@@ -27,12 +27,11 @@ std::array<double, 3> before_spin(const ContactMotion& motion, int side, const m
 
 }  // namespace
 
-double squared_distance(const ContactInput& start, const SeenContact& seen) {
+double squared_distance_on_geoms(const ContactInput& start, const SeenContact& seen) {
   double least = std::numeric_limits<double>::infinity();
   for (int i = 0; i < 2; ++i)
-    least = std::min(
-        {least, dashpot::squared_distance(start.local_position[i].data(), seen.local[i].data()),
-         dashpot::squared_distance(start.local_position[i].data(), seen.on_shape[i].data())});
+    least = std::min({least, squared_distance(start.local_position[i].data(), seen.local[i].data()),
+                      squared_distance(start.local_position[i].data(), seen.on_shape[i].data())});
   return least;
 }
 
@@ -78,7 +77,7 @@ ContactInput* SeenContacts::start_of(const SeenContact& seen, ContactInput* firs
 // Squared, infinite where the one is no continuation of the other.
 double SeenContacts::distance_of(const ContactInput& contact, const SeenContact& seen) const {
   return is_across_groove(contact, seen) ? std::numeric_limits<double>::infinity()
-                                         : squared_distance(contact, seen);
+                                         : squared_distance_on_geoms(contact, seen);
 }
 
 // Whether the two are on sides of a height field that rise from each other. What rolls from the

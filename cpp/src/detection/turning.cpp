@@ -206,7 +206,7 @@ class TurningPair {
         has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
     const double part = std::min(1.0, std::abs(seen_at_) / middle());
     const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
-    if (squared_distance(contact, *same) > far * far) return false;
+    if (squared_distance_on_geoms(contact, *same) > far * far) return false;
     if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
       return false;
     if (!far_.follows(data_, contact, *same, step_.pairs, step_.length)) return false;

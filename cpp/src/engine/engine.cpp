@@ -252,7 +252,7 @@ void Stepper::Impl::run_islands() {
   for (const Island& island : islands.all()) {
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
-                          clock.length, data, recovery_displacement, team);
+                          clock.length, data, recovery_displacement);
     ledger.dissipated_recovery -= strained;
     ledger.elastic += strained;
   }

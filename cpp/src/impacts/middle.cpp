@@ -13,11 +13,11 @@ namespace dashpot {
 namespace {
 
 // Squared distance of two points on that geom of the pair on which they are nearer.
-double squared_distance(const ContactInput& a, const ContactInput& b) {
+double squared_distance_on_geoms(const ContactInput& a, const ContactInput& b) {
   double nearest = std::numeric_limits<double>::infinity();
   for (int side = 0; side < 2; ++side)
-    nearest = std::min(nearest, dashpot::squared_distance(a.local_position[side].data(),
-                                                          b.local_position[side].data()));
+    nearest = std::min(
+        nearest, squared_distance(a.local_position[side].data(), b.local_position[side].data()));
   return nearest;
 }
 
@@ -27,7 +27,7 @@ int nearest_of_pair(const ContactInput& contact, const std::vector<ContactInput>
   double least = std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < contacts.size(); ++i) {
     if (contacts[i].geom != contact.geom) continue;
-    const double distance = squared_distance(contact, contacts[i]);
+    const double distance = squared_distance_on_geoms(contact, contacts[i]);
     if (distance >= least) continue;
     least = distance;
     nearest = static_cast<int>(i);
@@ -40,7 +40,8 @@ void take_gaps_at_start(const std::vector<ContactInput>& start, const std::vecto
                         std::vector<ContactInput>& contacts) {
   for (size_t i = 0; i < contacts.size(); ++i) {
     const int same = nearest_of_pair(contacts[i], start);
-    if (same < 0 || squared_distance(contacts[i], start[same]) > 4.0 * way[i] * way[i]) continue;
+    if (same < 0 || squared_distance_on_geoms(contacts[i], start[same]) > 4.0 * way[i] * way[i])
+      continue;
     if (nearest_of_pair(start[same], contacts) == static_cast<int>(i))
       contacts[i].gap = start[same].gap;
   }

@@ -10,7 +10,7 @@ namespace dashpot {
 
 double recover_positions(const Rows& rows, const Trees& trees, const Island& island,
                          double recovery_speed, double time, RowData& data,
-                         std::vector<double>& displacement, Team& team) {
+                         std::vector<double>& displacement) {
   if (std::none_of(island.group.begin(), island.group.end(), [&](int index) {
         return rows.group[index].kind == RowKind::kBilateral && data.offset[index] != 0.0;
       }))
@@ -46,11 +46,11 @@ double recover_positions(const Rows& rows, const Trees& trees, const Island& isl
     for (int i = t.begin; i < t.begin + t.count; ++i) displacement[i] *= part;
   }
 
-  const double before = elastic_energy(rows, data, team).sum();
+  const double before = elastic_energy(rows, data, system.groups());
   for_each_row([&](int row, size_t i) { data.deformation[row] += beyond(i, part); });
   for (int index : system.groups())
     if (rows.group[index].kind == RowKind::kBilateral) data.touched[index] = 1;
-  return elastic_energy(rows, data, team).sum() - before;
+  return elastic_energy(rows, data, system.groups()) - before;
 }
 
 }  // namespace dashpot

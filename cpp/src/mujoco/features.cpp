@@ -119,9 +119,11 @@ void report_options(const mjModel* m, Report& report) {
     report.add("option ccd_tolerance, flag multiccd", Treatment::kHonoured,
                "contacts are those that MuJoCo finds");
   else
-    report.add("option ccd_tolerance, flag multiccd", Treatment::kMapped,
-               "nearest points are searched to 1e-9 m, with capsules to ccd_tolerance; what lies "
-               "flat, on a side or along an edge has points of its own");
+    report.add(
+        "option ccd_tolerance, flag multiccd", Treatment::kMapped,
+        "nearest points are searched to 1e-8 of the smaller half width, at most 1e-9 m, with "
+        "capsules to 1e-4 of it or ccd_tolerance; what lies flat, on a side or along an edge "
+        "has points of its own");
   report.add("option cone", Treatment::kMapped,
              report.comfree() ? "friction cones are pyramids" : "friction cones are elliptic");
 }

@@ -17,6 +17,8 @@ constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
 constexpr int kContactsAtOnce = 64;    // by a thread
 // Fraction of a step up to which the time that a contact is frozen at is that of the middle.
 constexpr double kMiddle = 0.03;
+// Part of its turn by which that of a contact changes in a step at most if it goes on steadily.
+constexpr double kSteadyTurning = 0.4;
 // (omega H)^2 of an equality on a model's own solref up to which its spring has the position for
 // its deformation. What rows and position differ by has either sign: where the smaller counted, a
 // weld at 22 rad/s lost 2 % of its energy in 5 s at 1 ms. Stiffer ones would take it for force.
@@ -81,12 +83,15 @@ bool is_elastic(const Rows& rows, const RowGroup& c) {
   return d * d * rows.inverse_mass[c.row] <= 4.0 * kElasticRatio * kElasticRatio * k;
 }
 
-// RowData::drift of a contact that turns on, T H / 8 more than before (detection/turning.hpp). What
-// is hit is frozen at other times, and what goes from one corner to the next turns anew.
+// RowData::drift of a contact that turns on as before, a little faster or slower
+// (detection/turning.hpp). What goes from one corner to the next, or turns by a radian in a step,
+// turns anew.
 double drift_of(const RememberedContact& old, const RowGroup& c, double length) {
   const bool in_middle = std::abs(c.ahead - 0.5 * length) <= kMiddle * length;
-  const bool goes_on = c.turning[0] * old.turning > 0.0;
-  return in_middle && goes_on ? 0.125 * length * (c.turning[0] - old.turning) : 0.0;
+  const double change = c.turning[0] - old.turning;
+  const double larger = std::max(std::abs(c.turning[0]), std::abs(old.turning));
+  const bool goes_on = std::abs(change) <= kSteadyTurning * larger;
+  return in_middle && goes_on ? 0.125 * length * change : 0.0;
 }
 
 // Rigid contacts keep their slack, for their stiffness goes on changing. What is hit keeps all that
@@ -210,7 +215,8 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     const ContactInput& input = contacts[c.input];
     data.deformation[c.row] = input.gap;
     const int nearest = matches[index].nearest;
-    if (nearest >= 0) data.drift[index] = drift_of(contact(nearest), c, length);
+    // What is hit is frozen where its force is.
+    if (nearest >= 0 && !data.hit[index]) data.drift[index] = drift_of(contact(nearest), c, length);
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     const double force = old.stiffness * old.compression;

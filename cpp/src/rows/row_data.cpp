@@ -44,6 +44,25 @@ bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
   return gap + time * (rate[0] + time * load[0]) <= 0.0;
 }
 
+namespace {
+
+void add_elastic_energy(const Rows& rows, const RowData& data, int index, EnergyShares& energy) {
+  const RowGroup& c = rows.group[index];
+  if (c.is_unilateral() && data.deformation[c.row] >= 0.0) return;
+  for (int i = 0; i < c.dim; ++i) {
+    const double x = data.deformation[c.row + i];
+    share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
+  }
+}
+
+}  // namespace
+
+double elastic_energy(const Rows& rows, const RowData& data, const std::vector<int>& groups) {
+  EnergyShares energy;
+  for (int index : groups) add_elastic_energy(rows, data, index, energy);
+  return energy.sum();
+}
+
 EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team) {
   const int count = static_cast<int>(rows.group.size());
   thread_local std::vector<EnergyShares> kept;  // by the thread: no allocation in a step
@@ -52,14 +71,7 @@ EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team) {
   team.for_each(static_cast<int>(of_range.size()), 1, [&](int range) {
     EnergyShares energy;
     const int first = range * kGroupsOfSum, last = std::min(count, first + kGroupsOfSum);
-    for (int index = first; index < last; ++index) {
-      const RowGroup& c = rows.group[index];
-      if (c.is_unilateral() && data.deformation[c.row] >= 0.0) continue;
-      for (int i = 0; i < c.dim; ++i) {
-        const double x = data.deformation[c.row + i];
-        share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;
-      }
-    }
+    for (int index = first; index < last; ++index) add_elastic_energy(rows, data, index, energy);
     of_range[range] = energy;
   });
   EnergyShares energy;

@@ -25,8 +25,7 @@ class Partners {
   void start(const mjModel_* m, const mjData_* d, const std::vector<double>& way,
              const std::vector<double>& reach);
   // Those whose bounds leave no more than the ways of both and their margin, and whose ways are
-  // more than detection knew of. Valid until the next
-  // call.
+  // more than detection knew of. Valid until the next call.
   const std::vector<Partner>& of(int geom);
 
  private:

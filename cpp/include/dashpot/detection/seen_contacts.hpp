@@ -24,7 +24,7 @@ struct SeenContact {
 
 // Squared distance (m^2) of the places of two contacts on the geom on which they are nearer: on a
 // wheel, the place as it turns with it, or stays.
-double squared_distance(const ContactInput& start, const SeenContact& seen);
+double squared_distance_on_geoms(const ContactInput& start, const SeenContact& seen);
 
 // All of a pair.
 class SeenContacts {

@@ -1,9 +1,8 @@
 // Contacts of the points with which a geom lies on a height field.
 //
-// They are corners of boxes and meshes, points of the rims of cylinders that stand
-// and the ends of the lowest line of those that lie, the balls at the ends of
-// capsules, the lowest point of an ellipsoid or a ball, over the triangle beneath it, and over
-// those beside that rise from it.
+// They are corners of boxes and meshes, points of the rims of cylinders that stand and the ends of
+// the lowest line of those that lie, the balls at the ends of capsules, the lowest point of an
+// ellipsoid or a ball, over the triangle beneath it, and over those beside that rise from it.
 //
 // What rolls in a groove or a bowl hits the triangle that rises before it. Found when its lowest
 // point is over that, the overlap of up to a step was recovered, and put in the work of its weight.

@@ -44,7 +44,8 @@ struct CombinationRules {
 // kRatio or kDamping, never as kRestitution, so that damping_of() of a pair is cheap; equations in
 // material.cpp. Where only one side overrides friction, the other side's `friction` must hold its
 // geom's MJCF values; a NaN yields to the other side's number. Throws std::invalid_argument if
-// rules.damping is kMin or kMax and one side gives N s/m, the other a ratio or restitution.
+// rules.damping is kMin or kMax and one side gives N s/m, the other a ratio or restitution, unless
+// one of them is rigid or that of a geom that nobody set, beside which the other's is whole.
 Material combine(const Material& a, const Material& b, const CombinationRules& rules);
 
 // Exact restitution of a Kelvin-Voigt contact that releases at zero force (no pulling), without

@@ -32,6 +32,6 @@ struct Island;
 // energy that the springs of other rows took up by following it, J.
 double recover_positions(const Rows& rows, const Trees& trees, const Island& island,
                          double recovery_speed, double time, RowData& data,
-                         std::vector<double>& displacement, Team& team);
+                         std::vector<double>& displacement);
 
 }  // namespace dashpot

@@ -3,8 +3,8 @@
 //
 // Body b of mass m_b, centre of mass c_b and inertia I_b about it, all in the frame of the root:
 //
-//     m = sum m_b,   c = sum m_b c_b / m,   I = sum I_b + m_b (|r_b|^2 1 - r_b r_b'),  r_b = c_b -
-//     c
+//     m = sum m_b,   c = sum m_b c_b / m,   r_b = c_b - c,
+//     I = sum I_b + m_b (|r_b|^2 1 - r_b r_b')
 
 #pragma once
 

@@ -75,7 +75,8 @@ struct RowData {
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
                               const double* velocity, const double* acceleration, double time);
 
-// Elastic energy stored in the springs, J.
+// Elastic energy stored in the springs, of all groups or of some, J.
 EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team);
+double elastic_energy(const Rows& rows, const RowData& data, const std::vector<int>& groups);
 
 }  // namespace dashpot

@@ -32,9 +32,9 @@ struct ContactInput {
   std::array<int, 2> tree{-1, -1};  // trees of the two bodies, -1 for static ones
   // Geoms whose contacts with geom 1 at a seam it takes over, else -1.
   std::array<int, 3> takes_over{-1, -1, -1};
-  int continued =
-      -1;       // side of the geom whose surface another one continues, see detection/seams.hpp
-  int dim = 1;  // rows: 1, 3, 4 or 6
+  // Side of the geom whose surface another one continues, see detection/seams.hpp, else -1.
+  int continued = -1;
+  int dim = 1;                       // rows: 1, 3, 4 or 6
   double gap = 0.0;                  // m, distance less margin
   double margin = 0.0;               // m
   std::array<double, 3> position{};  // m, world
