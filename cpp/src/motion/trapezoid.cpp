@@ -11,16 +11,6 @@
 
 namespace dashpot {
 
-namespace {
-
-// What two changes, one after the other, have in common: the smaller if both have one sign.
-double lasting_part(double before, double now) {
-  if (before * now <= 0.0) return 0.0;
-  return std::abs(before) < std::abs(now) ? before : now;
-}
-
-}  // namespace
-
 void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
                                  const Memory& memory,
                                  const std::vector<ConstraintInput>& constraints,
@@ -34,8 +24,12 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   couple_trees(model, memory, rows, motion.tree_count());
   host::drives(model, d, motion.start_velocity(), drive_);
   drive_change_.assign(drive_.size(), 0.0);
+  commanded_change_.assign(drive_.size(), 0.0);
+  followed_.assign(drive_.size(), 0.0);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
+  find_left_halves(memory, motion);
   find_potential_forces(model, d, trees);
+  find_drive_changes(model, d, memory, trees);
   recall_equalities(memory, constraints, rows, trees);
   translations_.find(model, d, rows, trees, first_);
   holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
@@ -43,6 +37,7 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   correct_speeds();
   book_second_half(ledger);
   add_second_half(trees, data);
+  count_followed_changes(trees);
   load_drives(length, memory, trees, data);
   stop_fast_turns(length, rows);
 }
@@ -55,6 +50,17 @@ void Trapezoid::couple_trees(const mjModel_* model, const Memory& memory, const 
     if (first >= 0) coupled_[first].by_equalities = true;
   add_held_trees(model, rows, first_);
   add_freed_trees(model, memory.held_motion(), first_);
+}
+
+void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion) {
+  const HeldMotion before = memory.held_motion();
+  left_half_.assign(first_.size(), 0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& t = motion.trees().tree[index];
+    const auto begin = motion.start_velocity().begin() + t.dof_begin;
+    left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
+                        std::equal(begin, begin + t.dof_count, memory.end_velocity() + t.dof_begin);
+  }
 }
 
 void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
@@ -98,19 +104,14 @@ bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double leng
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                                  TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
-  const double* end_velocity = memory.end_velocity();
   const double* leads = memory.leading_length();
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
   force_.resize(trees.coordinates);
   generalized_.assign(velocity.size(), 0.0);
-  left_half_.assign(trees.tree.size(), 0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = trees.tree[index];
-    const auto begin = velocity.begin() + t.dof_begin;
-    left_half_[index] = first_[index] >= 0 && before.length[index] > 0.0 &&
-                        std::equal(begin, begin + t.dof_count, end_velocity + t.dof_begin);
     if (!left_half_[index]) continue;
     CoupledEnergy& coupled = coupled_[first_[index]];
     coupled.left_half = true;
@@ -126,9 +127,8 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted += weight * potential * before.displacement[dof] +
                         0.5 * leads[index] * velocity[dof] * turning;
-      drive_change_[dof] = drive_[dof] - before.drive[dof];
       if (!coupled.follows_drives) continue;
-      const double change = weight * drive_change_[dof];
+      const double change = weight * followed_change_[dof];
       force[i] += change;
       coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
@@ -240,28 +240,6 @@ void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
       added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
       data.velocity[i] += added_[i];
     }
-  }
-}
-
-void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
-                            RowData& data) {
-  const HeldMotion before = memory.held_motion();
-  for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!left_half_[index]) continue;
-    const CoupledEnergy& coupled = coupled_[first_[index]];
-    if (coupled.follows_drives || coupled.by_equalities) continue;
-    const Tree& t = trees.tree[index];
-    if (load_.empty()) load_.assign(drive_.size(), 0.0);
-    const double ahead = 0.5 * std::min(1.0, length / before.length[index]);
-    std::fill_n(force_.begin() + t.begin, t.count, 0.0);
-    for (int i = 0; i < t.dof_count; ++i) {
-      const int dof = t.dof_begin + i;
-      load_[dof] = ahead * lasting_part(before.drive_change[dof], drive_change_[dof]);
-      force_[t.begin + i] = load_[dof];
-    }
-    double* added = data.added_acceleration.data() + t.begin;
-    add_response(trees, index, force_.data() + t.begin, added);
-    for (int i = 0; i < t.dof_count; ++i) data.smooth_acceleration[t.begin + i] += added[i];
   }
 }
 

@@ -48,6 +48,9 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   std::copy_n(potential_.begin() + t.dof_begin, t.dof_count, now.potential + t.dof_begin);
   std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
   std::copy_n(drive_change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
+  std::copy_n(commanded_change_.begin() + t.dof_begin, t.dof_count,
+              now.commanded_change + t.dof_begin);
+  std::copy_n(followed_.begin() + t.dof_begin, t.dof_count, now.followed + t.dof_begin);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];

@@ -12,7 +12,6 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
                              const TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const int trees = motion.tree_count();
-  host::servo_changes(model, d, before.displacement, servo_change_);
   const auto change_of = [&](const CoupledEnergy& coupled, int dof) {
     const double change = potential_[dof] - before.potential[dof];
     return coupled.follows_drives ? change + servo_change_[dof] : change;

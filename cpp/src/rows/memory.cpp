@@ -49,7 +49,7 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 3 * held_trees + 4 * held_dofs + 2 * held_coordinates;
+  return 3 * held_trees + 6 * held_dofs + 2 * held_coordinates;
 }
 
 int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
@@ -82,7 +82,9 @@ HeldMotion Memory::held_motion() const {
   motion.potential = motion.displacement + layout_.held_dofs;
   motion.drive = motion.potential + layout_.held_dofs;
   motion.drive_change = motion.drive + layout_.held_dofs;
-  motion.acceleration = motion.drive_change + layout_.held_dofs;
+  motion.commanded_change = motion.drive_change + layout_.held_dofs;
+  motion.followed = motion.commanded_change + layout_.held_dofs;
+  motion.acceleration = motion.followed + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;
   return motion;
 }

@@ -17,11 +17,19 @@
 // Forces of actuators, and those that users apply, most often follow from the motion too: position
 // servos, and controllers that are asked once a step. Held over a step whose positions have both
 // halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
-// hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. They
-// may also jump: where no s near 1 is left with it, they are taken as held after all. So it is with
-// servos of light fingers that hold something heavy, whose second half alone would throw them
-// about. There what e changed by in the last step and in the one before, the smaller of the two, is
-// taken to go on: half of it is a load beside e, which does its work as e does.
+// hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. Where
+// no s near 1 is left with it, they are taken as held after all. So it is with servos of light
+// fingers that hold something heavy, whose second half alone would throw them about. There what e
+// changed by in the last step and in the one before, the smaller of the two, is taken to go on:
+// half of it is a load beside e, which does its work as e does.
+//
+// Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
+// n e H. (Followed, its first half would find no s where the tree rests, and its second half, -e H
+// / 2, one where the tree moves by then.) Apart from what servos change by because joints move,
+// which follows from the motion, it is what two changes, one after the other, differ by, where that
+// is much. But where a force falls at once that was followed on its way up, as a sawtooth does,
+// that much is followed down: of any course it is half a step of its largest value, at most, that
+// is left of the halves.
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
@@ -106,7 +114,11 @@ class Trapezoid {
 
   // Finds which trees have a second half, and which of them share s.
   void couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows, int tree_count);
+  void find_left_halves(const Memory& memory, const TreeMotion& motion);
   void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
+  // Finds what drives have changed by in the last step, and what of it is followed.
+  void find_drive_changes(const mjModel_* model, const mjData_* d, const Memory& memory,
+                          const Trees& trees);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
   void recall_equalities(const Memory& memory, const std::vector<ConstraintInput>& constraints,
                          const Rows& rows, const Trees& trees);
@@ -128,6 +140,7 @@ class Trapezoid {
   void correct_speeds();
   void book_second_half(EnergyLedger& ledger) const;
   void add_second_half(const Trees& trees, RowData& data);
+  void count_followed_changes(const Trees& trees);
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
@@ -154,9 +167,11 @@ class Trapezoid {
   // By the same: e of this step, its change since the last one, loads for what it goes on by;
   // forces that have a potential, of trees that rows may hold.
   std::vector<double> drive_, drive_change_, load_, potential_;
-  std::vector<double> servo_change_;  // by the same: of drive_, because joints moved
-  std::vector<double> rest_, way_;    // by the same, see CoupledEnergy
-  std::vector<double> translation_;   // by the same, of all trees, and its momentum
+  // By the same: of drive_change_, what servos have because joints moved, the rest, and what of
+  // both is followed; what of the rest has been followed so far.
+  std::vector<double> servo_change_, commanded_change_, followed_change_, followed_;
+  std::vector<double> rest_, way_;   // by the same, see CoupledEnergy
+  std::vector<double> translation_;  // by the same, of all trees, and its momentum
   std::vector<double> translation_momentum_;
   std::vector<double> spring_half_;  // of one tree, by motion coordinate
   double fastest_turn_ = 0.0;

@@ -77,8 +77,10 @@ struct HeldMotion {
   double* potential = nullptr;     // p, by degree of freedom
   double* drive = nullptr;         // e, by degree of freedom
   double* drive_change = nullptr;  // what e had changed by since the step before, by the same
-  double* acceleration = nullptr;  // a, by motion coordinate
-  double* other_force = nullptr;   // g, by motion coordinate
+  double* commanded_change = nullptr;  // of it, what servos do not have because joints move
+  double* followed = nullptr;          // and of all such changes, what was followed
+  double* acceleration = nullptr;      // a, by motion coordinate
+  double* other_force = nullptr;       // g, by motion coordinate
 };
 
 // What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
