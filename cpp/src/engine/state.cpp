@@ -86,9 +86,12 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
     if (gets_second_half_in_flight(index))
       host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
   const bool stages = host::is_runge_kutta(model);
-  if (stages)
+  if (stages) {
+    for (int index = 0; index < motion.tree_count(); ++index)
+      if (touched[index]) motion.leave_dampers_to_stages(d, index);
     held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                      clock.length);
+  }
   const bool comfree = parameters.options.law == Law::kComFree;
   try {
     host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages,

@@ -141,6 +141,10 @@ void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
   host::damp_in_microsteps(model_, d, index, trees_);
 }
 
+void TreeMotion::leave_dampers_to_stages(const mjData_* d, int index) {
+  host::factor_inertia_alone(model_, d, index, trees_);
+}
+
 void TreeMotion::invert_inertia(int tree) {
   if (inverted_[tree]) return;
   fill_inverse(tree);
@@ -261,8 +265,9 @@ bool TreeMotion::resolves_dampers(const mjData_* d, int index, double length,
                            host::actuator_damping(model_, d, t.dof_begin + i);
     const double mobility = length * damping * inverse[i * (t.count + 1)];
     if (mobility <= kMost) continue;
-    const double barred = by_rows.stages ? by_rows.stages->barred_inverse_mass(index, i) : 0.0;
-    if (mobility - length * damping * barred > kMost) return false;
+    if (!by_rows.stages || !by_rows.stages->hold(index)) return false;
+    const double free = length * by_rows.stages->free_inverse_mass(index, i);
+    if (damping * free > kMost * (1.0 + trees_.joint_damping[t.dof_begin + i] * free)) return false;
   }
   return true;
 }

@@ -241,6 +241,17 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
     factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse);
 }
 
+void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
+  const Tree& t = trees.tree[tree];
+  if (t.free_body) return;
+  const double* damping = trees.joint_damping.data() + t.dof_begin;
+  if (std::all_of(damping, damping + t.dof_count, [](double of) { return of == 0.0; })) return;
+  double* factor = trees.factor.data() + t.inverse;
+  factor_tree(m, d, trees, tree, 0.0, factor);
+  for (int i = 0; i < t.dof_count; ++i)
+    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
+}
+
 void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration) {
   const Tree& t = trees.tree[tree];
   if (t.free_body) {

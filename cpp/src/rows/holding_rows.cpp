@@ -63,10 +63,10 @@ void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintIn
       const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
                                           before.slide_stiffness, before.spin_stiffness,
                                           before.roll_stiffness,  before.roll_stiffness};
-      add(rows, trees, i, stiffness, before.sticking != 0.0, length);
+      add(rows, trees, i, stiffness, before.sticking != 0.0, length, true);
     } else if (c.kind == RowKind::kUnilateral) {
       const RememberedConstraint before = memory.constraint(constraints[c.input].memory);
-      if (before.deformation < 0.0) add(rows, trees, i, &before.stiffness, false, length);
+      if (before.deformation < 0.0) add(rows, trees, i, &before.stiffness, false, length, true);
     }
   }
 }
@@ -77,12 +77,12 @@ void HoldingRows::find_at_end(const Rows& rows, const RowData& data, const Trees
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind == RowKind::kBilateral || (c.is_unilateral() && data.deformation[c.row] < 0.0))
-      add(rows, trees, i, rows.stiffness.data() + c.row, data.sticking[i], length);
+      add(rows, trees, i, rows.stiffness.data() + c.row, data.sticking[i], length, false);
   }
 }
 
 void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness,
-                      bool sticks, double length) {
+                      bool sticks, double length, bool weighted) {
   const RowGroup& c = rows.group[group];
   const int side = held_side(c, trees);
   const auto swings = [&](int i) {
@@ -93,9 +93,10 @@ void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const 
   for (int i = 0; i < (sticks ? c.dim : 1); ++i) {
     if (swings(i)) continue;
     row_.assign(t.count, 0.0);
-    if (c.is_of_one_coordinate(side)) {
-      const int at = side == 0 ? 0 : c.columns[0];
-      row_[rows.column[c.column + at] - t.begin] = rows.value[c.value + at];
+    if (!weighted || c.is_of_one_coordinate(side)) {
+      const int first = side == 0 ? 0 : c.columns[0];
+      for (int at = first; at < first + c.columns[side]; ++at)
+        row_[rows.column[c.column + at] - t.begin] = rows.value[c.value + i * c.width() + at];
       weight_row(trees, c.tree[side], row_.data());
     } else {
       const MassWeighted& y = c.weighted[side];
@@ -133,18 +134,18 @@ void HoldingRows::remove(int tree, int n, double* x) {
   remove_shares(basis_[tree].data(), count_[tree], n, share_.data(), x);
 }
 
-double HoldingRows::barred_inverse_mass(const Trees& trees, int tree, int i) const {
+double HoldingRows::free_inverse_mass(const Trees& trees, int tree, int i) const {
   const int n = trees.tree[tree].count;
   thread_local AlignedDoubles own;  // kept by the thread: no allocation in a step
   own.assign(n, 0.0);
   own[i] = 1.0;
   weight_row(trees, tree, own.data());
-  double sum = 0.0;
+  double left = product(own.data(), own.data(), n);
   for (int c = 0; c < count_[tree]; ++c) {
     const double share = product(own.data(), basis_[tree].data() + c * n, n);
-    sum += share * share;
+    left -= share * share;
   }
-  return sum;
+  return left;
 }
 
 }  // namespace dashpot

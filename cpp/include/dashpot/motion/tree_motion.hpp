@@ -74,6 +74,8 @@ class TreeMotion {
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
   void damp_in_microsteps(const mjData_* d, int tree);
+  // Takes the dampers of a tree out of the factor of its inertia, after the micro-steps of RK4.
+  void leave_dampers_to_stages(const mjData_* d, int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
   void invert_inertia(int tree);
   void invert_inertia(const std::vector<RowGroup>& groups, Team& team);

@@ -3,7 +3,8 @@
 //     Euler          joint damping, as MuJoCo's Euler treats it implicitly
 //     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
-//     RK4            half of the joint damping: the trapezoidal rule, of second order.
+//     RK4            half of the joint damping: the trapezoidal rule, of second order. Its stages
+//                    see dampers themselves, and M.
 //
 // Dampers of a tree that rows hold act in its micro-steps (microstep.hpp) but with RK4, and H D / 4
 // is left in the inertia through which these rows act.
@@ -56,6 +57,9 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d,
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
 // micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
+// Of a tree with joint dampers, which H has: replaces its factor by that of M, and 1 / sqrt(D) of
+// it, for what goes through M; inv(H) stays.
+void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia.
 void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
 

@@ -3,7 +3,9 @@
 // Along the rows that hold a tree at the end of a step (holding_rows.hpp) it moves as its
 // micro-steps did, in every stage: with their mean acceleration, and at where they have taken it
 // beyond what that explains, as a foot sinks in under a new load. What a stage's own acceleration
-// differs by from the mean one is left across the rows.
+// differs by from the mean one is left across the rows, which act on it through M as all forces of
+// stages do. (Through M + H D / 2, the inertia of the micro-steps, the damper of a leg took more of
+// its swing by a fraction k H^2 / 4 m, k of its spring and m of its foot.)
 
 #pragma once
 
@@ -20,8 +22,9 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class HeldStages {
  public:
-  // After the micro-steps of a step of `length` (s). By motion coordinate: `start`, velocities at
-  // its start; `added`, what trapezoid.hpp has added to them, null: nothing.
+  // After the micro-steps of a step of `length` (s), of trees whose factor is that of M. By motion
+  // coordinate: `start`, velocities at its start; `added`, what trapezoid.hpp has added to them,
+  // null: nothing.
   void find(const Rows& rows, const RowData& data, const Trees& trees, const AlignedDoubles& start,
             const double* added, double length);
 
@@ -32,9 +35,9 @@ class HeldStages {
   const std::vector<double>& way() const { return way_; }
 
   bool hold(int tree) const { return rows_.hold(tree); }
-  // What rows take off the inverse mass of degree of freedom i of a tree.
-  double barred_inverse_mass(int tree, int i) const {
-    return rows_.barred_inverse_mass(*trees_, tree, i);
+  // What rows leave of the inverse mass of degree of freedom i of a tree.
+  double free_inverse_mass(int tree, int i) const {
+    return rows_.free_inverse_mass(*trees_, tree, i);
   }
 
  private:

@@ -33,21 +33,22 @@ class HoldingRows {
   void find_at_start(const Rows& rows, const std::vector<ConstraintInput>& constraints,
                      const std::vector<Match>& matches, const Memory& memory, const Trees& trees,
                      double length);
-  // Finds those that hold at the end of this step, after its micro-steps; equalities hold too.
+  // Finds those that hold at the end of this step, after its micro-steps; equalities hold too. H is
+  // the inertia whose factor the trees have then.
   void find_at_end(const Rows& rows, const RowData& data, const Trees& trees, double length);
 
   // Whether any holds a tree, which is no free body.
   bool hold(int tree) const { return count_[tree] > 0; }
   // Takes from `change`, all motion coordinates of a tree, what its rows bar.
   void bar(const Trees& trees, int tree, double* change);
-  // What they take off the inverse mass of degree of freedom i of a tree: of diag(inv(H)).
-  double barred_inverse_mass(const Trees& trees, int tree, int i) const;
+  // What they leave of the inverse mass of degree of freedom i of a tree, of diag(inv(H)).
+  double free_inverse_mass(const Trees& trees, int tree, int i) const;
 
  private:
   void reset(const Trees& trees);
-  // `stiffness`: of every row of the group.
+  // `stiffness`: of every row of the group. `weighted`: its mass-weighted rows have the present H.
   void add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness, bool sticks,
-           double length);
+           double length, bool weighted);
   void add_row(int tree, double inverse_mass);
   void remove(int tree, int n, double* x);
 
