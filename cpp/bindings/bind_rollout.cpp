@@ -34,7 +34,7 @@ class SharedRollouts {
         kept_(parameters) {}
 
   py::tuple run(const Array& initial_state, const std::optional<Array>& control, int nstep,
-                int nthread, bool with_memory) {
+                int nthread, bool with_memory, bool differentiable) {
     const ModelSizes sizes = sizes_of(model_);
     if (initial_state.ndim() != 2) throw std::invalid_argument("initial_state must be 2-D");
     if (nstep < 1) throw std::invalid_argument("nstep must be >= 1");
@@ -52,6 +52,7 @@ class SharedRollouts {
     }
     input.record = with_memory ? input.kind : StateKind::kFullPhysics;
     input.initial_state = initial_state.data();
+    input.differentiable = differentiable;
     if (control) {
       if (control->ndim() != 3 || control->shape(0) != input.nbatch || control->shape(1) != nstep ||
           control->shape(2) != sizes.nu) {
@@ -98,7 +99,11 @@ void bind_rollout(py::module_& module) {
            py::arg("model_address"), py::arg("lock"), py::arg("parameters"))
       .def("run", &SharedRollouts::run, py::arg("initial_state"), py::arg("control"),
            py::arg("nstep"), py::arg("nthread"), py::arg("with_memory"),
-           "Roll out on threads, GIL released. Returns (state, sensordata).");
+           py::arg("differentiable") = false,
+           "Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`, "
+           "the\n"
+           "last states have the second half of their velocities, which the next step would add,\n"
+           "and no motion is small.");
 }
 
 }  // namespace dashpot::bindings

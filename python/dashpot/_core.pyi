@@ -456,9 +456,12 @@ class Rollouts:
         nstep: typing.SupportsInt | typing.SupportsIndex,
         nthread: typing.SupportsInt | typing.SupportsIndex,
         with_memory: bool,
+        differentiable: bool = False,
     ) -> tuple:
         """
-        Roll out on threads, GIL released. Returns (state, sensordata).
+        Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`, the
+        last states have the second half of their velocities, which the next step would add,
+        and no motion is small.
         """
 
 class ObservedTrajectory:

@@ -8,9 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.checks import positive_number
+from dashpot.checks import finite_array, positive_number, thread_count
 from dashpot.engine import Engine
-from dashpot.rollouts import rollout
 
 Array = NDArray[np.float64]
 
@@ -56,6 +55,10 @@ def linearize(
     step of data. So the result is a function of the state alone, and what sticks has no stiffness
     against a displacement, but keeps its place. Where contact begins, ends or starts to slip within
     the step, the derivative jumps, and differences are of either side.
+
+    Velocities at its end are those that the next step starts from, with the second half of the step
+    that `Engine.step` adds there to what contacts, limits and equalities hold, once it knows the
+    forces at the end (docs/method.md, section 6): so powers of A follow the motion of many steps.
 
     Parameters
     ----------
@@ -104,7 +107,9 @@ def linearize(
     states = [_displaced(model, base, start, 0, 0.0)]
     for column, side in zip(columns, of_side, strict=True):
         states.append(_displaced(model, base, start, int(column), sides[column, side]))
-    state, sensor = (steps[:, 0] for steps in rollout(engine, states, nthread=nthread))
+    workers, threads = engine._rollout_workers(), thread_count(nthread)
+    steps = workers.run(finite_array("state", states), None, 1, threads, True, differentiable=True)
+    state, sensor = (values[:, 0] for values in steps)
 
     index = np.zeros(sides.shape, dtype=int)  # of the step of each side; 0, that of no displacement
     index[columns, of_side] = 1 + np.arange(len(columns))

@@ -40,6 +40,7 @@ constexpr int kContactsAtOnce = 16;  // by a thread
 // What pairs of geoms have in common over a step of `length` (s).
 struct Step {
   double length;
+  bool any_motion;  // none is rest
   const Trees& trees;
   const double* motion;  // velocities in motion coordinates
   const std::vector<double>& lead;
@@ -81,7 +82,8 @@ class TurningPair {
     const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
     size_ = motion_.size();
     if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
-    at_rest_ = motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
+    at_rest_ =
+        !step_.any_motion && motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
     if (!far_.find(data_, *first_)) return false;
     if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
@@ -268,7 +270,7 @@ class TurningPair {
 
 }  // namespace
 
-void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
                      const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
                      Workplaces& workplaces, const HitFrequency& frequency,
                      std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team) {
@@ -277,7 +279,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
   const LonePairs pairs(m, d, length, trees, motion, contacts);
-  const Step step{length, trees, motion, lead, frequency, pairs, kHitSpeed * metre(m)};
+  const Step step{length, any_motion, trees, motion, lead, frequency, pairs, kHitSpeed * metre(m)};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {
     const Workplace at(workplaces, worker);

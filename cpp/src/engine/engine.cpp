@@ -148,8 +148,8 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
   return parameters.options.impact == Impact::kCut && parts.cut() && clock.cuts < kMaxCuts;
 }
 
-// Builds the rows of the part, and finds what they do in it.
-void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
+// Builds the rows of the part, and finishes the last step once they are known.
+void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
   if (parameters.options.law != Law::kComFree) leapfrog.find_leads(model, memory(d), motion);
   turned.assign(motion.tree_count(), 0.0);
@@ -161,11 +161,17 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
     find_row_turns(d);
     build_rows(d);
   }
+  if (parameters.options.law == Law::kComFree) return;
+  matching.find(memory(d), contacts, rows, matches, team);
+  finish_last_step(d);
+}
+
+// Builds the rows of the part, and finds what they do in it.
+void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
+  find_rows(d, mocap);
   if (parameters.options.law == Law::kComFree) {
     update_complementarity_free(d);
   } else {
-    matching.find(memory(d), contacts, rows, matches, team);
-    finish_last_step(d);
     plan_and_recall(d);
     run_islands();
   }
@@ -214,8 +220,8 @@ void Stepper::Impl::damp_held_trees(mjData_* d) {
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const Memory view = memory(d);
   ledger = view.ledger();
-  trapezoid.finish_last_step(model, d, clock.length, view, constraints, matches, motion, rows, data,
-                             ledger);
+  trapezoid.finish_last_step(model, d, clock.length, differentiable, view, constraints, matches,
+                             motion, rows, data, ledger);
 }
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {

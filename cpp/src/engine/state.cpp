@@ -84,7 +84,7 @@ void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
   velocity_at_start.assign(velocity, velocity + host::dof_count(model));
   for (int index = 0; index < motion.tree_count(); ++index)
     if (gets_second_half_in_flight(index))
-      host::add_velocity(d, motion.trees().tree[index], trapezoid.added_velocity());
+      motion.add_velocity(d, index, trapezoid.added_velocity());
   const bool stages = host::is_runge_kutta(model);
   if (stages) {
     for (int index = 0; index < motion.tree_count(); ++index)

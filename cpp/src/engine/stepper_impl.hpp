@@ -56,6 +56,7 @@ struct Stepper::Impl {
   // geometry.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
+  void complete_last_step(mjData_* d);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   bool is_rough(const host::StepParts& parts) const;
   bool shorten_for_turns(host::StepParts& parts);
@@ -69,6 +70,7 @@ struct Stepper::Impl {
   void cut_at_impact(mjData_* d, host::StepParts& parts);
 
   // Rows, and the geometry that they have.
+  void find_rows(mjData_* d, host::MocapMotion& mocap);
   void solve(mjData_* d, host::MocapMotion& mocap);
   void build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                 host::MocapMotion& mocap);
@@ -121,6 +123,7 @@ struct Stepper::Impl {
   Parameters parameters;
   MemoryLayout memory_layout;
   long long data_size;
+  bool differentiable = false;
   TreeMotion motion;
   Leapfrog leapfrog;
   Trapezoid trapezoid;

@@ -11,7 +11,7 @@
 
 namespace dashpot {
 
-void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length,
+void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length, bool whole,
                                  const Memory& memory,
                                  const std::vector<ConstraintInput>& constraints,
                                  const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
@@ -33,8 +33,8 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   recall_equalities(memory, constraints, rows, trees);
   translations_.find(model, d, rows, trees, first_);
   holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
-  if (!find_scales(model, d, length, memory, motion)) return;
-  correct_speeds();
+  if (!find_scales(model, d, length, whole, memory, motion)) return;
+  if (!whole) correct_speeds();
   book_second_half(ledger);
   add_second_half(trees, data);
   count_followed_changes(trees);
@@ -85,7 +85,7 @@ void Trapezoid::recall_equalities(const Memory& memory,
   }
 }
 
-bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double length,
+bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double length, bool whole,
                             const Memory& memory, TreeMotion& motion) {
   do {
     for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
@@ -96,7 +96,7 @@ bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double leng
     find_energies(model, d, length, motion);
     find_springs(model, d, memory, motion);
     for (CoupledEnergy& coupled : coupled_)
-      if (coupled.left_half) coupled.scale = coupled.find_scale();
+      if (coupled.left_half) coupled.scale = whole ? 1.0 : coupled.find_scale();
   } while (give_up_drives(coupled_));
   return true;
 }

@@ -195,6 +195,13 @@ void TreeMotion::to_generalized_force(int index, const double* coordinates, doub
     std::copy_n(coordinates, tree.dof_count, force);
 }
 
+void TreeMotion::add_velocity(mjData_* d, int index, const double* change) {
+  const Tree& tree = trees_.tree[index];
+  end_velocity_.resize(tree.dof_count);
+  to_generalized(index, change + tree.begin, end_velocity_.data());
+  host::add_velocity(d, tree, end_velocity_.data());
+}
+
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
   integrated_[index] = is_integrated(d, index, length, by_rows, data);

@@ -63,7 +63,7 @@ void set_velocity(mjData_* d, const std::vector<double>& velocity) {
 }
 
 void add_velocity(mjData_* d, const Tree& t, const double* change) {
-  mju_addTo(d->qvel + t.dof_begin, change + t.begin, t.dof_count);
+  mju_addTo(d->qvel + t.dof_begin, change, t.dof_count);
 }
 
 void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displacement) {

@@ -35,6 +35,7 @@ void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread
     updated[worker.index()] = 1;
     Simulation& simulation = *own;
     simulation.reset();
+    simulation.differentiate(input.differentiable);
     simulation.set_state(input.initial_state + std::size_t(item) * from, input.kind);
     for (int step = 0; step < input.nstep; ++step) {
       worker.look();
@@ -42,6 +43,9 @@ void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread
       if (input.control) simulation.set_control(input.control + row * sizes.nu);
       try {
         simulation.step();
+        std::copy_n(simulation.sensordata(), sizes.nsensordata,
+                    sensordata + row * sizes.nsensordata);
+        if (input.differentiable && step + 1 == input.nstep) simulation.complete_last_step();
       } catch (const std::exception& error) {
         const std::string what = "rollout " + std::to_string(item) + ", step " +
                                  std::to_string(step) + ": " + error.what();
@@ -49,7 +53,6 @@ void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread
         throw std::invalid_argument(what);
       }
       simulation.get_state(state + row * to, input.record);
-      std::copy_n(simulation.sensordata(), sizes.nsensordata, sensordata + row * sizes.nsensordata);
     }
   });
 }

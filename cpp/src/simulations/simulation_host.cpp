@@ -101,6 +101,16 @@ void Simulation::call(void (*function)(const mjModel*, mjData*)) {
   }
 }
 
+void Simulation::differentiate(bool whether) { impl_->stepper->differentiate(whether); }
+
+void Simulation::complete_last_step() {
+  try {
+    impl_->stepper->complete_last_step(impl_->data.get());
+  } catch (const host::CallbackError&) {
+    refuse_callbacks();
+  }
+}
+
 void Simulation::step() {
   mjModel* model = impl_->model.get();
   mjData* data = impl_->data.get();

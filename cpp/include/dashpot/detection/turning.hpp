@@ -59,9 +59,10 @@ class Workplaces;
 // tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
 // `lead`, by tree: by how much (s) its places at the start are later than its velocities
 // (leapfrog.hpp); times of contacts are counted from these places.
+// `any_motion`: none is so small that it counts as rest, as where a step is differentiated.
 // `frequency` is asked of contacts that may be hit. `faces` are kept from step to step. Contacts
 // without a counterpart then stay as they are.
-void freeze_contacts(mjModel_* m, mjData_* d, double length, const Trees& trees,
+void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
                      const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
                      Workplaces& workplaces, const HitFrequency& frequency,
                      std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team);

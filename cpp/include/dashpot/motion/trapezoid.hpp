@@ -88,8 +88,9 @@ class Trapezoid {
   // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
   // last step left over, where a tree goes on with the velocity that step gave it. Trees that
   // equalities couple share s. Takes the turning from `rows` of equalities where they may not turn
-  // in this step.
-  void finish_last_step(const mjModel_* model, const mjData_* d, double length,
+  // in this step. `whole`: with s = 1 whatever energies say, as derivatives need it: of vanishing
+  // motion about rest they determine none.
+  void finish_last_step(const mjModel_* model, const mjData_* d, double length, bool whole,
                         const Memory& memory, const std::vector<ConstraintInput>& constraints,
                         const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
                         RowData& data, EnergyLedger& ledger);
@@ -124,8 +125,8 @@ class Trapezoid {
                          const Rows& rows, const Trees& trees);
   // Finds second halves and their s, anew without drives where these leave none; false where there
   // is nothing to finish.
-  bool find_scales(const mjModel_* model, const mjData_* d, double length, const Memory& memory,
-                   TreeMotion& motion);
+  bool find_scales(const mjModel_* model, const mjData_* d, double length, bool whole,
+                   const Memory& memory, TreeMotion& motion);
   void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                         TreeMotion& motion);
   void find_energies(const mjModel_* model, const mjData_* d, double length,

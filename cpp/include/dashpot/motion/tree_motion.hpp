@@ -84,6 +84,8 @@ class TreeMotion {
   void to_generalized(int tree, const double* coordinates, double* generalized) const;
   void to_generalized_force(int tree, const double* coordinates, double* force) const;
 
+  // Adds `change`, by motion coordinate of all, to the velocity of a tree.
+  void add_velocity(mjData_* d, int tree, const double* change);
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
   // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.

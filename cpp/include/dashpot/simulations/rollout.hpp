@@ -22,6 +22,8 @@ struct RolloutInput {
   // (nbatch, nstep, nu) or null. Null with full-physics states: zero; with integration states: the
   // controls in the state, held.
   const double* control = nullptr;
+  // Steps are to be differentiated: the last states have all of their velocities.
+  bool differentiable = false;
 };
 
 // The workers of rollouts of one model, kept from call to call: to make one, and what it learns

@@ -51,6 +51,10 @@ class Simulation {
 
   // Steps once. Throws std::runtime_error where the state is no longer finite afterwards.
   void step();
+  // See Stepper::differentiate.
+  void differentiate(bool whether);
+  // Adds to velocities what the last step left over for the next one (Stepper::complete_last_step).
+  void complete_last_step();
 
   // Body frames of the present state: position (3, m) and quaternion (4, w x y z) in the world.
   void update_kinematics();
