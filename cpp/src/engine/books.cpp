@@ -1,8 +1,7 @@
-// The books of a step: forces as MuJoCo reports them, work and energies, memory, statistics.
+// The books of a step: work and energies, memory, statistics.
 
 #include <algorithm>
 
-#include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/state.hpp"
@@ -15,31 +14,6 @@ namespace {
 constexpr int kTreesAtOnce = 64;  // by a thread
 
 }  // namespace
-
-void Stepper::Impl::report_forces(mjData_* d) {
-  leave_out_untouched(d);
-  constraint_force.assign(motion.start_velocity().size(), 0.0);
-  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
-    const Tree& tree = motion.trees().tree[index];
-    if (touched[index])
-      motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
-                                  constraint_force.data() + tree.dof_begin);
-  });
-  for (double& force : constraint_force) force /= clock.length;
-  row_force = data.total_impulse;
-  for (double& force : row_force) force /= clock.length;
-  host::report_forces(model, d, constraint_force, contacts, constraints, rows, row_force);
-}
-
-void Stepper::Impl::leave_out_untouched(mjData_* d) {
-  if (detection.contact_rows == host::ContactRows::kNone) return;  // nobody looks at them
-  contact_touched.assign(host::detected_count(d), 0);
-  for (size_t i = 0; i < rows.group.size(); ++i)
-    if (rows.group[i].kind == RowKind::kContact && data.touched[i])
-      contact_touched[contacts[rows.group[i].input].source] = 1;
-  if (host::leave_out_untouched(model, d, contact_touched, contacts))
-    host::make_contact_sensors(model, d);
-}
 
 // Work of contacts, because they turn, that no spring paid for: no more than all contacts together
 // did too much. Shared by two trees as their relative motion is.

@@ -117,8 +117,10 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
     detect_and_solve(d, parts, mocap);
   }
+  find_forces(d);
+  find_stages(d, new_control);
   report_forces(d);
-  advance_state(d, new_control);
+  advance_state(d);
   mocap.write_velocities();
   account_smooth_work(d);
   ledger.work += mocap.work_against_gravity(clock.length);

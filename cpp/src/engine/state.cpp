@@ -77,31 +77,27 @@ bool Stepper::Impl::rows_move_all() const {
   return true;
 }
 
-// The complementarity-free law asks for contacts at the end of a step that goes all the way with
-// its velocity there, as other integrators of MuJoCo do.
-void Stepper::Impl::advance_state(mjData_* d, bool new_control) {
-  const double* velocity = host::velocity(d);
-  velocity_at_start.assign(velocity, velocity + host::dof_count(model));
+void Stepper::Impl::add_second_halves_in_flight(mjData_* d) {
   for (int index = 0; index < motion.tree_count(); ++index)
     if (gets_second_half_in_flight(index))
       motion.add_velocity(d, index, trapezoid.added_velocity());
+}
+
+// The complementarity-free law asks for contacts at the end of a step that goes all the way with
+// its velocity there, as other integrators of MuJoCo do.
+void Stepper::Impl::advance_state(mjData_* d) {
   const bool stages = host::is_runge_kutta(model);
-  if (stages) {
-    for (int index = 0; index < motion.tree_count(); ++index)
-      if (touched[index]) motion.leave_dampers_to_stages(d, index);
-    held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
-                     clock.length);
-  }
   const bool comfree = parameters.options.law == Law::kComFree;
+  if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);
+  if (!stages) add_second_halves_in_flight(d);
   try {
-    host::integrate(model, d, new_control, comfree || !rows_move_all(), runge_kutta, held_stages,
-                    find_contacts);
+    host::integrate(model, d, comfree || !rows_move_all(), runge_kutta);
   } catch (...) {
     host::set_velocity(d, velocity_at_start);
     throw;
   }
+  if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);
   if (comfree && !stages) return;
-  find_unpaid(d);
   lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
     lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);

@@ -1,6 +1,6 @@
 // What a stepper holds. The step is in engine.cpp; the geometry of its rows in geometry.cpp,
-// what blows bring about in knock_on.cpp, the state at its end in state.cpp, the
-// complementarity-free law in comfree.cpp, and the books in books.cpp.
+// what blows bring about in knock_on.cpp, its forces in reports.cpp, the state at its end in
+// state.cpp, the complementarity-free law in comfree.cpp, and the books in books.cpp.
 
 #pragma once
 
@@ -97,10 +97,20 @@ struct Stepper::Impl {
   void find_mean_velocity();
   void find_end_gaps();
 
-  // The state at the end of the part (state.cpp), after the forces that it comes from.
-  void report_forces(mjData_* d);
+  // Forces that move trees, and those that are reported (reports.cpp).
+  void find_forces(mjData_* d);
   void leave_out_untouched(mjData_* d);
-  void advance_state(mjData_* d, bool new_control);
+  bool has_borne(const RowGroup& group) const;
+  void find_stages(mjData_* d, bool new_control);
+  void report_forces(mjData_* d);
+  void add_borne_in_stages();
+  void find_reported(const mjData_* d);
+  void find_mean_acceleration(int tree);
+  void report_to_sensors(mjData_* d);
+
+  // The state at the end of the part (state.cpp).
+  void advance_state(mjData_* d);
+  void add_second_halves_in_flight(mjData_* d);
   bool gets_second_half_in_flight(int tree) const;
   bool rows_move_all() const;
   void find_unpaid(mjData_* d);
@@ -155,6 +165,13 @@ struct Stepper::Impl {
   Islands islands;
   MicrostepLoop microsteps{team.size()};
   std::vector<double> constraint_force, row_force;
+  // By row, and by motion coordinate: impulses of what rows bore of changes of velocity beside the
+  // micro-steps (holding_rows.hpp).
+  std::vector<double> borne, borne_wrench;
+  // (nv) With them, where anything is reported otherwise than MuJoCo's integrator takes it; those
+  // that it takes, while MuJoCo's fields hold these.
+  bool reports_more = false;
+  std::vector<double> reported_force, reported_acceleration;
   std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
   std::vector<char> touched;                   // by tree: rows moved it
   std::vector<char> joined;                    // by tree: so did another one through them

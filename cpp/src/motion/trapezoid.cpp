@@ -110,6 +110,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
   second_half_.assign(trees.coordinates, 0.0);
   force_.resize(trees.coordinates);
   generalized_.assign(velocity.size(), 0.0);
+  holding_rows_.forget_borne();
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = trees.tree[index];
     if (!left_half_[index]) continue;
@@ -138,7 +139,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     add_response(trees, index, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
-    if (!coupled.by_equalities) holding_rows_.bar(trees, index, half);
+    if (!coupled.by_equalities) holding_rows_.bar(trees, index, half, 1.0);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
   }
 }
@@ -241,6 +242,13 @@ void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
       data.velocity[i] += added_[i];
     }
   }
+}
+
+void Trapezoid::add_borne(std::vector<double>& impulse) {
+  if (added_.empty()) return;
+  for (size_t index = 0; index < first_.size(); ++index)
+    if (left_half_[index])
+      holding_rows_.add_borne(static_cast<int>(index), coupled_[first_[index]].scale, impulse);
 }
 
 // Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,

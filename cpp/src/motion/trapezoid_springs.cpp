@@ -46,7 +46,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
       force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);
     spring_half_.assign(t.count, 0.0);
     add_response(motion.trees(), index, force, spring_half_.data());
-    if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, spring_half_.data());
+    if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, spring_half_.data(), 0.0);
     for (int i = 0; i < t.dof_count; ++i) rest_[t.dof_begin + i] -= spring_half_[i];
   }
   momentum_of_half_.resize(rest_.size());

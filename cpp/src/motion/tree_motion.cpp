@@ -202,9 +202,14 @@ void TreeMotion::add_velocity(mjData_* d, int index, const double* change) {
   host::add_velocity(d, tree, end_velocity_.data());
 }
 
+void TreeMotion::find_integrated(const mjData_* d, int index, double length,
+                                 const RowsOnTree& by_rows, const RowData& data) {
+  integrated_[index] = is_integrated(d, index, length, by_rows, data);
+}
+
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
-  integrated_[index] = is_integrated(d, index, length, by_rows, data);
+  if (is_accurate(index)) integrated_[index] = 0;
   if (!by_rows.touched && is_sprung(index) && host::is_runge_kutta(model_)) {
     integrated_[index] = 1;
     return 0.0;
@@ -248,7 +253,6 @@ void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOn
 
 bool TreeMotion::is_integrated(const mjData_* d, int index, double length,
                                const RowsOnTree& by_rows, const RowData& data) const {
-  if (is_accurate(index)) return false;
   if (!by_rows.touched) return true;
   // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
   if (by_rows.trapezoidal) return false;

@@ -70,10 +70,7 @@ void make_contact_sensors(const mjModel_* m, mjData_* d) {
   if (any(mjSTAGE_VEL)) call_with_callbacks(mj_sensorVel, m, d);
 }
 
-void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
-                   const std::vector<ContactInput>& contacts,
-                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                   const std::vector<double>& row_force) {
+void set_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force) {
   std::copy(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
   std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
   const bool any = std::any_of(constraint_force.begin(), constraint_force.end(),
@@ -84,6 +81,19 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& con
     mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }
+}
+
+const double* acceleration(const mjData_* d) { return d->qacc; }
+
+void exchange_forces(mjData_* d, std::vector<double>& constraint_force,
+                     std::vector<double>& acceleration) {
+  std::swap_ranges(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
+  std::swap_ranges(acceleration.begin(), acceleration.end(), d->qacc);
+}
+
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<ContactInput>& contacts,
+                   const std::vector<ConstraintInput>& constraints, const Rows& rows,
+                   const std::vector<double>& row_force) {
   if (d->nefc > 0) mju_zero(d->efc_force, d->nefc);
   for (const RowGroup& c : rows.group) {
     const int address = c.kind == RowKind::kContact
@@ -103,10 +113,9 @@ void advance_all_but_motion(mjModel_* m, mjData_* d) {
   mj_Euler(m, d);
 }
 
-void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
-               HeldStages& held, const FindContacts& find_contacts) {
+void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta) {
   if (is_runge_kutta(m))
-    runge_kutta.advance(m, d, new_control, held, find_contacts);
+    runge_kutta.advance(m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
   else if (uses_motion)

@@ -33,17 +33,16 @@ void get_state(const mjModel* m, const mjData* d, int kind, std::vector<double>&
   mj_getState(m, d, state.data(), kind);
 }
 
-// Whether others than MuJoCo may look at the data of a stage, or leave something there.
-bool others_look_at_data(const mjModel* m) {
-  return m->nplugin > 0 || mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain ||
-         mjcb_act_bias;
-}
-
 }  // namespace
 
 RungeKutta::RungeKutta(bool moves_free_bodies) : moves_free_bodies_(moves_free_bodies) {}
 
 bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
+
+bool others_look_at_stages(const mjModel_* m) {
+  return m->nplugin > 0 || mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain ||
+         mjcb_act_bias;
+}
 
 // At its end `d` has the state, contacts and flags that it had when this was made. Contacts and
 // rows themselves lie in an arena that the stages leave alone.
@@ -82,41 +81,44 @@ class RungeKutta::Start {
   const std::array<mjtBool, 4> flag_;
 };
 
-void RungeKutta::advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
-                         const FindContacts& find_contacts) {
+void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+                             const FindContacts& find_contacts) {
   constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
   constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
                              [](double force) { return force != 0.0; });
   position_.assign(d->qpos, d->qpos + m->nq);
   activation_.assign(d->act, d->act + m->na);
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
-  reported_acceleration_.assign(d->qacc, d->qacc + m->nv);
-  acceleration_[0] = reported_acceleration_;
+  acceleration_[0].assign(d->qacc, d->qacc + m->nv);
   bar(m, d, 0, held);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
   read_forces(m, d, 0);
   time_ = d->time;
-  const bool others_look = others_look_at_data(m);
-  if (others_look) {
+  others_look_ = others_look_at_stages(m);
+  if (others_look_) {
     // It would need the contacts of every stage, in the place of those of the step.
     if (has_adhesion(m))
       throw std::runtime_error(
           "adhesion is not stepped with integrator RK4 where callbacks or plugins are asked in its "
           "stages; use Euler or implicitfast");
+    start_acceleration_.assign(d->qacc, d->qacc + m->nv);
     Start start(m, d, state_);
     find_slopes(m, d, new_control, held, find_contacts);
     get_state(m, d, kInputs, inputs_);
     start.restore_state();
     smooth_stage(m, d, false, Sensors::kStay, find_contacts);
+    std::copy(start_acceleration_.begin(), start_acceleration_.end(), d->qacc);
   } else {
     find_slopes(m, copy_state(m, d), new_control, held, find_contacts);
   }
   find_mean_slope();
   check_mean_slope(m);
   find_mean_forces(m);
-  if (others_look) mj_setState(m, d, inputs_.data(), kInputs);
+}
+
+void RungeKutta::advance(mjModel_* m, mjData_* d) {
+  if (others_look_) mj_setState(m, d, inputs_.data(), kInputs);
   // Time, plugins and activations are as with Euler, under the mean slope.
-  std::copy(reported_acceleration_.begin(), reported_acceleration_.end(), d->qacc);
   std::copy(mean_activation_rate_.begin(), mean_activation_rate_.end(), d->act_dot);
   advance_all_but_motion(m, d);
   std::copy(activation_rate_[0].begin(), activation_rate_[0].end(), d->act_dot);
@@ -181,7 +183,7 @@ void RungeKutta::bar(const mjModel* m, const mjData* d, int stage, HeldStages& h
   row_force_[stage] = constraint_force_;
   if (!constrained_) return;
   barred_ = acceleration_[stage];
-  held.bar(acceleration_[stage]);
+  held.bar(acceleration_[stage], kWeight[stage]);
   for (int i = 0; i < m->nv; ++i) barred_[i] -= acceleration_[stage][i];
   barring_force_.resize(m->nv);
   mj_mulM(m, d, barring_force_.data(), barred_.data());

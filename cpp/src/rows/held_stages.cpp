@@ -7,6 +7,7 @@ namespace dashpot {
 void HeldStages::find(const Rows& rows, const RowData& data, const Trees& trees,
                       const AlignedDoubles& start, const double* added, double length) {
   trees_ = &trees;
+  length_ = length;
   rows_.find_at_end(rows, data, trees, length);
   mean_acceleration_.assign(trees.above.size(), 0.0);
   way_.assign(mean_acceleration_.size(), 0.0);
@@ -27,7 +28,7 @@ void HeldStages::find(const Rows& rows, const RowData& data, const Trees& trees,
     }
     change_.assign(tree.count, 0.0);
     std::copy_n(way, tree.dof_count, change_.begin());
-    rows_.bar(trees, index, change_.data());
+    rows_.bar(trees, index, change_.data(), 0.0);
     for (int i = 0; i < tree.dof_count; ++i) way[i] -= change_[i];
   }
 }
@@ -44,7 +45,7 @@ void HeldStages::find_landed(const Rows& rows, const RowData& data) {
   }
 }
 
-void HeldStages::bar(std::vector<double>& acceleration) {
+void HeldStages::bar(std::vector<double>& acceleration, double weight) {
   for (size_t index = 0; index < trees_->tree.size(); ++index) {
     const int tree = static_cast<int>(index);
     if (!hold(tree)) continue;
@@ -53,7 +54,7 @@ void HeldStages::bar(std::vector<double>& acceleration) {
     const double* mean = mean_acceleration_.data() + t.dof_begin;
     change_.assign(t.count, 0.0);
     for (int i = 0; i < t.dof_count; ++i) change_[i] = own[i] - mean[i];
-    rows_.bar(*trees_, tree, change_.data());
+    rows_.bar(*trees_, tree, change_.data(), weight);
     for (int i = 0; i < t.dof_count; ++i) own[i] = mean[i] + change_[i];
   }
 }

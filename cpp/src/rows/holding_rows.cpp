@@ -14,6 +14,8 @@ namespace {
 
 // Fraction of its w that a row has to have beside those before it: at less it says the same.
 constexpr double kNew = 1e-6;
+// Fraction of a pivot that is rounding.
+constexpr double kRounding = 1e-14;
 
 // Which tree of a group it joins to the ground, if that is no free body, else -1.
 int held_side(const RowGroup& c, const Trees& trees) {
@@ -49,7 +51,7 @@ void remove_shares(const double* rows, int number, int count, double* share, dou
 
 void HoldingRows::reset(const Trees& trees) {
   count_.assign(trees.tree.size(), 0);
-  basis_.resize(trees.tree.size());
+  held_.resize(trees.tree.size());
 }
 
 void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintInput>& constraints,
@@ -104,34 +106,104 @@ void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const 
       for (int k = 0; k < y.count; ++k)
         row_[rows.weighted_column[y.column + k] - t.begin] = value[k];
     }
-    add_row(c.tree[side], rows.inverse_mass[c.row + i]);
+    add_row(c.tree[side], c.row + i, rows.inverse_mass[c.row + i]);
   }
 }
 
 // Gram and Schmidt.
-void HoldingRows::add_row(int tree, double inverse_mass) {
+void HoldingRows::add_row(int tree, int row, double inverse_mass) {
   const int n = static_cast<int>(row_.size());
-  remove(tree, n, row_.data());
-  const double w = product(row_.data(), row_.data(), n);
-  if (!(w > kNew * inverse_mass)) return;
-  AlignedDoubles& basis = basis_[tree];
+  OfTree& held = held_[tree];
+  if (!hold(tree)) {
+    held.sums.clear();
+    held.coefficients.clear();
+    held.borne.clear();
+  }
+  const size_t first = held.coefficients.size();
+  held.coefficients.resize(first + count_[tree] + 1);
+  remove(tree, n, row_.data(), held.coefficients.data() + first);
+  const double w = product(row_.data(), row_.data(), n), root = std::sqrt(w);
+  const bool says_new = w > kNew * inverse_mass;
+  if (says_new)
+    held.coefficients.back() = root;
+  else
+    held.coefficients.pop_back();
+  if (!says_new && !hold(tree)) return;
+  held.sums.push_back({row, static_cast<int>(first), count_[tree] + says_new, inverse_mass});
+  if (!says_new) return;
+  held.borne.push_back(0.0);
   const size_t begin = static_cast<size_t>(n) * count_[tree];
-  basis.resize(std::max(basis.size(), begin + n));
-  const double scale = 1.0 / std::sqrt(w);
-  for (int i = 0; i < n; ++i) basis[begin + i] = scale * row_[i];
+  held.basis.resize(std::max(held.basis.size(), begin + n));
+  const double scale = 1.0 / root;
+  for (int i = 0; i < n; ++i) held.basis[begin + i] = scale * row_[i];
   ++count_[tree];
 }
 
-void HoldingRows::bar(const Trees& trees, int tree, double* change) {
+void HoldingRows::bar(const Trees& trees, int tree, double* change, double weight) {
   if (!hold(tree)) return;
   weight_motion(trees, tree, change);
-  remove(tree, trees.tree[tree].count, change);
+  share_.resize(count_[tree]);
+  remove(tree, trees.tree[tree].count, change, share_.data());
   unweight_motion(trees, tree, change);
+  for (int c = 0; c < count_[tree]; ++c) held_[tree].borne[c] += weight * share_[c];
 }
 
-void HoldingRows::remove(int tree, int n, double* x) {
-  share_.resize(count_[tree]);
-  remove_shares(basis_[tree].data(), count_[tree], n, share_.data(), x);
+void HoldingRows::forget_borne() {
+  for (size_t tree = 0; tree < count_.size(); ++tree)
+    if (count_[tree] > 0) std::fill(held_[tree].borne.begin(), held_[tree].borne.end(), 0.0);
+}
+
+// Of rows that each say something new the coefficients C are a triangle, C' p = -borne.
+void HoldingRows::add_borne(int tree, double scale, std::vector<double>& impulse) {
+  if (!hold(tree)) return;
+  const OfTree& held = held_[tree];
+  if (held.sums.size() > held.borne.size()) return share_borne(held, scale, impulse);
+  rest_ = held.borne;
+  for (int i = count_[tree] - 1; i >= 0; --i) {
+    const double* coefficient = held.coefficients.data() + held.sums[i].first;
+    const double p = rest_[i] / coefficient[i];
+    for (int c = 0; c < i; ++c) rest_[c] -= coefficient[c] * p;
+    impulse[held.sums[i].row] -= scale * p;
+  }
+}
+
+// p = -inv(W) C x with C' inv(W) C x = borne, W = diag(w), by Cholesky.
+void HoldingRows::share_borne(const OfTree& held, double scale, std::vector<double>& impulse) {
+  const int n = static_cast<int>(held.borne.size());
+  square_.assign(n * n, 0.0);
+  for (const Sum& sum : held.sums) {
+    const double* coefficient = held.coefficients.data() + sum.first;
+    for (int i = 0; i < sum.count; ++i) {
+      const double weighted = coefficient[i] / sum.inverse_mass;
+      for (int k = 0; k <= i; ++k) square_[i * n + k] += weighted * coefficient[k];
+    }
+  }
+  rest_ = held.borne;
+  for (int i = 0; i < n; ++i) {
+    double* row = square_.data() + i * n;
+    for (int k = 0; k <= i; ++k) {
+      const double* other = square_.data() + k * n;
+      double left = row[k];
+      for (int c = 0; c < k; ++c) left -= row[c] * other[c];
+      row[k] = k < i ? left / other[k] : std::sqrt(std::max(left, kRounding * row[i]));
+    }
+    for (int c = 0; c < i; ++c) rest_[i] -= row[c] * rest_[c];
+    rest_[i] /= row[i];
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    rest_[i] /= square_[i * n + i];
+    for (int c = 0; c < i; ++c) rest_[c] -= square_[i * n + c] * rest_[i];
+  }
+  for (const Sum& sum : held.sums) {
+    const double* coefficient = held.coefficients.data() + sum.first;
+    double p = 0.0;
+    for (int c = 0; c < sum.count; ++c) p += coefficient[c] * rest_[c];
+    impulse[sum.row] -= scale * p / sum.inverse_mass;
+  }
+}
+
+void HoldingRows::remove(int tree, int n, double* x, double* share) const {
+  remove_shares(held_[tree].basis.data(), count_[tree], n, share, x);
 }
 
 double HoldingRows::free_inverse_mass(const Trees& trees, int tree, int i) const {
@@ -142,7 +214,7 @@ double HoldingRows::free_inverse_mass(const Trees& trees, int tree, int i) const
   weight_row(trees, tree, own.data());
   double left = product(own.data(), own.data(), n);
   for (int c = 0; c < count_[tree]; ++c) {
-    const double share = product(own.data(), basis_[tree].data() + c * n, n);
+    const double share = product(own.data(), held_[tree].basis.data() + c * n, n);
     left -= share * share;
   }
   return left;

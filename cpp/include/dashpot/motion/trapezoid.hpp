@@ -42,7 +42,8 @@
 // mean: velocities do not lead.
 //
 // Of the second half, rows that hold the tree against the ground leave what holding_rows.hpp says:
-// they bear the rest, as a foot on the floor what the spring of its leg gains.
+// they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in the
+// step in which the half is added, of whose forces it is a part.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
@@ -104,7 +105,12 @@ class Trapezoid {
   // Of this step: whether rows that may hold a tree leave a second half, or have left one, and what
   // was added to velocities, by motion coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
+  bool is_coupled_by_equalities(int tree) const {
+    return holds(tree) && coupled_[first_[tree]].by_equalities;
+  }
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
+  // Adds to `impulse`, by row, what rows bore of that.
+  void add_borne(std::vector<double>& impulse);
   // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
   const double* load() const { return load_.empty() ? nullptr : load_.data(); }
   // rad, most that a row of an equality turns in this step (turning_parts.hpp).

@@ -86,12 +86,16 @@ class TreeMotion {
 
   // Adds `change`, by motion coordinate of all, to the velocity of a tree.
   void add_velocity(mjData_* d, int tree, const double* change);
+  // Decides whether MuJoCo's integrator has the velocity of a tree, which is not accurate; before
+  // that has advanced anything.
+  void find_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
+                       const RowData& data);
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
   // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
   // Threads may advance accurate trees at once.
   double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
-  // By tree, of the last step: it has its velocity from MuJoCo's integrator.
+  // By tree, of the step: it has its velocity from MuJoCo's integrator.
   const std::vector<char>& integrated() const { return integrated_; }
   // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
   void advance_semi_implicitly(mjData_* d, int tree, double length);

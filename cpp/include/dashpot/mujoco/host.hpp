@@ -28,18 +28,22 @@ void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
 // not those of detection any more.
 void make_contact_sensors(const mjModel_* m, mjData_* d);
 
-// Reports mean forces over the step: `constraint_force` (nv) generalized, `row_force` per contact
-// row. Sets qfrc_constraint, qacc and efc_force, then evaluates acceleration sensors.
-void report_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force,
-                   const std::vector<ContactInput>& contacts,
+// Sets the generalized forces of rows (nv), qfrc_constraint, and qacc, which follows from them and
+// the smooth forces.
+void set_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force);
+const double* acceleration(const mjData_* d);  // qacc
+// Exchanges both with those of `d`.
+void exchange_forces(mjData_* d, std::vector<double>& constraint_force,
+                     std::vector<double>& acceleration);
+// Reports the mean forces of rows over the step as efc_force, then evaluates acceleration sensors.
+void report_forces(const mjModel_* m, mjData_* d, const std::vector<ContactInput>& contacts,
                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
                    const std::vector<double>& row_force);
 
-// MuJoCo's own integrator, under the mean forces that report_forces has set: advances everything
-// (time, activations, plugins, trees without contact). `new_control` as in smooth_stage;
-// `uses_motion`: whether any of the velocities and positions that it comes to stays.
-void integrate(mjModel_* m, mjData_* d, bool new_control, bool uses_motion, RungeKutta& runge_kutta,
-               HeldStages& held, const FindContacts& find_contacts);
+// MuJoCo's own integrator, under the forces that set_forces has set: advances everything (time,
+// activations, plugins, trees without contact); with RK4 as `runge_kutta` has found. `uses_motion`:
+// whether any of the velocities and positions that it comes to stays.
+void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta);
 // MuJoCo's Euler for time, activations and plugins alone: without the implicit damping of its
 // velocities, for which it would factor an inertia.
 void advance_all_but_motion(mjModel_* m, mjData_* d);

@@ -34,6 +34,8 @@ namespace dashpot::host {
 using FindContacts = std::function<void(mjModel_*, mjData_*)>;
 
 bool is_runge_kutta(const mjModel_* m);
+// Whether others than MuJoCo may look at the data of a stage, or leave something there.
+bool others_look_at_stages(const mjModel_* m);
 
 // A generalized force in the stages, by degree of freedom: its mean, N or N m, and the work, J, of
 // what it differs from it by on the way that their velocities differ from their mean by.
@@ -54,18 +56,21 @@ class RungeKutta {
   // Unless it `moves_free_bodies`, what comes out for trees that are one free body is not used.
   explicit RungeKutta(bool moves_free_bodies);
 
-  // Advances everything by the model's time step: `d` has been computed for its present state, up
-  // to qacc and qfrc_constraint. What was computed stays that of the start. `new_control` false:
-  // within the step the control callback is not asked. Where a callback raises, and with
-  // std::runtime_error where the motion diverges, or where callbacks or plugins look at the stages
-  // of a model with adhesion, state, controls and applied forces are those of the start again.
-  void advance(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
-               const FindContacts& find_contacts);
+  // Finds the motion over the model's time step: `d` has been computed for its present state, up
+  // to qacc and qfrc_constraint, and is left so. `new_control` false: within the step the control
+  // callback is not asked. Where a callback raises, and with std::runtime_error where the motion
+  // diverges, or where callbacks or plugins look at the stages of a model with adhesion, state,
+  // controls and applied forces are those of the start again.
+  void find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+                   const FindContacts& find_contacts);
+  // Advances everything by it. What was computed stays that of the start.
+  void advance(mjModel_* m, mjData_* d);
 
   // The forces of the last step.
   const StageForces& forces() const { return forces_; }
   // The velocity (nv) that positions went with in the last step.
   const std::vector<double>& mean_velocity() const { return mean_velocity_; }
+  const std::vector<double>& mean_acceleration() const { return mean_acceleration_; }  // (nv)
 
  private:
   static constexpr int kStages = 4;
@@ -87,10 +92,10 @@ class RungeKutta {
   // the step.
   OwnedData beside_;
   double time_ = 0.0;
-  bool constrained_ = false;
+  bool constrained_ = false, others_look_ = false;
   std::vector<double> constraint_force_;
   std::vector<double> state_, inputs_;  // at the start; as callbacks left them
-  std::vector<double> position_, activation_, reported_acceleration_;
+  std::vector<double> position_, activation_, start_acceleration_;
   std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;
   std::vector<double> mean_velocity_, mean_acceleration_, mean_activation_rate_;
   std::array<std::vector<double>, kStages> smooth_force_, driving_force_, damping_force_,

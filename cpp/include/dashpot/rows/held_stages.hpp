@@ -28,8 +28,12 @@ class HeldStages {
   void find(const Rows& rows, const RowData& data, const Trees& trees, const AlignedDoubles& start,
             const double* added, double length);
 
-  // Takes what rows bar from the accelerations (nv) of a stage.
-  void bar(std::vector<double>& acceleration);
+  // Takes what rows bar from the accelerations (nv) of a stage, which has `weight` in the mean.
+  void bar(std::vector<double>& acceleration, double weight);
+  // Adds to `impulse`, by row, what those of a tree bore by it in the step.
+  void add_borne(int tree, std::vector<double>& impulse) {
+    rows_.add_borne(tree, length_, impulse);
+  }
   // How far rows have taken trees beyond their mean acceleration, by degree of freedom; zeros for
   // those that none holds, or that have landed in this step.
   const std::vector<double>& way() const { return way_; }
@@ -45,6 +49,7 @@ class HeldStages {
   void find_landed(const Rows& rows, const RowData& data);
 
   const Trees* trees_ = nullptr;
+  double length_ = 0.0;
   HoldingRows rows_;
   std::vector<double> mean_acceleration_, way_;  // by degree of freedom
   std::vector<char> lands_;                      // by tree

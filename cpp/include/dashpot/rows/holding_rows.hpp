@@ -10,6 +10,13 @@
 // In coordinates z in which H is 1 it is what is orthogonal to all rows. Rows that say the same, as
 // corners of one sole do, count once.
 //
+// What they take, rows have borne, and that is part of their forces. The impulses p with
+//
+//     J' p = -H (what was taken)
+//
+// are unique but for such rows; these share so that the sum of w p^2 is least, w = diag(J inv(H)
+// J').
+//
 // A row holds if it is compressed at the end of a step, its friction if it sticks, and if its
 // spring is too stiff for the step to see it swing, K w H^2 > 1. Rows between two trees hold
 // neither against the ground.
@@ -39,8 +46,12 @@ class HoldingRows {
 
   // Whether any holds a tree, which is no free body.
   bool hold(int tree) const { return count_[tree] > 0; }
-  // Takes from `change`, all motion coordinates of a tree, what its rows bar.
-  void bar(const Trees& trees, int tree, double* change);
+  // Takes from `change`, all motion coordinates of a tree, what its rows bar. `weight`: with which
+  // it adds to what they have borne; find_*() and forget_borne() set that to nothing.
+  void bar(const Trees& trees, int tree, double* change, double weight);
+  void forget_borne();
+  // Adds to `impulse`, by row, `scale` times what those of a tree have borne.
+  void add_borne(int tree, double scale, std::vector<double>& impulse);
   // What they leave of the inverse mass of degree of freedom i of a tree, of diag(inv(H)).
   double free_inverse_mass(const Trees& trees, int tree, int i) const;
 
@@ -49,15 +60,31 @@ class HoldingRows {
   // `stiffness`: of every row of the group. `weighted`: its mass-weighted rows have the present H.
   void add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness, bool sticks,
            double length, bool weighted);
-  void add_row(int tree, double inverse_mass);
-  void remove(int tree, int n, double* x);
+  void add_row(int tree, int row, double inverse_mass);
+  // `share`: of each combination in x.
+  void remove(int tree, int n, double* x, double* share) const;
+
+  // A row of a tree as a sum of the combinations up to it: the first of its coefficients, of which
+  // one that says nothing new has one less than there are combinations.
+  struct Sum {
+    int row, first, count;
+    double inverse_mass;
+  };
+  struct OfTree {
+    AlignedDoubles basis;  // combinations, each over all coordinates of the tree
+    std::vector<Sum> sums;
+    std::vector<double> coefficients;
+    std::vector<double> borne;  // share of each combination in what was taken
+  };
+  void share_borne(const OfTree& held, double scale, std::vector<double>& impulse);
 
   // By tree, combinations of its rows that are orthonormal in the coordinates in which H is 1
-  // (MassWeighted): how many there are, and each over all coordinates of the tree.
+  // (MassWeighted): how many there are, and, where there are any, themselves.
   std::vector<int> count_;
-  std::vector<AlignedDoubles> basis_;
+  std::vector<OfTree> held_;
   AlignedDoubles row_;
-  std::vector<double> share_;  // of each combination
+  std::vector<double> share_;          // of each combination
+  std::vector<double> rest_, square_;  // of one tree
 };
 
 }  // namespace dashpot
