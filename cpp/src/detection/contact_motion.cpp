@@ -18,6 +18,14 @@ constexpr double kOnSide = 1e-6;
 // Of the radius of a ball, by which rounding may take its centre from the centre of mass.
 constexpr double kRounding = 1e-9;
 
+// Where a contact acts on the geom of a side.
+std::array<mjtNum, 3> point_of(const ContactInput& contact, int side) {
+  std::array<mjtNum, 3> point;
+  for (int k = 0; k < 3; ++k)
+    point[k] = contact.position[k] + (side == 0 ? -0.5 : 0.5) * contact.apart[k];
+  return point;
+}
+
 bool is_round_all_over(int type) {
   return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
 }
@@ -112,7 +120,7 @@ double ContactMotion::way_in(double time) const {
 
 double ContactMotion::gap_rate(const ContactInput& contact) const {
   mjtNum velocity[2][3];
-  for (int i = 0; i < 2; ++i) velocity_of(side_[i], contact.position.data(), velocity[i]);
+  for (int i = 0; i < 2; ++i) velocity_of(side_[i], point_of(contact, i).data(), velocity[i]);
   mju_subFrom3(velocity[1], velocity[0]);
   return mju_dot3(contact.frame.data(), velocity[1]);
 }
@@ -126,7 +134,7 @@ double ContactMotion::inverse_mass(const ContactInput& contact, const Trees& tre
       continue;
     }
     mjtNum arm[3], torque[3];
-    mju_sub3(arm, contact.position.data(), side.centre);
+    mju_sub3(arm, point_of(contact, i).data(), side.centre);
     mju_cross(torque, arm, contact.frame.data());
     const double* inverse = trees.inverse.data() + trees.tree[contact.tree[i]].inverse;
     sum += inverse[0];
@@ -159,8 +167,7 @@ std::array<double, 3> ContactMotion::point_rate(const ContactInput& contact, Whe
         side.is_free ? side.centre : data_->subtree_com + 3 * model_->body_rootid[side.body];
     const mjtNum* twist = side.twist[when == When::kStart ? 0 : 1];
     mjtNum arm[3], velocity[3];
-    for (int k = 0; k < 3; ++k)
-      arm[k] = contact.position[k] + 0.5 * sign * contact.apart[k] - centre[k];
+    mju_sub3(arm, point_of(contact, i).data(), centre);
     mju_cross(velocity, side.is_free ? side.angular : twist, arm);
     mju_addTo3(velocity, side.is_free ? side.linear : twist + 3);
     mju_addToScl3(relative, velocity, sign);

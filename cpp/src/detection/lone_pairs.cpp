@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "dashpot/detection/contact_motion.hpp"
+#include "dashpot/geometry/squared_distance.hpp"
 #include "dashpot/rows/hit_time.hpp"
 
 namespace dashpot::host {
@@ -26,9 +27,22 @@ LonePairs::Chains& LonePairs::chains() {
 }
 
 LonePairs::LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
-                     const double* motion, const std::vector<ContactInput>& contacts)
-    : model_(m), data_(d), length_(length), trees_(trees), motion_(motion), chains_(chains()) {
-  auto& [pairs, first_of_tree] = chains();
+                     const double* motion, const Memory& memory,
+                     const std::vector<ContactInput>& contacts)
+    : model_(m),
+      data_(d),
+      length_(length),
+      trees_(trees),
+      motion_(motion),
+      memory_(memory),
+      chains_(chains()) {
+  auto& [pairs, first_of_tree, hits] = chains();
+  hits.clear();
+  for (int slot = 0; slot < memory.contact_count(); ++slot)
+    if (memory.parted_hit(slot) > 0.0) hits.push_back({memory.geoms(slot), slot});
+  std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
+    return a.geom != b.geom ? a.geom < b.geom : a.slot < b.slot;
+  });
   pairs.clear();
   first_of_tree.assign(trees.tree.size(), -1);
   const ContactInput* const end = contacts.data() + contacts.size();
@@ -65,6 +79,23 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
     }
   }
   return true;
+}
+
+double LonePairs::compression(const ContactInput& contact) const {
+  const auto comes_before = [](const Hit& hit, const std::array<int, 2>& geom) {
+    return hit.geom < geom;
+  };
+  double nearest = std::numeric_limits<double>::infinity(), compression = 0.0;
+  for (auto hit =
+           std::lower_bound(chains_.hits.begin(), chains_.hits.end(), contact.geom, comes_before);
+       hit != chains_.hits.end() && hit->geom == contact.geom; ++hit) {
+    const double distance =
+        dashpot::squared_distance(memory_.position(hit->slot, 0), contact.local_position[0].data());
+    if (distance >= nearest) continue;
+    nearest = distance;
+    compression = memory_.parted_hit(hit->slot);
+  }
+  return compression;
 }
 
 // When the first gap of a pair closes (s), infinite if none does in the step.

@@ -9,6 +9,7 @@
 #include "dashpot/detection/contact_motion.hpp"
 #include "dashpot/detection/far_pair.hpp"
 #include "dashpot/detection/lone_pairs.hpp"
+#include "dashpot/detection/pair_hits.hpp"
 #include "dashpot/detection/seen_contacts.hpp"
 #include "dashpot/detection/workplaces.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -30,11 +31,16 @@ constexpr double kFarPoint = 0.5;
 // Fraction of the step within which a gap or an overlap that closes at its present rate is gone
 // early.
 constexpr double kEarly = 0.25;
-// Fraction of the step up to which two times see one geometry.
+// Fraction of the step, and of 1 / omega of a hit of round bodies, up to which two times see one
+// geometry.
 constexpr double kSameTime = 0.03;
 // 1 - cos of the angle between the normals of one contact at the start and in the middle, at most;
 // at other times it goes with the square of the time.
 constexpr double kMostTurnOfNormal = 0.15;
+// Most of the speed of a hit that the turn of its normal adds in the time 1 / omega.
+constexpr double kMostOfTurn = 1.0;
+// Fraction of the step in which the turn of a normal is lost in rounding.
+constexpr double kSliver = 1e-6;
 constexpr int kContactsAtOnce = 16;  // by a thread
 
 // What pairs of geoms have in common over a step of `length` (s).
@@ -73,23 +79,30 @@ class TurningPair {
         last_(last),
         lead_(step.lead_of(first->tree)),
         motion_(m, d, step.length),
+        hits_(motion_, step.trees, step.frequency, step.pairs, step.length, lead_, step.hit_speed),
         far_(motion_),
-        found_(motion_, step.length) {}
+        found_(motion_, step.length),
+        same_time_(kSameTime * step.length) {}
 
   // Finds how the pair moves; whether it does, and may touch up to the middle or is hit.
   bool moves() {
-    if (first_->is_at_impact || !motion_.find(*first_, step_.trees, step_.motion)) return false;
+    if (!motion_.find(*first_, step_.trees, step_.motion)) return false;
     const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
     size_ = motion_.size();
     if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
     at_rest_ =
         !step_.any_motion && motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
     if (at_rest_) return false;
-    if (!far_.find(data_, *first_)) return false;
-    if (motion_.are_round() && parts_early() && hit_frequency(*first_) == 0.0) return false;
+    const double frequency = motion_.are_round() ? hits_.frequency(*first_) : 0.0;
+    is_round_hit_ = frequency > 0.0 && hits_.is_soft(*first_);
+    if (is_round_hit_) same_time_ = std::min(same_time_, kSameTime / frequency);
+    if (first_->is_at_impact) return is_round_hit_;
+    goes_far_ = !far_.find(data_, *first_);
+    if (is_round_hit_) return true;
+    if (goes_far_ || (motion_.are_round() && parts_early() && frequency == 0.0)) return false;
     const double to_middle = motion_.way_in(middle());
     return std::any_of(first_, last_, [&](const ContactInput& c) {
-      return c.gap <= to_middle || hit_frequency(c) > 0.0;
+      return c.gap <= to_middle || hits_.frequency(c) > 0.0;
     });
   }
 
@@ -113,20 +126,26 @@ class TurningPair {
 
   // Takes the contacts that are found there to the middle of the step, or of their hit.
   void take(FaceBuffers& faces) {
+    if (first_->is_at_impact) return take_on_from_impact(faces, *first_);
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
-      const double frequency = hit_frequency(*contact);
+      const double frequency = hits_.frequency(*contact);
       const bool comes = frequency > 0.0 && contact->gap > 0.0;
+      const bool goes_on = frequency > 0.0 && hits_.compression(*contact) > 0.0;
       const double at = middle() - lead_;
-      if (!see(faces, *contact, comes ? hit_time(*contact, frequency, 0.0) : at)) continue;
+      const auto hit_time = [&](double acceleration) {
+        return hits_.time(*contact, frequency, acceleration, seen_at_);
+      };
+      contact->is_of_round_hit = goes_on;
+      if (!see(faces, *contact, comes || goes_on ? hit_time(0.0) : at)) continue;
       if (frequency > 0.0) {
-        // As it turns, its gap closes at another rate; what rolls closes all gaps by turning, and
-        // is no hit.
+        // As it turns, its gap closes at another rate.
         const double rate = motion_.point_rate(then_, When::kStart)[0], turning = then_.turning[0];
-        const bool rolls =
-            std::abs(rate) < std::max(step_.hit_speed, 2.0 * step_.length * std::abs(turning));
-        if (!see(faces, *contact, rolls ? at : hit_time(*contact, frequency, turning))) continue;
+        const bool rolls = hits_.rolls(*contact, frequency, rate, turning);
+        if (rolls && is_round_hit_ && (goes_far_ || parts_early())) continue;
+        contact->is_of_round_hit = is_round_hit_ && !rolls;
+        if (!see(faces, *contact, rolls ? at : hit_time(turning))) continue;
       }
       freeze(then_, *contact);
       mju_copy(data_->contact[contact->source].frame, contact->frame.data(), 9);
@@ -138,10 +157,38 @@ class TurningPair {
 
   double middle() const { return 0.5 * step_.length; }
 
+  // Takes a contact of two round bodies that fly, which is that of their impact, on to where the
+  // force of the hit acts. Its gap closes when it did.
+  void take_on_from_impact(FaceBuffers& faces, ContactInput& contact) {
+    const double frequency = hits_.frequency(contact), begins = hits_.onset(contact);
+    const double closing = -motion_.gap_rate(contact);
+    motion_.find_twists(begins);
+    const std::array<double, 3> at_impact = motion_.point_rate(contact, When::kThen);
+    double turning = 0.0;
+    for (int pass = 0; pass < 2; ++pass) {
+      const double after = centre_of_hit(frequency, 0.0, closing, turning, step_.length - begins);
+      if (after <= kSliver * step_.length) return;
+      seen_at_ = begins + after;
+      look(faces);
+      if (!find_then(contact)) return;
+      const std::array<double, 3> rate = motion_.point_rate(then_, When::kThen);
+      for (int i = 0; i < 3; ++i) then_.turning[i] = (rate[i] - at_impact[i]) / after;
+      turning = then_.turning[0];
+      // Another end of the two has come to be the nearest.
+      if (std::abs(turning) > kMostOfTurn * closing * frequency) return;
+      then_.gap =
+          contact.gap + begins * (at_impact[0] - rate[0] - turning * (0.5 * begins - seen_at_));
+    }
+    contact.gap = then_.gap;
+    contact.is_of_round_hit = true;
+    freeze(then_, contact);
+    mju_copy(data_->contact[contact.source].frame, contact.frame.data(), 9);
+  }
+
   // Whether a ball comes or goes in a step that does not hold all of its hit.
   bool changes_arm() const {
     return step_.length * std::abs(motion_.gap_rate(*first_)) > kSameArm * size_ &&
-           hit_frequency(*first_) == 0.0;
+           hits_.frequency(*first_) == 0.0;
   }
 
   // Whether a blow begins or ends early in the step, by how fast the gap changes.
@@ -150,54 +197,24 @@ class TurningPair {
     return rate >= step_.hit_speed && std::abs(first_->gap) < kEarly * step_.length * rate;
   }
 
-  // When a gap (m) that closes at a speed (m/s), and has an acceleration (m/s^2), is closed; the
-  // length of the step if it is not within it.
-  double onset(double gap, double closing, double acceleration) const {
-    if (gap <= 0.0) return 0.0;
-    const double square = closing * closing - 2.0 * acceleration * gap;
-    if (closing <= 0.0 || square <= 0.0) return step_.length;
-    return std::min(step_.length, 2.0 * gap / (closing + std::sqrt(square)));
-  }
-
-  // Of a contact that is hit, or flies off, in a fraction of the step (hit_time.hpp); else 0.
-  double hit_frequency(const ContactInput& contact) const {
-    const double rate = motion_.gap_rate(contact);
-    if (std::abs(rate) < step_.hit_speed || onset(contact.gap, -rate, 0.0) == step_.length)
-      return 0.0;
-    const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
-    if (inverse_mass == 0.0) return 0.0;
-    const double frequency = step_.frequency(contact, inverse_mass);
-    if (frequency * step_.length < kShortHit) return 0.0;
-    const double deepest = deepest_of_hit(onset(contact.gap, -rate, 0.0), frequency);
-    return step_.pairs.is_alone(contact, deepest) ? frequency : 0.0;
-  }
-
-  // When the force of a hit acts, after the place of the start, whose gap has an acceleration
-  // (m/s^2): elsewhere it does work on what the turn of its geometry adds to the rate.
-  double hit_time(const ContactInput& contact, double frequency, double acceleration) const {
-    const double closing = -motion_.gap_rate(contact) + acceleration * lead_;
-    const double gap = contact.gap + lead_ * (closing - 0.5 * acceleration * lead_);
-    const double begins = onset(gap, closing, acceleration), left = step_.length - begins;
-    if (left == 0.0) return seen_at_;
-    return begins - lead_ +
-           centre_of_hit(frequency, std::max(0.0, -gap), closing - acceleration * begins, left);
-  }
-
   // Finds what a contact is at a time (s), unless that is about the start, as which it stays; but
   // where places lead, the start is no more the time up to which nothing turns.
   bool see(FaceBuffers& faces, const ContactInput& contact, double time) {
-    const double same = kSameTime * step_.length;
     if (lead_ > 0.0)
-      time = std::copysign(std::max(std::abs(time), 2.0 * same), time);
-    else if (time <= same)
+      time = std::copysign(std::max(std::abs(time), 2.0 * same_time_), time);
+    else if (time <= same_time_)
       return false;
-    if (std::abs(time - seen_at_) > same) {
+    if (std::abs(time - seen_at_) > same_time_) {
       seen_at_ = time;
-      way_ = motion_.way_in(std::abs(time));
-      found_.find(model_, data_, time, first_->margin + way_, faces);
-      motion_.find_twists(time);
+      look(faces);
     }
     return find_then(contact);
+  }
+
+  void look(FaceBuffers& faces) {
+    way_ = motion_.way_in(std::abs(seen_at_));
+    found_.find(model_, data_, seen_at_, first_->margin + way_, faces);
+    motion_.find_twists(seen_at_);
   }
 
   // Finds what a contact is then, if it is there.
@@ -206,12 +223,13 @@ class TurningPair {
     if (!same || found_.start_of(*same, first_, last_) != &contact) return false;
     const bool corners =
         has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
-    const double part = std::min(1.0, std::abs(seen_at_) / middle());
+    const double part = is_round_hit_ ? 1.0 : std::min(1.0, std::abs(seen_at_) / middle());
     const double far = corners ? 2.0 * way_ : part * kFarPoint * size_;
     if (squared_distance_on_geoms(contact, *same) > far * far) return false;
     if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
       return false;
-    if (!far_.follows(data_, contact, *same, step_.pairs, step_.length)) return false;
+    if (!is_round_hit_ && !far_.follows(data_, contact, *same, step_.pairs, step_.length))
+      return false;
     then_ = seen_in(*same, contact);
     return true;
   }
@@ -259,12 +277,15 @@ class TurningPair {
   ContactInput *first_, *last_;
   double lead_;  // s, by which the places of the start are later than its velocities
   ContactMotion motion_;
+  PairHits hits_;
   FarPair far_;
   double size_ = 0.0;     // m, radius about the smaller geom
   bool at_rest_ = false;  // its geoms, on each other
+  bool is_round_hit_ = false, goes_far_ = false;
   // What was found at a time (s), up to which the pair moves by way_ (m), and a contact then.
   double seen_at_ = 0.0, way_ = 0.0;
   SeenContacts found_;
+  double same_time_;  // s, by which two times may differ that see one geometry
   ContactInput then_;
 };
 
@@ -272,13 +293,13 @@ class TurningPair {
 
 void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
                      const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
-                     Workplaces& workplaces, const HitFrequency& frequency,
+                     Workplaces& workplaces, const HitFrequency& frequency, const Memory& memory,
                      std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team) {
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
   };
-  const LonePairs pairs(m, d, length, trees, motion, contacts);
+  const LonePairs pairs(m, d, length, trees, motion, memory, contacts);
   const Step step{length, any_motion, trees, motion, lead, frequency, pairs, kHitSpeed * metre(m)};
   workplaces.open(m, d, &faces, count > kContactsAtOnce ? team.active() : 1);
   team.share(count, kContactsAtOnce, [&](int worker, int begin, int end) {

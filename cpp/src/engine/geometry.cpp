@@ -72,7 +72,7 @@ void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   host::freeze_contacts(model, d, clock.length, differentiable, motion.trees(),
                         data.velocity.data(), leapfrog.led(), detection.faces, detection.workplaces,
-                        hit_frequency(), contacts, turned, team);
+                        hit_frequency(), memory(d), contacts, turned, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) turned[tree] = 0.0;

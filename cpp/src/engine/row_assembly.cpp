@@ -75,6 +75,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   c.friction_load = material.friction_load;
   c.ahead = input.ahead;
   c.turning = input.turning;
+  c.is_of_round_hit = input.is_of_round_hit;
   const std::array<double, 5> friction = friction_of(input, material);
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);
   host::typical_inverse_masses(model, data, input, friction,

@@ -20,12 +20,16 @@ struct Hits {
   double step;
   const RowData& data;
 
-  // The gap of a group, its rate at the start, and how smooth forces change that in the step.
+  // The gap of a group; its rate at the start, but in the geometry that its rows have; and by how
+  // much smooth forces, and the turn of that geometry, change it in the step, and did before.
   struct Motion {
-    double gap, rate, change;
+    double gap, rate, change, turn = 0.0, turned = 0.0;
 
     // The fastest that the gap closes on the average of the step, or from its start.
-    double closing() const { return std::max({-rate, -rate - 0.5 * change, 0.0}); }
+    double closing() const {
+      const double start = rate - turned;
+      return std::max({-start, -start - 0.5 * (change + turn), 0.0});
+    }
   };
 
   Motion motion_of(const RowGroup& c) const {
@@ -33,8 +37,13 @@ struct Hits {
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
     const bool contact = c.kind == RowKind::kContact;
-    return {contact ? contacts[c.input].gap : constraints[c.input].position, rate[0],
-            load[0] * step};
+    Motion motion{contact ? contacts[c.input].gap : constraints[c.input].position, rate[0],
+                  load[0] * step};
+    if (c.is_of_round_hit) {
+      motion.turn = c.turning[0] * step;
+      motion.turned = c.turning[0] * c.ahead;
+    }
+    return motion;
   }
 
   double hit_speed(const RowGroup& c) const {
@@ -56,7 +65,8 @@ struct Hits {
     if (c.kind != RowKind::kContact || matches[index].nearest < 0) return false;
     const RememberedContact old = memory.contact(matches[index].nearest);
     const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
-    return old.hit == kHit && old.stiffness * w * step * step > kShortHit * kShortHit &&
+    const bool unresolved = old.stiffness * w * step * step > kShortHit * kShortHit;
+    return old.hit == kHit && (unresolved || c.is_of_round_hit) &&
            step * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
   }
 

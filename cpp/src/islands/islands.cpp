@@ -64,6 +64,10 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
     double rate[kMaxRows], load[kMaxRows];
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
+    if (c.is_of_round_hit) {
+      rate[0] -= c.turning[0] * c.ahead;
+      load[0] += c.turning[0];
+    }
     // The parabola's least value within the time: at an end, or where it turns.
     const double end = gap + time * (rate[0] + 0.5 * load[0] * time);
     const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;

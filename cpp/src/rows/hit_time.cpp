@@ -21,10 +21,20 @@ double one_less_cotangent(double s) {
 
 }  // namespace
 
-double centre_of_hit(double frequency, double compression, double closing_speed, double time) {
-  const double phase = std::atan2(frequency * compression, closing_speed);
-  const double s = 0.5 * std::min(kPi - phase, frequency * time);
-  return (s + one_less_cotangent(s) / std::tan(phase + s)) / frequency;
+double centre_of_hit(double frequency, double compression, double closing_speed,
+                     double acceleration, double time) {
+  // The spring's place under the load, and how far it swings from there.
+  const double balance = acceleration / (frequency * frequency);
+  const double swing = std::hypot(compression + balance, closing_speed / frequency);
+  double phase = std::atan2(frequency * (compression + balance), closing_speed);
+  if (phase < -0.5 * kPi) phase += 2.0 * kPi;  // it opens, though a load presses it
+  const double release = kPi - std::asin(std::clamp(balance / swing, -1.0, 1.0)) - phase;
+  const double s = 0.5 * std::min(release, frequency * time), end = 2.0 * s / frequency;
+  const double centre = (s + one_less_cotangent(s) / std::tan(phase + s)) / frequency;
+  const double swung = 2.0 * swing * std::sin(phase + s) * std::sin(s) / frequency;
+  const double impulse = swung - balance * end;
+  if (balance == 0.0 || impulse <= 0.0) return centre;
+  return (swung * centre - 0.5 * balance * end * end) / impulse;
 }
 
 bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b) {

@@ -65,12 +65,13 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
   return scale;
 }
 
-// Whether what is hit goes on as one hit, which the step does not resolve: its spring, with the
-// remembered `force` (N), throws back what smooth forces alone would not.
+// Whether what is hit goes on as one hit, which the step does not resolve or the geometry follows:
+// its spring, with the remembered `force` (N), throws back what smooth forces alone would not.
 bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double length,
                     const RowData& data) {
   const double w = rows.inverse_mass[c.row];
-  if (rows.stiffness[c.row] * w * length * length <= kShortHit * kShortHit) return false;
+  const double square = rows.stiffness[c.row] * w * length * length;
+  if (!c.is_of_round_hit && square <= kShortHit * kShortHit) return false;
   double load[kMaxRows];
   gather(rows, c, data.smooth_acceleration.data(), load);
   return force * w > kHitLoads * std::abs(load[0]);

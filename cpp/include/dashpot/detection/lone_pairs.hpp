@@ -5,12 +5,16 @@
 // their gap closes at the rate that it has, before the hit is at its deepest, or from another side:
 // what comes later from the same side is met by a body that has turned back. A light body between
 // two heavy ones is pressed for as long as those come together.
+//
+// A hit that goes on from the last step has what its spring is compressed by in memory: at its
+// deepest it has no rate to tell it by.
 
 #pragma once
 
 #include <array>
 #include <vector>
 
+#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 
@@ -24,10 +28,12 @@ namespace dashpot::host {
 class LonePairs {
  public:
   LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
-            const double* motion, const std::vector<ContactInput>& contacts);
+            const double* motion, const Memory& memory, const std::vector<ContactInput>& contacts);
 
   // Whether nothing else touches the two trees of a contact whose hit is deepest at `deepest` (s).
   bool is_alone(const ContactInput& contact, double deepest) const;
+  // What the spring of a contact that was hit in the last step is compressed by (m), else 0.
+  double compression(const ContactInput& contact) const;
 
  private:
   // A pair of geoms, the next pair of either tree, its normal, and when its first gap closes.
@@ -36,10 +42,16 @@ class LonePairs {
     std::array<double, 3> normal;
     double onset;
   };
+  // A hit of the last step: its geoms, and its place in memory.
+  struct Hit {
+    std::array<int, 2> geom;
+    int slot;
+  };
   // Kept by the thread from step to step: a step allocates nothing.
   struct Chains {
     std::vector<Pair> pairs;
     std::vector<int> first_of_tree;
+    std::vector<Hit> hits;  // in the order of their geoms
   };
 
   static Chains& chains();
@@ -50,6 +62,7 @@ class LonePairs {
   double length_;
   const Trees& trees_;
   const double* motion_;
+  const Memory& memory_;
   const Chains& chains_;
 };
 

@@ -10,7 +10,14 @@
 //
 //     (s + cot(phi + s) (1 - s cot s)) / omega .
 //
-// It lies two thirds of a short time after the onset (phi = 0), and in the middle of all.
+// It lies two thirds of a short time after the onset (phi = 0), and in the middle of all. Under an
+// acceleration b of the gap, as that by which the turn of normals opens it, the spring swings so
+// about the place x = -b / omega^2, from which x counts in phi; and is released earlier, at
+// pi - asin(b / (omega^2 X)), X being the swing: the force has its centre where
+//
+//     (P c - b e^2 / (2 omega^2)) / (P - b e / omega^2),   P = 2 X / omega sin(phi + s) sin(s),
+//
+// c being the centre above.
 
 #pragma once
 
@@ -33,13 +40,15 @@ inline constexpr double kHitSpeed = 0.02;
 // How many times the load of smooth forces the spring of what is hit bears.
 inline constexpr double kHitLoads = 4.0;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the
-// step. Longer ones go by the geometry of every step, whose errors are of second order.
+// step. Longer ones go by the geometry of every step, whose errors are of second order; but those
+// of round bodies, see detection/pair_hits.hpp.
 inline constexpr double kShortHit = kPi;
 
 // Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
 // `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
-// not 0 where `compression` is).
-double centre_of_hit(double frequency, double compression, double closing_speed, double time);
+// not 0 where `compression` is), `acceleration` (m/s^2) of the gap without the force.
+double centre_of_hit(double frequency, double compression, double closing_speed,
+                     double acceleration, double time);
 
 // Whether two contacts are between the same two trees, one of which may be the ground.
 bool joins_same_trees(const std::array<int, 2>& a, const std::array<int, 2>& b);

@@ -44,6 +44,7 @@ struct ContactInput {
   std::array<double, 3> apart{};
   bool is_at_impact = false;     // frozen where bodies that fly meet, see flight_contacts.hpp
   bool is_frozen_ahead = false;  // where the bodies are after `ahead`, see detection/turning.hpp
+  bool is_of_round_hit = false;  // of two round bodies alone, see detection/pair_hits.hpp
   // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
@@ -134,6 +135,7 @@ struct RowGroup {
   // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp).
   double ahead = 0.0;
   std::array<double, 3> turning{};
+  bool is_of_round_hit = false;
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).
   double pressed = 1.0;
