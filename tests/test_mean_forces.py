@@ -134,7 +134,13 @@ def test_forces_of_a_landing_add_up_to_the_momentum_that_they_take(integrator, t
         reported += timestep * (robot.contact_force() - [0, 0, robot.weight])
         # Legs turn by 0.02 rad in the step of the impact, which sees them as they are at its start.
         gained = robot.momentum()[0] - start
-        np.testing.assert_allclose(reported, gained, rtol=0, atol=5e-3 * abs(start[2]))
+        # What would pull a foot that leaves again, or hold one that slips, is in no report.
+        np.testing.assert_allclose(reported, gained, rtol=0, atol=12 * timestep * abs(start[2]))
+        contacts = robot.engine.contacts(data)
+        limit = (
+            robot.engine.model.geom_friction[contacts.geom, 0].max(axis=1) * contacts.force[:, 0]
+        )
+        assert (np.linalg.norm(contacts.force[:, 1:3], axis=1) <= limit * (1 + 1e-9) + 1e-12).all()
     assert abs(data.qvel[2]) < 0.5
 
 

@@ -2,6 +2,7 @@
 // beside them, those that MuJoCo's fields and sensors report.
 
 #include <algorithm>
+#include <cmath>
 
 #include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/host.hpp"
@@ -14,6 +15,23 @@ namespace dashpot {
 namespace {
 
 constexpr int kTreesAtOnce = 64;  // by a thread
+constexpr int kHalvings = 30;     // of the part of an impulse that is looked for
+
+// Whether `impulse` + part * `more`, over `length` (s), is one that the rows of a contact can
+// exert (law/friction.hpp).
+bool is_inside_cone(const Rows& rows, const RowGroup& c, const double* impulse, const double* more,
+                    double part, double length) {
+  const double normal = impulse[0] + part * more[0];
+  if (normal < 0.0) return false;
+  const double loaded = c.loaded_friction;
+  const double share = loaded + (1.0 - loaded) / (1.0 + normal / (length * c.friction_load));
+  double square = 0.0;
+  for (int i = 1; i < c.dim; ++i) {
+    const double mu = rows.friction[c.row + i];
+    if (mu > 0.0) square += std::pow((impulse[i] + part * more[i]) / mu, 2);
+  }
+  return square <= std::pow(share * normal, 2);
+}
 
 }  // namespace
 
@@ -80,6 +98,7 @@ void Stepper::Impl::report_forces(mjData_* d) {
       if (!motion.is_accurate(index))
         motion.find_integrated(d, index, clock.length, rows_on_tree(index, stages), data);
     if (stages) add_borne_in_stages();
+    keep_borne_inside_cones();
     find_reported(d);
   }
   if (stages && host::others_look_at_stages(model) && !reports_more) return;
@@ -89,6 +108,23 @@ void Stepper::Impl::report_forces(mjData_* d) {
 void Stepper::Impl::add_borne_in_stages() {
   for (int index = 0; index < motion.tree_count(); ++index)
     if (!motion.is_accurate(index) && has_stages(index)) held_stages.add_borne(index, borne);
+}
+
+// Rows held over a step bear what would pull a foot that is about to leave, or hold one that slips:
+// as much is reported as a contact can exert. Cones are convex.
+void Stepper::Impl::keep_borne_inside_cones() {
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kContact || !has_borne(c)) continue;
+    const double* impulse = data.total_impulse.data() + c.row;
+    double* more = borne.data() + c.row;
+    if (is_inside_cone(rows, c, impulse, more, 1.0, clock.length)) continue;
+    double inside = 0.0, outside = 1.0;
+    for (int i = 0; i < kHalvings; ++i) {
+      const double middle = 0.5 * (inside + outside);
+      (is_inside_cone(rows, c, impulse, more, middle, clock.length) ? inside : outside) = middle;
+    }
+    for (int i = 0; i < c.dim; ++i) more[i] *= inside;
+  }
 }
 
 // Finds the generalized forces and accelerations of the step where they are others than those that

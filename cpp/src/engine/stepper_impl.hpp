@@ -104,6 +104,7 @@ struct Stepper::Impl {
   void find_stages(mjData_* d, bool new_control);
   void report_forces(mjData_* d);
   void add_borne_in_stages();
+  void keep_borne_inside_cones();
   void find_reported(const mjData_* d);
   void find_mean_acceleration(int tree);
   void report_to_sensors(mjData_* d);
