@@ -100,10 +100,9 @@ void bind_rollout(py::module_& module) {
       .def("run", &SharedRollouts::run, py::arg("initial_state"), py::arg("control"),
            py::arg("nstep"), py::arg("nthread"), py::arg("with_memory"),
            py::arg("differentiable") = false,
-           "Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`, "
-           "the\n"
-           "last states have the second half of their velocities, which the next step would add,\n"
-           "and no motion is small.");
+           "Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`,\n"
+           "the last states have the second half of their velocities, which the next step would\n"
+           "add, and no motion is small.");
 }
 
 }  // namespace dashpot::bindings

@@ -459,9 +459,9 @@ class Rollouts:
         differentiable: bool = False,
     ) -> tuple:
         """
-        Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`, the
-        last states have the second half of their velocities, which the next step would add,
-        and no motion is small.
+        Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`,
+        the last states have the second half of their velocities, which the next step would
+        add, and no motion is small.
         """
 
 class ObservedTrajectory:

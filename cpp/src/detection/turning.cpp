@@ -53,18 +53,6 @@ struct Step {
   const HitFrequency& frequency;
   const LonePairs& pairs;
   double hit_speed;  // m/s
-
-  // By how much (s) the places of two trees lead, on the average of those that are trees.
-  double lead_of(const std::array<int, 2>& tree) const {
-    double sum = 0.0;
-    int count = 0;
-    for (int index : tree) {
-      if (index < 0) continue;
-      sum += lead[index];
-      ++count;
-    }
-    return count > 0 ? sum / count : 0.0;
-  }
 };
 
 // The contacts of two geoms over a step.
@@ -77,7 +65,7 @@ class TurningPair {
         step_(step),
         first_(first),
         last_(last),
-        lead_(step.lead_of(first->tree)),
+        lead_(mean_of_trees(first->tree, step.lead)),
         motion_(m, d, step.length),
         hits_(motion_, step.trees, step.frequency, step.pairs, step.length, lead_, step.hit_speed),
         far_(motion_),

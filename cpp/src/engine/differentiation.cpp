@@ -23,15 +23,8 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
   proven_apart.clear();
   clock = StepClock();
   clock.whole = clock.length = clock.rest = host::StepParts(model, d).whole();
-  motion.start(d);
-  mocap.begin(clock.length);
-  host::smooth_stage(model, d, true, host::Sensors::kStay, find_contacts);
-  mocap.write_velocities();
-  motion.find_smooth_motion(d, clock.length, false, data, team);
-  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
-  mocap.drive(constraints);
-  part = Part();
-  correct_contacts_ahead(d);
+  start_part(d, true, host::Sensors::kStay, false, mocap);
+  detect(d, mocap);
   find_rows(d, mocap);
   if (const double* added = trapezoid.added_velocity())
     for (int index = 0; index < motion.tree_count(); ++index)

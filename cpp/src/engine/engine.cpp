@@ -104,12 +104,8 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
 }
 
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
-  motion.start(d);
-  mocap.begin(clock.length);
   const bool new_control = !parts.cut();
-  host::smooth_stage(model, d, new_control, host::Sensors::kForCallbacks, find_contacts);
-  mocap.write_velocities();
-  motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
+  start_part(d, new_control, host::Sensors::kForCallbacks, is_rough(parts), mocap);
   if (shorten_for_turns(parts))
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
@@ -129,19 +125,32 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   proven_apart.forget(touched);
 }
 
+void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
+                               host::MocapMotion& mocap) {
+  motion.start(d);
+  mocap.begin(clock.length);
+  host::smooth_stage(model, d, new_control, sensors, find_contacts);
+  mocap.write_velocities();
+  motion.find_smooth_motion(d, clock.length, rough, data, team);
+}
+
 void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool rough = is_rough(parts);
   const double searched = clock.length;
-  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
-  mocap.drive(constraints);
-  part = Part();
   clock.cut_short = false;
-  correct_contacts_ahead(d);
+  detect(d, mocap);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
   if (rough || clock.length != searched)
     motion.find_smooth_motion(d, clock.length, false, data, team);
   solve(d, mocap);
   follow_knock_on(d, mocap);
+}
+
+void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
+  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
+  mocap.drive(constraints);
+  part = Part();
+  correct_contacts_ahead(d);
 }
 
 // Whether the smooth motion may be rough: a part that another will follow needs no more than

@@ -2,8 +2,8 @@
 // beside them, those that MuJoCo's fields and sensors report.
 
 #include <algorithm>
-#include <cmath>
 
+#include "dashpot/law/friction.hpp"
 #include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -21,24 +21,18 @@ constexpr int kHalvings = 30;     // of the part of an impulse that is looked fo
 // exert (law/friction.hpp).
 bool is_inside_cone(const Rows& rows, const RowGroup& c, const double* impulse, const double* more,
                     double part, double length) {
-  const double normal = impulse[0] + part * more[0];
-  if (normal < 0.0) return false;
-  const double loaded = c.loaded_friction;
-  const double share = loaded + (1.0 - loaded) / (1.0 + normal / (length * c.friction_load));
-  double square = 0.0;
-  for (int i = 1; i < c.dim; ++i) {
-    const double mu = rows.friction[c.row + i];
-    if (mu > 0.0) square += std::pow((impulse[i] + part * more[i]) / mu, 2);
-  }
-  return square <= std::pow(share * normal, 2);
+  double sum[kMaxRows];
+  for (int i = 0; i < c.dim; ++i) sum[i] = impulse[i] + part * more[i];
+  if (sum[0] < 0.0) return false;
+  const double share = share_under_load(c.loaded_friction, c.friction_load, sum[0] / length);
+  const double* mu = rows.friction.data() + c.row + 1;
+  return radial_return(sum + 1, mu, c.dim - 1, share * sum[0]) == 1.0;
 }
 
 }  // namespace
 
 // Those of the micro-steps.
 void Stepper::Impl::find_forces(mjData_* d) {
-  const double* velocity = host::velocity(d);
-  velocity_at_start.assign(velocity, velocity + host::dof_count(model));
   borne.assign(rows.appended, 0.0);
   trapezoid.add_borne(borne);
   leave_out_untouched(d);
@@ -83,10 +77,10 @@ void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
   try {
     runge_kutta.find_motion(model, d, new_control, held_stages, find_contacts);
   } catch (...) {
-    host::set_velocity(d, velocity_at_start);
+    host::set_velocity(d, motion.start_velocity());
     throw;
   }
-  host::set_velocity(d, velocity_at_start);
+  host::set_velocity(d, motion.start_velocity());
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {

@@ -93,7 +93,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
   try {
     host::integrate(model, d, comfree || !rows_move_all(), runge_kutta);
   } catch (...) {
-    host::set_velocity(d, velocity_at_start);
+    host::set_velocity(d, motion.start_velocity());
     throw;
   }
   if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);

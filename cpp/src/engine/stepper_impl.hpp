@@ -24,6 +24,7 @@
 #include "dashpot/motion/leapfrog.hpp"
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
 #include "dashpot/mujoco/stage_work.hpp"
 #include "dashpot/mujoco/step_parts.hpp"
@@ -58,9 +59,12 @@ struct Stepper::Impl {
   StepStats take_step(mjData_* d, bool leave_rows);
   void complete_last_step(mjData_* d);
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
+                  host::MocapMotion& mocap);
   bool is_rough(const host::StepParts& parts) const;
   bool shorten_for_turns(host::StepParts& parts);
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  void detect(mjData_* d, host::MocapMotion& mocap);
   bool shorten_for_throws(host::StepParts& parts);
   bool shorten_for_rows(host::StepParts& parts);
   bool shorten(double shorter, host::StepParts& parts);
@@ -184,7 +188,6 @@ struct Stepper::Impl {
   std::vector<double> unpaid, lost;            // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized
-  std::vector<double> velocity_at_start;       // generalized, to which a step that fails goes back
   std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight
   std::vector<double> end_gap;                 // by contact, m
   std::vector<double> recovery_displacement;   // of equalities, in motion coordinates

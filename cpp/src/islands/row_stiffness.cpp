@@ -134,6 +134,51 @@ double longest_inelastic_microstep(const RowGroup& c, const Material& material,
          std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
 }
 
+// By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
+// configuration into arbitrary forces.
+void fill_row(Rows& rows, const RowGroup& c, int row, double kappa, double delta) {
+  const double w = loaded_inverse_mass(rows, c, row);
+  const double mass = w > 0.0 ? 1.0 / w : 0.0;
+  // Where nothing moves along a row, any positive stiffness carries its zero load.
+  rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
+  rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
+}
+
+// Of sliding rows: kappa of the normal, as far as it is given and resolved; kappa and delta that
+// are resolved.
+struct SlidingBounds {
+  double stiffest, resolved, most_damped;
+};
+
+// Fills the rows of friction of a group whose normal is filled. Returns whether nothing that was
+// given was lowered.
+bool fill_sliding_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, bool hit,
+                       const SlidingBounds& bounds) {
+  const Material& material = given.material;
+  const bool is_limited = !given.rigid() || given.from_solref;
+  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
+  bool as_given = true;
+  for (int i = 1; i < c.dim; ++i) {
+    const int row = c.row + i;
+    const double w = inverse_mass(row), mean = mean_inverse_mass(c, i, inverse_mass);
+    const double of_mean = w > 0.0 && (is_limited || hit) ? w / mean : 1.0;
+    const double of_resolved =
+        hit || w == 0.0 ? of_mean : w / larger_inverse_mass(c, i, inverse_mass);
+    double asked = bounds.stiffest * of_mean;
+    if (!given.rigid()) asked = rows.stiffness[row] * w;
+    if (!is_limited && hit)
+      asked = material.tangential_ratio * rows.stiffness[c.row] *
+              mean_inverse_mass(c, 1, inverse_mass) * of_mean;
+    const double kappa = std::min(asked, bounds.resolved * of_resolved);
+    const double delta = 2.0 * sliding_damping_ratio(material) * std::sqrt(kappa * of_mean);
+    const double most_damped = bounds.most_damped * of_mean;
+    if (!given.rigid())
+      as_given = as_given && fits(asked, bounds.resolved * of_resolved) && fits(delta, most_damped);
+    fill_row(rows, c, row, kappa, std::min(delta, most_damped));
+  }
+  return as_given;
+}
+
 }  // namespace
 
 double stiffest_rigid(double bound) {
@@ -188,15 +233,6 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   } else if (is_limited) {
     stiffest = std::min(resolved, asked.stiffness);
   }
-  // By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
-  // configuration into arbitrary forces.
-  const auto fill = [&](int row, double kappa, double delta) {
-    const double w = loaded_inverse_mass(rows, c, row);
-    const double mass = w > 0.0 ? 1.0 / w : 0.0;
-    // Where nothing moves along a row, any positive stiffness carries its zero load.
-    rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
-    rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
-  };
   double kappa = stiffest, delta = asked.damping;
   bool as_given = fits(asked.stiffness, resolved);
   if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
@@ -212,33 +248,13 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     delta = rigid_damping(c, material, kappa, loaded_inverse_mass(rows, c, c.row));
   }
   if (is_limited || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
-  fill(c.row, kappa, std::min(delta, most_damped));
-  const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
+  fill_row(rows, c, c.row, kappa, std::min(delta, most_damped));
   const bool is_rigid_hit = !is_limited && microstep.hit;
   const double resolved_sliding =
       is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
-  for (int i = 1; i < c.dim; ++i) {
-    const int row = c.row + i;
-    const double w = inverse_mass(row), mean = mean_inverse_mass(c, i, inverse_mass);
-    // Of what is not as stiff as it can be friction is isotropic, and of what is hit.
-    const double of_mean = w > 0.0 && (is_limited || microstep.hit) ? w / mean : 1.0;
-    const double of_resolved =
-        microstep.hit || w == 0.0 ? of_mean : w / larger_inverse_mass(c, i, inverse_mass);
-    double asked_sliding = stiffest * of_mean;
-    if (!given.rigid()) asked_sliding = rows.stiffness[row] * w;
-    if (is_rigid_hit)
-      asked_sliding = material.tangential_ratio * rows.stiffness[c.row] *
-                      mean_inverse_mass(c, 1, inverse_mass) * of_mean;
-    const double sliding = std::min(asked_sliding, resolved_sliding * of_resolved);
-    const double asked_damping =
-        2.0 * sliding_damping_ratio(material) * std::sqrt(sliding * of_mean);
-    const double most_damped_here = most_damped_sliding * of_mean;
-    if (!given.rigid())
-      as_given = as_given && fits(asked_sliding, resolved_sliding * of_resolved) &&
-                 fits(asked_damping, most_damped_here);
-    fill(row, sliding, std::min(asked_damping, most_damped_here));
-  }
-  return as_given;
+  const bool slides_as_given = fill_sliding_rows(rows, c, given, microstep.hit,
+                                                 {stiffest, resolved_sliding, most_damped_sliding});
+  return as_given && slides_as_given;
 }
 
 double longest_rigid_microstep(const Rows& rows, const RowGroup& c, const GroupMaterial& given,

@@ -14,6 +14,10 @@ constexpr double kLargestSquare = 1e300;
 
 }  // namespace
 
+double share_under_load(double s, double F, double normal_force) {
+  return s + (1.0 - s) / (1.0 + normal_force / F);
+}
+
 double radial_return(const double* impulse, const double* mu, int n, double normal_impulse) {
   double square = 0.0;
   for (int i = 0; i < n; ++i) {

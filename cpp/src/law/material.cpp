@@ -10,8 +10,7 @@
 //       "Loss factors of viscoelastic systems in terms of energy concepts", J. Acoust. Soc. Am. 34,
 //       1962);
 //   one of each:       zeta = s1 zeta1 and, added to it, d = s2^2 d2: a dashpot that takes the
-//   share
-//       s2 of the rate dissipates s2^2 d2 u^2.
+//       share s2 of the rate dissipates s2^2 d2 u^2.
 // That of a side beside one that nobody set is taken whole, and that of a soft side beside a rigid
 // one, unless both are in N s/m.
 //

@@ -186,16 +186,8 @@ void Leapfrog::take_gaps_back(const Rows& rows, RowData& data) {
 
 // The geometry of a row is that of a time after q, at which trees that fell back are later.
 void Leapfrog::take_times_back(Rows& rows) const {
-  for (RowGroup& c : rows.group) {
-    double later = 0.0;
-    int count = 0;
-    for (int tree : c.tree) {
-      if (tree < 0) continue;
-      later += 0.5 * fell_back_[tree];
-      ++count;
-    }
-    if (later > 0.0) c.ahead += later / count;
-  }
+  for (RowGroup& c : rows.group)
+    if (const double later = mean_of_trees(c.tree, fell_back_); later > 0.0) c.ahead += 0.5 * later;
 }
 
 // Trees do not go into a row with the semi-implicit update, either.

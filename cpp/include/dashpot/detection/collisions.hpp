@@ -17,10 +17,10 @@
 // says otherwise, which is what rigid contacts overlap by. It leaves the normal of curved shapes
 // open by some 0.003 rad, that of a cylinder along an edge by 0.5. Here it goes on to a thousandth
 // of that, in small geoms to 1e-8 of the half width; but with capsules, whose segment inside is
-// apart from what they touch, to 1e-4 of it. Then MuJoCo clips
-// faces against each other for more points, which need not be those that touch: of capsules on
-// hulls of 60 corners every third normal is off, by up to 0.8 rad. Here the nearest points stay
-// unless geoms lie flat (detection/faces.hpp) or side by side (detection/side_by_side.hpp).
+// apart from what they touch, to 1e-4 of it. Then MuJoCo clips faces against each other for more
+// points, which need not be those that touch: of capsules on hulls of 60 corners every third normal
+// is off, by up to 0.8 rad. Here the nearest points stay unless geoms lie flat
+// (detection/faces.hpp) or side by side (detection/side_by_side.hpp).
 //
 // Points on height fields are those of detection/terrain.hpp, those of cylinders that stand flat on
 // planes those of detection/flat_cylinder.hpp.

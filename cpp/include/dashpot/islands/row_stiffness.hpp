@@ -9,12 +9,15 @@
 //     delta_n (c_n - 1) h <= theta,   delta_t (c_t - 1) h <= theta
 //
 // with theta = kRigidResolution and c_n and c_t for the damping of normals and of friction, dry
-// friction too. A damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as
-// the bounds allow; for a restitution kappa gives way as far as a weight sags no further than
-// kInelasticSag, what dry friction holds no further than kRigidSag. A model's own solref is a kappa
-// and a delta, as far as the bounds allow; what they leave out of a delta that is more than
-// critical adds to kappa. A material in SI units that micro-steps do not resolve is rigid, no
-// stiffer than it says, and has its damping ratio as far as the bounds allow.
+// friction too. Of what is hit, and of springs that a material or a model gives, friction has one k
+// and one d along both tangents, so that it knows no heading: by the mean m of their two w, rows
+// have w / m of the kappa and delta above, and up to twice as much of those that are resolved. A
+// damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as the bounds
+// allow; for a restitution kappa gives way as far as a weight sags no further than kInelasticSag,
+// what dry friction holds no further than kRigidSag. A model's own solref is a kappa and a delta,
+// as far as the bounds allow; what they leave out of a delta that is more than critical adds to
+// kappa. A material in SI units that micro-steps do not resolve is rigid, no stiffer than it says,
+// and has its damping ratio as far as the bounds allow.
 
 #pragma once
 

@@ -36,6 +36,9 @@ inline constexpr int kMaxFrictionDirections = 5;
 inline constexpr double kOnSurface = 1e-9;
 inline constexpr int kMaxRounds = 64;
 
+// m(f): what a normal force f (N, >= 0) leaves of the coefficients; s in (0, 1] and F (N, > 0).
+double share_under_load(double s, double F, double normal_force);
+
 // Returns the factor in [0, 1] that brings impulse[0..n) onto or inside the limit surface; 1
 // inside. mu[i] >= 0 (dimensionless for sliding, m for torsion and rolling); mu[i] = 0 admits no
 // impulse in direction i, whose component must be zeroed by the caller.

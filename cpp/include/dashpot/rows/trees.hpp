@@ -18,6 +18,7 @@
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/lanes/aligned.hpp"
@@ -74,6 +75,9 @@ struct Trees {
   // freedom, in the numbers of all.
   void append(int dof_begin, int dof_count, bool free_body, const int* above);
 };
+
+// Mean over the trees of a contact, -1 for none, of a value by tree; 0 where there are none.
+double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value);
 
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
