@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import dashpot
+from legged_scenes import bob_above_foot
 
 GRAVITY = 9.81
 INTEGRATORS = ["Euler", "implicitfast", "implicit", "RK4"]
@@ -134,8 +135,10 @@ def test_forces_of_a_landing_add_up_to_the_momentum_that_they_take(integrator, t
         reported += timestep * (robot.contact_force() - [0, 0, robot.weight])
         # Legs turn by 0.02 rad in the step of the impact, which sees them as they are at its start.
         gained = robot.momentum()[0] - start
-        # What would pull a foot that leaves again, or hold one that slips, is in no report.
-        np.testing.assert_allclose(reported, gained, rtol=0, atol=12 * timestep * abs(start[2]))
+        # What would pull a foot that leaves again, or hold one that slips, is in no report: up to
+        # the weight in two of the few steps in which feet come and go.
+        left_out = 2.4 * timestep * robot.weight
+        np.testing.assert_allclose(reported, gained, rtol=0, atol=left_out)
         contacts = robot.engine.contacts(data)
         limit = (
             robot.engine.model.geom_friction[contacts.geom, 0].max(axis=1) * contacts.force[:, 0]
@@ -177,17 +180,7 @@ def test_a_limit_bears_what_presses_and_accelerates_the_part_at_its_end(integrat
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_corners_of_a_sole_share_what_they_bear(integrator):
     """A bob swings above a foot, whose sole touches in four corners where three would do."""
-    engine = dashpot.Engine(
-        mujoco.MjModel.from_xml_string(f"""<mujoco>
-      <option timestep=".004" integrator="{integrator}"/><worldbody>
-        <geom type="plane" size="0 0 1"/>
-        <body pos="0 0 .3"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
-          <joint axis="0 1 0"/>
-          <inertial pos="0 0 0" mass="1" diaginertia="1e-6 1e-6 1e-6"/>
-          <body pos="0 0 .3"><joint axis="0 1 0"/>
-            <geom type="box" size=".2 .1 .02" pos="0 0 -.58" mass="5"/></body></body>
-      </worldbody></mujoco>""")
-    )
+    engine = dashpot.Engine(bob_above_foot(0.004, integrator))
     data = engine.make_data()
     engine.step(data, nstep=25)
     data.qpos += [-0.3 * np.sin(0.5), 0.3 * (1 - np.cos(0.5)), 0.5, -0.5]

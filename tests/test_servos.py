@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import dashpot
+from legged_scenes import Quadruped
 
 STIFFNESS, MASS = 5000.0, 5.0  # N/m, kg
 TIMESTEPS = (0.0005, 0.001, 0.002)
@@ -234,26 +235,10 @@ def test_a_motor_without_a_control_brakes_like_the_servo_that_it_is() -> None:
     assert motions[0] == pytest.approx(motions[1], rel=1e-9)
 
 
-def quadruped(timestep: float) -> mujoco.MjModel:
-    legs = servos = ""
-    for i, (x, y) in enumerate(((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))):
-        legs += f"""<body pos="{x} {y} 0"><joint name="h{i}" axis="0 1 0" damping="0.1"/>
-          <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".3"/>
-          <body pos="0 0 -.2"><joint name="k{i}" axis="0 1 0" damping="0.1"/>
-            <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".015" mass=".1"/></body></body>"""
-        for joint in (f"h{i}", f"k{i}"):
-            servos += f'<position joint="{joint}" kp="60" kv="1"/>'
-    return mujoco.MjModel.from_xml_string(f"""<mujoco>
-      <option timestep="{timestep}" integrator="implicitfast"/><worldbody>
-        <geom type="plane" size="5 5 .1"/><body pos="0 0 .43"><freejoint/>
-          <geom type="box" size=".25 .1 .04" mass="6"/>{legs}</body></worldbody>
-      <actuator>{servos}</actuator></mujoco>""")
-
-
 @pytest.mark.parametrize("held", [1, 20])
 def test_the_ledger_closes_for_a_robot_whose_commands_jump(held: int) -> None:
     """Commands new in every step, or every 20 ms, in between which the legs swing and settle."""
-    engine = dashpot.Engine(quadruped(0.001))
+    engine = dashpot.Engine(Quadruped().model(0.001))
     data = engine.make_data()
     rng = np.random.default_rng(1)
     start, most, off = engine.energy(data).total, 0.0, 0.0

@@ -5,27 +5,15 @@ The rows of such a foot have the joints of all that moves above it, whose axes t
 
 from __future__ import annotations
 
-import mujoco
 import numpy as np
 import pytest
 from scipy.special import ellipk
 
 import dashpot
+from legged_scenes import BOB_LENGTH as LENGTH
+from legged_scenes import bob_above_foot
 
-ANGLE, LENGTH, GRAVITY = 0.5, 0.3, 9.81  # rad, m, m/s^2
-
-
-def bob_above_foot(timestep: float, integrator: str) -> mujoco.MjModel:
-    """Return a bob, the root of the tree, that swings below the hinge of a foot on the floor."""
-    return mujoco.MjModel.from_xml_string(f"""<mujoco>
-      <option timestep="{timestep}" integrator="{integrator}"/><worldbody>
-        <geom type="plane" size="0 0 1"/>
-        <body pos="0 0 .3"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
-          <joint axis="0 1 0"/>
-          <inertial pos="0 0 0" mass="1" diaginertia="1e-6 1e-6 1e-6"/>
-          <body pos="0 0 {LENGTH}"><joint axis="0 1 0"/>
-            <geom type="box" size=".2 .1 .02" pos="0 0 -.58" mass="5"/></body></body>
-      </worldbody></mujoco>""")
+ANGLE, GRAVITY = 0.5, 9.81  # rad, m/s^2
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
