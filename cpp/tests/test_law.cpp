@@ -268,15 +268,16 @@ void check_centres_of_hits() {
   }
 }
 
-}  // namespace
-
 void check_share_under_load() {
-  const double light = share_under_load(0.3, 5.0, 0.0), at_load = share_under_load(0.3, 5.0, 5.0);
+  const double light = dashpot::share_under_load(0.3, 5.0, 0.0),
+               at_load = dashpot::share_under_load(0.3, 5.0, 5.0);
   check(light == 1.0, "all is left under no load", light, 1.0);
   check_at_most(std::fabs(at_load - 0.65), 1e-15, "half of the loss at F");
-  const double constant = share_under_load(1.0, 5.0, 1e9);
+  const double constant = dashpot::share_under_load(1.0, 5.0, 1e9);
   check(constant == 1.0, "friction that knows no load", constant, 1.0);
 }
+
+}  // namespace
 
 int main() {
   check_flows();

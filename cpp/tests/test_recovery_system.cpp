@@ -178,10 +178,10 @@ void check(const Problem& p, double tolerance) {
       const double k = p.rows.stiffness[c.row + i];
       if (k == 0.0 && !equality) continue;
       Vector row(n);
-      for (int k = 0; k < n; ++k) {
+      for (int j = 0; j < n; ++j) {
         double rate[kMaxRows];
-        gather(p.rows, c, Vector::Unit(n, k).eval().data(), rate);
-        row(k) = k < kGroundCoordinates ? 0.0 : rate[i];
+        gather(p.rows, c, Vector::Unit(n, j).eval().data(), rate);
+        row(j) = j < kGroundCoordinates ? 0.0 : rate[i];
       }
       jacobian.push_back(row);
       const double w = row.dot(inverse * row), typical = p.rows.typical_inverse_mass[c.row + i];
