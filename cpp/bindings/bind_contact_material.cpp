@@ -37,7 +37,7 @@ Damping damping_of_pair(const GroupMaterial& given) {
 std::optional<double> restitution_of_pair(const GroupMaterial& given, const Damping& damping) {
   const bool of_restitution = given.material.form == DampingForm::kRestitution;
   if (!given.from_solref && of_restitution) return given.material.damping;
-  if (damping.absolute > 0.0 || (given.rigid() && !given.from_solref)) return std::nullopt;
+  if (damping.absolute > 0.0 || given.is_rigid()) return std::nullopt;
   return damping_ratio_to_restitution(damping.ratio);
 }
 
@@ -52,7 +52,8 @@ py::dict contact_material(std::uintptr_t address, const Parameters& parameters, 
   const auto tuple = [](const auto& numbers) { return py::tuple(py::cast(numbers)); };
   py::dict result;
   result["of_solref"] = given.from_solref;
-  result["stiffness"] = given.rigid() ? std::optional<double>() : given.material.stiffness;
+  result["stiffness"] =
+      given.has_si_stiffness() ? std::optional(given.material.stiffness) : std::nullopt;
   result["damping"] = damping.absolute;
   result["damping_ratio"] = damping.ratio;
   result["restitution"] = restitution_of_pair(given, damping);

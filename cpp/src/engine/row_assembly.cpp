@@ -69,7 +69,7 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   // A contact's own solref is read at the load A F of the weight F: g for a free body on the
   // ground.
   given = material_of(model, parameters, input, typical * weight);
-  if (!given.rigid()) c.soft_load = kSoftLoad * weight;
+  if (given.has_si_stiffness()) c.soft_load = kSoftLoad * weight;
   const Material& material = given.material;
   c.loaded_friction = material.loaded_friction;
   c.friction_load = material.friction_load;

@@ -83,7 +83,7 @@ void give_rigid_impacts_springs(const Memory& memory, const std::vector<GeomPair
   }
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind != RowKind::kContact || !materials[i].rigid() || materials[i].from_solref) continue;
+    if (c.kind != RowKind::kContact || !materials[i].is_rigid()) continue;
     const GeomPair& pair = contacts[c.input].geom;
     if (!std::binary_search(impact.begin(), impact.end(), pair)) continue;
     const auto before = compressed.find(pair);

@@ -28,7 +28,7 @@ double hit_frequency(const mjModel_* model, const Parameters& parameters,
   const double rigid = std::sqrt(kStiffestAlone) / rigid_microstep(parameters.options, length);
   const GroupMaterial given = material_of(model, parameters, contact, host::usual_gravity(model));
   if (given.from_solref) return std::min(rigid, std::sqrt(given.normalised_stiffness));
-  if (given.rigid()) return rigid;
+  if (given.is_rigid()) return rigid;
   return std::min(rigid, std::sqrt(given.material.stiffness * inverse_mass));
 }
 

@@ -42,7 +42,7 @@ bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
             const std::vector<char>& hits) {
   return std::any_of(island.group.begin(), island.group.end(), [&](int index) {
     const GroupMaterial& given = materials[index];
-    return hits[index] && given.rigid() && !given.from_solref;
+    return hits[index] && given.is_rigid();
   });
 }
 
@@ -103,7 +103,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   team.for_each(count, kGroupsAtOnce, [&](int at) {
     const int index = group_order_[at];
     const RowGroup& c = rows.group[index];
-    if (!materials[index].rigid()) fill_given_rows(rows, c, materials[index].material);
+    if (materials[index].has_si_stiffness()) fill_given_rows(rows, c, materials[index].material);
     for (int row = c.row; row < c.row + c.dim; ++row)
       split_[row] = split_between_trees(rows.tree_inverse_mass[row]);
   });
@@ -114,7 +114,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     team.for_each(count, kGroupsAtOnce, [&](int at) {
       const int index = group_order_[at];
       const RowGroup& c = rows.group[index];
-      if (materials[index].rigid())
+      if (!materials[index].has_si_stiffness())
         rigid_longest_[index] = dashpot::longest_rigid_microstep(
             rows, c, materials[index], rigid_coupling(c), sag_time[index]);
     });
@@ -140,7 +140,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     const RowGroup& c = rows.group[index];
     const Island& island = islands_[island_at_[at]];
     lowered_[at] = false;
-    if (resolves_[island_at_[at]] && !materials[index].rigid()) return;
+    if (resolves_[island_at_[at]] && materials[index].has_si_stiffness()) return;
     lowered_[at] = !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
                                     {island.duration, island.rigid_duration, island.hit});
   });
@@ -194,7 +194,7 @@ void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
     const auto weigh = [&](const double* of_row) {
       for (int i = 0; i < c.dim; ++i) weight[i] = split_[c.row + i][side] * of_row[i];
     };
-    if (all_rigid || materials[index].rigid()) {
+    if (all_rigid || !materials[index].has_si_stiffness()) {
       double unit[kMaxRows];
       for (int i = 0; i < c.dim; ++i) {
         const double w = rows.inverse_mass[c.row + i];

@@ -15,8 +15,8 @@ constexpr double kLeastPressed = 0.1;
 
 bool has_ratio(const GroupMaterial& given) {
   if (given.from_solref) return false;
-  return given.rigid() ? given.material.form == DampingForm::kRestitution
-                       : given.material.form != DampingForm::kDamping;
+  return given.is_rigid() ? given.material.form == DampingForm::kRestitution
+                          : given.material.form != DampingForm::kDamping;
 }
 
 // Stiffness of a contact relative to others of its pair: rigid ones have k = kappa / w.
@@ -48,7 +48,7 @@ void PressedTogether::find(const std::vector<GroupMaterial>& materials,
       continue;
     find_compressions(rows, contacts, materials[first], first, last, data, length);
     if (*std::max_element(compression_.begin(), compression_.end()) == 0.0) continue;
-    const bool rigid = materials[first].rigid();
+    const bool rigid = materials[first].is_rigid();
     const double square = square_frequency(rows, trees, first, rigid);
     for (auto c = begin; c != end; ++c)
       c->pressed = std::max(kLeastPressed, square / (rows.inverse_mass[c->row] *
@@ -61,7 +61,7 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
                                         const RowData& data, double length) {
   approach_.clear();
   compression_.clear();
-  double onset = length, lasting = given.rigid() ? kRigidMicrostep : 0.0;
+  double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
   for (size_t i = first; i < last; ++i) {
     const RowGroup& c = rows.group[i];
     double rate;
@@ -72,7 +72,7 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
       onset = 0.0;
     else if (gap < onset * approach_.back())
       onset = gap / approach_.back();
-    if (!given.rigid())
+    if (given.has_si_stiffness())
       lasting =
           std::max(lasting, 1.0 / std::sqrt(rows.inverse_mass[c.row] * given.material.stiffness));
   }

@@ -58,8 +58,7 @@ Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& give
 
 // Whether stiffness gives way to a group's restitution.
 bool keeps_restitution(const GroupMaterial& given) {
-  return !given.from_solref && given.material.rigid &&
-         given.material.form == DampingForm::kRestitution;
+  return given.is_rigid() && given.material.form == DampingForm::kRestitution;
 }
 
 // The damping ratio that a rigid contact of a given restitution has alone.
@@ -155,24 +154,24 @@ struct SlidingBounds {
 bool fill_sliding_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given, bool hit,
                        const SlidingBounds& bounds) {
   const Material& material = given.material;
-  const bool is_limited = !given.rigid() || given.from_solref;
+  const bool is_rigid = given.is_rigid();
   const auto inverse_mass = [&](int row) { return loaded_inverse_mass(rows, c, row); };
   bool as_given = true;
   for (int i = 1; i < c.dim; ++i) {
     const int row = c.row + i;
     const double w = inverse_mass(row), mean = mean_inverse_mass(c, i, inverse_mass);
-    const double of_mean = w > 0.0 && (is_limited || hit) ? w / mean : 1.0;
+    const double of_mean = w > 0.0 && (!is_rigid || hit) ? w / mean : 1.0;
     const double of_resolved =
         hit || w == 0.0 ? of_mean : w / larger_inverse_mass(c, i, inverse_mass);
     double asked = bounds.stiffest * of_mean;
-    if (!given.rigid()) asked = rows.stiffness[row] * w;
-    if (!is_limited && hit)
+    if (given.has_si_stiffness()) asked = rows.stiffness[row] * w;
+    if (is_rigid && hit)
       asked = material.tangential_ratio * rows.stiffness[c.row] *
               mean_inverse_mass(c, 1, inverse_mass) * of_mean;
     const double kappa = std::min(asked, bounds.resolved * of_resolved);
     const double delta = 2.0 * sliding_damping_ratio(material) * std::sqrt(kappa * of_mean);
     const double most_damped = bounds.most_damped * of_mean;
-    if (!given.rigid())
+    if (given.has_si_stiffness())
       as_given = as_given && fits(asked, bounds.resolved * of_resolved) && fits(delta, most_damped);
     fill_row(rows, c, row, kappa, std::min(delta, most_damped));
   }
@@ -215,8 +214,8 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
                      const RigidCoupling& coupling, const SagTime& sag_time,
                      const RigidMicrostep& microstep) {
   const Material& material = given.material;
-  const bool is_limited = !given.rigid() || given.from_solref;
-  const Rates asked = is_limited ? given_rates(rows, c, given) : Rates();
+  const bool is_rigid = given.is_rigid();
+  const Rates asked = is_rigid ? Rates() : given_rates(rows, c, given);
   const double h = microstep.duration;
   const double resolved =
       stiffest_rigid(coupling.stiffness) / (microstep.of_stiffness * microstep.of_stiffness);
@@ -230,13 +229,14 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
                                    ? asked.damping * given.own_damping / given.normalised_damping
                                    : 0.0;
     stiffest = std::min(resolved, stiffness_for_damper(asked, own_damping, most_damped));
-  } else if (is_limited) {
+  } else if (given.has_si_stiffness()) {
     stiffest = std::min(resolved, asked.stiffness);
   }
   double kappa = stiffest, delta = asked.damping;
   bool as_given = fits(asked.stiffness, resolved);
-  if (!given.rigid() && asked.stiffness > 0.0) delta *= std::sqrt(kappa / asked.stiffness);
-  if (!is_limited) {
+  if (given.has_si_stiffness() && asked.stiffness > 0.0)
+    delta *= std::sqrt(kappa / asked.stiffness);
+  if (is_rigid) {
     const double zeta = keeps_restitution(given) ? inelastic_ratio(c, material) : 0.0;
     if (zeta > 0.0) {
       const double bearing =
@@ -247,9 +247,9 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
     }
     delta = rigid_damping(c, material, kappa, loaded_inverse_mass(rows, c, c.row));
   }
-  if (is_limited || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
+  if (!is_rigid || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
   fill_row(rows, c, c.row, kappa, std::min(delta, most_damped));
-  const bool is_rigid_hit = !is_limited && microstep.hit;
+  const bool is_rigid_hit = is_rigid && microstep.hit;
   const double resolved_sliding =
       is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
   const bool slides_as_given = fill_sliding_rows(rows, c, given, microstep.hit,

@@ -27,7 +27,11 @@ struct GroupMaterial {
   double load = 0.0;                  // A F, m/s^2, that the model's own solref is read at
   bool pressed_between = false;       // of a body between others (pressed_between.hpp)
 
-  bool rigid() const { return from_solref || material.rigid; }
+  // Its stiffness is in SI units, which micro-steps have to resolve as they are; that of all others
+  // goes by what they resolve.
+  bool has_si_stiffness() const { return !from_solref && !material.rigid; }
+  // Nothing limits that: neither a stiffness nor a solref was given.
+  bool is_rigid() const { return !from_solref && material.rigid; }
   // The damping ratio of a single contact on a model's own solref, whatever its mass and load.
   double damping_ratio() const {
     return normalised_damping > 0.0 ? 0.5 * normalised_damping / std::sqrt(normalised_stiffness)
