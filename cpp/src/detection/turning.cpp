@@ -282,7 +282,8 @@ class TurningPair {
 void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
                      const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
                      Workplaces& workplaces, const HitFrequency& frequency, const Memory& memory,
-                     std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team) {
+                     std::vector<ContactInput>& contacts, std::vector<double>& tree_ahead,
+                     Team& team) {
   const int count = static_cast<int>(contacts.size());
   const auto begins_pair = [&](int i) {
     return i == 0 || i == count || !contacts[i].is_of_pair(contacts[i - 1].geom);
@@ -310,8 +311,9 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, co
     if (contact.is_frozen_ahead)
       for (int tree : contact.tree)
         if (tree >= 0)
-          taken[tree] =
-              taken[tree] == 0.0 || taken[tree] == contact.ahead ? contact.ahead : 0.5 * length;
+          tree_ahead[tree] = tree_ahead[tree] == 0.0 || tree_ahead[tree] == contact.ahead
+                                 ? contact.ahead
+                                 : 0.5 * length;
 }
 
 }  // namespace dashpot::host

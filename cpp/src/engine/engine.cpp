@@ -163,7 +163,7 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
   if (parameters.options.law != Law::kComFree) leapfrog.find_leads(model, memory(d), motion);
-  turned.assign(motion.tree_count(), 0.0);
+  tree_ahead.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
     give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, clock.length, materials);
@@ -262,7 +262,7 @@ void Stepper::Impl::run_islands() {
   check_velocities();
   check_memory();
   find_touched_trees();
-  leapfrog.lead(clock.length, held, motion, rows, data);
+  leapfrog.go_ahead(clock.length, held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   if (host::is_runge_kutta(model)) microstep_displacement = data.total_displacement;
   recovery_displacement.assign(motion.trees().coordinates, 0.0);

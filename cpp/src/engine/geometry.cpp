@@ -11,7 +11,7 @@
 
 namespace dashpot {
 
-// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
+// Ends this part of the step where trees have tree_ahead as far as MuJoCo's integrators follow, or
 // equalities, at their rate in the part before, as far as their rows do; returns whether that is
 // earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
@@ -71,14 +71,15 @@ HitFrequency Stepper::Impl::hit_frequency() const {
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   host::freeze_contacts(model, d, clock.length, differentiable, motion.trees(),
-                        data.velocity.data(), leapfrog.led(), detection.faces, detection.workplaces,
-                        hit_frequency(), memory(d), contacts, turned, team);
+                        data.velocity.data(), leapfrog.lead_at_start(), detection.faces,
+                        detection.workplaces, hit_frequency(), memory(d), contacts, tree_ahead,
+                        team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
-      if (tree >= 0) turned[tree] = 0.0;
+      if (tree >= 0) tree_ahead[tree] = 0.0;
   for (int tree = 0; tree < motion.tree_count(); ++tree) {
-    if (!motion.can_freeze_ahead(tree)) turned[tree] = 0.0;
-    if (turned[tree] > 0.0) motion.freeze_ahead(tree, turned[tree]);
+    if (!motion.can_freeze_ahead(tree)) tree_ahead[tree] = 0.0;
+    if (tree_ahead[tree] > 0.0) motion.freeze_ahead(tree, tree_ahead[tree]);
   }
 }
 

@@ -39,7 +39,7 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
 // Whether anything has another way than the smooth motion that detection went by.
 bool Stepper::Impl::goes_beyond_detection() const {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (touched[tree] || leapfrog.goes_ahead(tree)) return true;
+    if (touched[tree] || leapfrog.late_way(tree)) return true;
   return false;
 }
 
@@ -53,8 +53,8 @@ void Stepper::Impl::find_mean_velocity() {
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
     double* mean = mean_velocity.data() + tree.dof_begin;
-    if (const double* ahead = leapfrog.goes_ahead(index))
-      for (int i = 0; i < tree.dof_count; ++i) mean[i] += ahead[tree.begin + i] / clock.length;
+    if (const double* way = leapfrog.late_way(index))
+      for (int i = 0; i < tree.dof_count; ++i) mean[i] += way[tree.begin + i] / clock.length;
     if (!touched[index]) return;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= clock.length;

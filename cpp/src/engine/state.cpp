@@ -59,7 +59,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   by_rows.joined = joined[tree];
   by_rows.carries = carries[tree];
   by_rows.held = held[tree];
-  by_rows.frozen_ahead = geometry_of_middle || turned[tree] > 0.0;
+  by_rows.frozen_ahead = geometry_of_middle || tree_ahead[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);
   by_rows.unpaid = unpaid[tree];
   by_rows.added_velocity = trapezoid.added_velocity();
@@ -113,9 +113,9 @@ void Stepper::Impl::advance_state(mjData_* d) {
     }
     if (!motion.is_accurate(index)) advance(index);
     ledger.dissipated_normal += lost[index];
-    if (const double* ahead = leapfrog.goes_ahead(index)) {
+    if (const double* way = leapfrog.late_way(index)) {
       const Tree& tree = motion.trees().tree[index];
-      host::move_tree(model, d, tree, ahead + tree.begin);
+      host::move_tree(model, d, tree, way + tree.begin);
     }
   }
 }

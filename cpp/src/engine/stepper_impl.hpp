@@ -184,7 +184,7 @@ struct Stepper::Impl {
   std::vector<char> contact_touched;           // by place in d->contact
   std::vector<char> held;                      // by tree: rows that have a position moved it
   std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
-  std::vector<double> turned;                  // by tree: time of its inertia, s; 0: the start
+  std::vector<double> tree_ahead;              // by tree: s, its inertia is of then; 0: the start
   std::vector<double> unpaid, lost;            // by tree, J
   std::vector<double> mean_displacement;       // generalized
   std::vector<double> mean_velocity;           // generalized

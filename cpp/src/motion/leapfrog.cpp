@@ -61,10 +61,10 @@ double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
 
 void Leapfrog::find_leads(const mjModel_* model, const Memory& memory, const TreeMotion& motion) {
   in_time_.assign(motion.tree_count(), 0);
-  led_.assign(motion.tree_count(), 0.0);
+  lead_at_start_.assign(motion.tree_count(), 0.0);
   leapfrogs_.clear();
-  const double* length = memory.leading_length();
-  if (!length) return;
+  const double* lead = memory.lead();
+  if (!lead) return;
   leapfrogs_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index) {
     leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
@@ -73,19 +73,19 @@ void Leapfrog::find_leads(const mjModel_* model, const Memory& memory, const Tre
     if (!leapfrogs_[index] ||
         !std::equal(velocity, velocity + t.dof_count, memory.end_velocity() + t.dof_begin))
       continue;
-    led_[index] = 0.5 * length[index];
-    in_time_[index] = led_[index] == 0.0;
+    lead_at_start_[index] = lead[index];
+    in_time_[index] = lead_at_start_[index] == 0.0;
   }
 }
 
 void Leapfrog::fall_back(const Memory& memory, const TreeMotion& motion, Rows& rows,
                          RowData& data) {
-  may_lead_.assign(motion.tree_count(), 0);
+  leads_late_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
-  left_.assign(motion.trees().coordinates, 0.0);
+  kept_way_.assign(motion.trees().coordinates, 0.0);
   way_back_.assign(motion.trees().coordinates, 0.0);
-  if (!memory.leading_length()) return;
+  if (!memory.lead()) return;
   find_recovering(rows, data);
   start_velocity_ = data.velocity;
   start_gap_ = data.deformation;
@@ -109,12 +109,12 @@ void Leapfrog::find_recovering(const Rows& rows, const RowData& data) {
 bool Leapfrog::find_way_back(const TreeMotion& motion, RowData& data) {
   bool any = false;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (led_[index] == 0.0) continue;
+    if (lead_at_start_[index] == 0.0) continue;
     any = true;
-    fell_back_[index] = 2.0 * led_[index];
+    fell_back_[index] = lead_at_start_[index];
     const Tree& t = motion.trees().tree[index];
     for (int i = 0; i < t.dof_count; ++i)
-      data.shift[t.begin + i] = -led_[index] * motion.start_velocity()[t.dof_begin + i];
+      data.shift[t.begin + i] = -lead_at_start_[index] * motion.start_velocity()[t.dof_begin + i];
   }
   return any;
 }
@@ -128,7 +128,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
     return c.is_unilateral() && data.deformation[c.row] > 0.0 && shifted_gap(rows, c, data) <= 0.0;
   };
   const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
-  whole_ = data.shift;
+  whole_way_back_ = data.shift;
   push_.assign(trees.coordinates, 0.0);
   bool barred = true;
   for (int sweep = 0; barred && sweep < kSweeps; ++sweep) {
@@ -164,7 +164,7 @@ void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, Row
       }
     }
   }
-  for (size_t i = 0; i < left_.size(); ++i) left_[i] = data.shift[i] - whole_[i];
+  for (size_t i = 0; i < kept_way_.size(); ++i) kept_way_[i] = data.shift[i] - whole_way_back_[i];
 }
 
 // Rows that trees have left compressed were more so; those that they have come into ahead of their
@@ -184,34 +184,34 @@ void Leapfrog::take_gaps_back(const Rows& rows, RowData& data) {
   }
 }
 
-// The geometry of a row is that of a time after q, at which trees that fell back are later.
+// The geometry of a row is that of a time after q, which is later by the lead that trees gave up.
 void Leapfrog::take_times_back(Rows& rows) const {
   for (RowGroup& c : rows.group)
-    if (const double later = mean_of_trees(c.tree, fell_back_); later > 0.0) c.ahead += 0.5 * later;
+    if (const double later = mean_of_trees(c.tree, fell_back_); later > 0.0) c.ahead += later;
 }
 
 // Trees do not go into a row with the semi-implicit update, either.
 void Leapfrog::find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
                          const Rows& rows, const RowData& data) {
   for (int index = 0; index < motion.tree_count(); ++index)
-    may_lead_[index] = in_time_[index] && !held[index];
+    leads_late_[index] = in_time_[index] && !held[index];
   for (const RowGroup& c : rows.group)
-    if (c.kind == RowKind::kBilateral) stop(c, may_lead_);
-  if (std::find(may_lead_.begin(), may_lead_.end(), 1) == may_lead_.end()) return;
-  late_.assign(motion.trees().coordinates, 0.0);
+    if (c.kind == RowKind::kBilateral) stop(c, leads_late_);
+  if (std::find(leads_late_.begin(), leads_late_.end(), 1) == leads_late_.end()) return;
+  late_way_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
-    for (int i = t.begin; i < t.begin + t.dof_count && may_lead_[index]; ++i)
-      late_[i] = 0.5 * length * start_velocity_[i];
+    for (int i = t.begin; i < t.begin + t.dof_count && leads_late_[index]; ++i)
+      late_way_[i] = 0.5 * length * start_velocity_[i];
   }
-  find_next_way(length, start_velocity_, data, late_);
+  find_next_way(length, start_velocity_, data, late_way_);
   for (bool stopped = true; stopped;) {
     stopped = false;
     for (const RowGroup& c : rows.group) {
-      if (!is_of_any(c, may_lead_) || !enters(rows, c, start_gap_[c.row], way_)) continue;
+      if (!is_of_any(c, leads_late_) || !enters(rows, c, start_gap_[c.row], next_way_)) continue;
       stopped = true;
-      stop(c, may_lead_);
-      take_off(c, motion.trees(), late_, way_);
+      stop(c, leads_late_);
+      take_off(c, motion.trees(), late_way_, next_way_);
     }
   }
 }
@@ -219,13 +219,13 @@ void Leapfrog::find_late(double length, const std::vector<char>& held, const Tre
 // The way is that of the semi-implicit update from `velocity`, and what goes ahead of it.
 void Leapfrog::find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
                              const AlignedDoubles& ahead) {
-  way_ = ahead;
-  for (size_t i = 0; i < way_.size(); ++i)
-    way_[i] += length * (velocity[i] + length * data.smooth_acceleration[i]);
+  next_way_ = ahead;
+  for (size_t i = 0; i < next_way_.size(); ++i)
+    next_way_[i] += length * (velocity[i] + length * data.smooth_acceleration[i]);
 }
 
-void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMotion& motion,
-                    const Rows& rows, RowData& data) {
+void Leapfrog::go_ahead(double length, const std::vector<char>& held, const TreeMotion& motion,
+                        const Rows& rows, RowData& data) {
   if (leapfrogs_.empty()) return;
   find_late(length, held, motion, rows, data);
   leads_.resize(motion.tree_count());
@@ -238,13 +238,13 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
     if (!c.is_unilateral() || (gap < 0.0 && force > 0.0)) stop(c, leads_);
   }
   if (std::find(leads_.begin(), leads_.end(), 1) == leads_.end()) return;
-  ahead_.assign(motion.trees().coordinates, 0.0);
+  way_ahead_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
     for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
-      ahead_[i] = 0.5 * length * data.velocity[i] - left_[i];
+      way_ahead_[i] = 0.5 * length * data.velocity[i] - kept_way_[i];
   }
-  find_next_way(length, data.velocity, data, ahead_);
+  find_next_way(length, data.velocity, data, way_ahead_);
   // No tree goes into another row, nor where the next step would take it into one: what leaves a
   // row for less than a step would go ahead and fall back for nothing.
   for (bool stopped = true; stopped;) {
@@ -252,32 +252,32 @@ void Leapfrog::lead(double length, const std::vector<char>& held, const TreeMoti
     for (const RowGroup& c : rows.group) {
       if (!is_of_any(c, leads_)) continue;
       const double gap = data.deformation[c.row];
-      if (!enters(rows, c, gap, ahead_) && !enters(rows, c, gap, way_)) continue;
+      if (!enters(rows, c, gap, way_ahead_) && !enters(rows, c, gap, next_way_)) continue;
       stopped = true;
       stop(c, leads_);
-      take_off(c, motion.trees(), ahead_, way_);
+      take_off(c, motion.trees(), way_ahead_, next_way_);
     }
   }
   double way[kMaxRows];
   for (const RowGroup& c : rows.group) {
     if (!is_of_any(c, leads_)) continue;
-    gather(rows, c, ahead_.data(), way);
+    gather(rows, c, way_ahead_.data(), way);
     data.deformation[c.row] += way[0];
   }
-  for (size_t i = 0; i < ahead_.size(); ++i) {
-    data.shift[i] += ahead_[i];
-    data.total_displacement[i] += ahead_[i];
+  for (size_t i = 0; i < way_ahead_.size(); ++i) {
+    data.shift[i] += way_ahead_[i];
+    data.total_displacement[i] += way_ahead_[i];
   }
 }
 
 void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMotion& motion,
                     Memory& memory) const {
-  double* leading_length = memory.leading_length();
-  if (!leading_length) return;
+  double* lead = memory.lead();
+  if (!lead) return;
   for (int index = 0; index < motion.tree_count(); ++index) {
     const bool leads = !leapfrogs_.empty() && leapfrogs_[index] &&
-                       (held[index] ? leads_[index] : !in_time_[index] || may_lead_[index]);
-    leading_length[index] = leads ? length : 0.0;
+                       (held[index] ? leads_[index] : !in_time_[index] || leads_late_[index]);
+    lead[index] = leads ? 0.5 * length : 0.0;
   }
 }
 

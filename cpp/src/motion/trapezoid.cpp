@@ -104,7 +104,7 @@ bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double leng
 void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
                                  TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
-  const double* leads = memory.leading_length();
+  const double* lead = memory.lead();
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
@@ -126,8 +126,8 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
       const double potential = potential_[dof];
       const double turning = potential - host::positional_force(d, dof);
       force[i] += weight * potential - 0.5 * turning;
-      coupled.wanted += weight * potential * before.displacement[dof] +
-                        0.5 * leads[index] * velocity[dof] * turning;
+      coupled.wanted +=
+          weight * potential * before.displacement[dof] + lead[index] * velocity[dof] * turning;
       if (!coupled.follows_drives) continue;
       const double change = weight * followed_change_[dof];
       force[i] += change;

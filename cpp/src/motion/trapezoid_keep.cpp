@@ -38,9 +38,9 @@ bool Trapezoid::keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMo
   return any;
 }
 
-// `leads` (s): how far positions led velocities at the start of the step.
+// `lead` (s): that at the end of the step.
 void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
-                          double leads, const TreeMotion& motion, const RowData& data,
+                          double lead, const TreeMotion& motion, const RowData& data,
                           HeldMotion& now) {
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
@@ -62,8 +62,8 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
-  const double fell_back = end.fell_back[tree], back = std::min(fell_back, end.length);
-  weight = (end.length - back) / (2.0 * end.length + leads - back);
+  const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
+  weight = (half - back) / (end.length + lead - back);
   for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / end.length;
   const double* velocity = host::velocity(d);
   double* seen = generalized_.data() + t.dof_begin;
@@ -92,9 +92,9 @@ void Trapezoid::keep(const mjModel_* model, const mjData_* d, const EndOfStep& e
   generalized_.resize(end.displacement.size());
   momentum_.resize(end.displacement.size());
   host::times_inertia(model, d, host::velocity(d), momentum_.data());
-  const double* leads = memory.leading_length();
+  const double* lead = memory.lead();
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (now.length[tree] > 0.0) keep_tree(model, d, end, tree, leads[tree], motion, data, now);
+    if (now.length[tree] > 0.0) keep_tree(model, d, end, tree, lead[tree], motion, data, now);
 }
 
 }  // namespace dashpot

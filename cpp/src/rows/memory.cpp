@@ -13,8 +13,8 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, lengths of
-// steps that lead, velocities at their end, mocap bodies, constraints, contacts.
+// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, leads
+// and velocities at its end, mocap bodies, constraints, contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
@@ -52,12 +52,12 @@ int MemoryLayout::held_size() const {
   return 3 * held_trees + 6 * held_dofs + 2 * held_coordinates;
 }
 
-int MemoryLayout::leading_size() const { return held_trees + held_dofs; }
+int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
 
 int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
 
 int MemoryLayout::size() const {
-  return kHeader + held_size() + leading_size() + mocap_size() + kConstraint * constraints +
+  return kHeader + held_size() + lead_size() + mocap_size() + kConstraint * constraints +
          static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
 }
 
@@ -67,7 +67,7 @@ Memory::Memory(double* storage, const MemoryLayout& layout)
       contacts_(constraint_storage() + kConstraint * layout.constraints) {}
 
 double* Memory::mocap_storage() const {
-  return storage_ + kHeader + layout_.held_size() + layout_.leading_size();
+  return storage_ + kHeader + layout_.held_size() + layout_.lead_size();
 }
 
 double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
@@ -89,12 +89,12 @@ HeldMotion Memory::held_motion() const {
   return motion;
 }
 
-double* Memory::leading_length() const {
+double* Memory::lead() const {
   return layout_.held_trees == 0 ? nullptr : storage_ + kHeader + layout_.held_size();
 }
 
 double* Memory::end_velocity() const {
-  return layout_.held_trees == 0 ? nullptr : leading_length() + layout_.held_trees;
+  return layout_.held_trees == 0 ? nullptr : lead() + layout_.held_trees;
 }
 
 RememberedMocap Memory::mocap(int index) const {

@@ -60,16 +60,17 @@ class Workplaces;
 
 // Takes contacts of bodies that touch and turn to the middle of a step of `length` (s), or of the
 // hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from
-// where its centre of mass is at the start. `motion`: velocities in motion coordinates. `taken`, by
-// tree, zeros before: to which time (s) contacts of it were, that of the middle where they differ.
-// `lead`, by tree: by how much (s) its places at the start are later than its velocities
-// (leapfrog.hpp); times of contacts are counted from these places.
-// `any_motion`: none is so small that it counts as rest, as where a step is differentiated.
-// `frequency` is asked of contacts that may be hit, `memory` for what was hit in the last step.
-// `faces` are kept from step to step. Contacts without a counterpart then stay as they are.
+// where its centre of mass is at the start. `motion`: velocities in motion coordinates.
+// `tree_ahead`, by tree, zeros before: to which time (s) contacts of it were, that of the middle
+// where they differ. `lead`, by tree: that of the start, s (leapfrog.hpp); times of contacts are
+// counted from its places. `any_motion`: none is so small that it counts as rest, as where a step
+// is differentiated. `frequency` is asked of contacts that may be hit, `memory` for what was hit in
+// the last step. `faces` are kept from step to step. Contacts without a counterpart then stay as
+// they are.
 void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
                      const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
                      Workplaces& workplaces, const HitFrequency& frequency, const Memory& memory,
-                     std::vector<ContactInput>& contacts, std::vector<double>& taken, Team& team);
+                     std::vector<ContactInput>& contacts, std::vector<double>& tree_ahead,
+                     Team& team);
 
 }  // namespace dashpot::host

@@ -3,16 +3,16 @@
 // Those that equalities couple share s, which is 1 to first order in H, and such that energy is
 // conserved:
 //
-//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + (l1 v'c1 - l0 v'c0) / 2
+//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + l1 v'c1 - l0 v'c0
 //                    + integral of lambda (dJ/dt xi) t dt ,
 //
 // beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
 // effective inertia, takes: tau v'D k + tau k'D k / 2, k = v1 - v, where that inertia is M + tau
 // D. v: what the step left, v1: with the second half; p: the part of f that has a potential, p -
-// c; dq: displacement over the step; l: length of a step where positions lead at its start or end,
-// 0 where they do not. The first term is the energy that the frozen geometry of the step has; the
-// second replaces the work of f0 by the change of potential energy; v'c l / 2 is what v'M v / 2
-// gains while positions go ahead; the last is the work that equalities did because they turned.
+// c; dq: displacement over the step; l0 and l1: lead (leapfrog.hpp) at its start and end. The first
+// term is the energy that the frozen geometry of the step has; the second replaces the work of f0
+// by the change of potential energy; l v'c is what v'M v / 2 gains while positions go ahead; the
+// last is the work that equalities did because they turned.
 //
 // An impact or a configuration near a singular one leaves no s near 1. Trees that equalities tie to
 // what does not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it

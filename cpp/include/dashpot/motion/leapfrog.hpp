@@ -35,28 +35,28 @@ namespace dashpot {
 
 class Leapfrog {
  public:
-  // At the start of a step, before all else: how far positions lead as the last step left them.
+  // At the start of a step, before all else: the leads that the last step left.
   void find_leads(const mjModel_* model, const Memory& memory, const TreeMotion& motion);
-  // The same by tree, s.
-  const std::vector<double>& led() const { return led_; }
+  // By tree, s.
+  const std::vector<double>& lead_at_start() const { return lead_at_start_; }
   // After the rows of a step have their deformations: takes trees that may be held back to where
   // they are in time, by the displacements and the gaps in `data`.
   void fall_back(const Memory& memory, const TreeMotion& motion, Rows& rows, RowData& data);
   // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
   // `held`, by tree: rows that have a position moved it.
-  void lead(double length, const std::vector<char>& held, const TreeMotion& motion,
-            const Rows& rows, RowData& data);
+  void go_ahead(double length, const std::vector<char>& held, const TreeMotion& motion,
+                const Rows& rows, RowData& data);
 
-  // By tree: the length (s) of the step that led, if fall_back went back, and 0 if it did not.
+  // By tree: the lead (s) that it gave up as it fell back, 0 where it did not; and how far that
+  // was, by motion coordinate.
   const std::vector<double>& fell_back() const { return fell_back_; }
-  // How far trees went back, by motion coordinate.
   const AlignedDoubles& way_back() const { return way_back_; }
 
   // By motion coordinate: how far trees that rows held in the last step, and did not in this one,
   // go ahead besides their motion; null for all others.
-  const double* goes_ahead(int tree) const { return may_lead_[tree] ? late_.data() : nullptr; }
+  const double* late_way(int tree) const { return leads_late_[tree] ? late_way_.data() : nullptr; }
 
-  // Keeps in `memory`, at the end of the step, which trees lead.
+  // Keeps in `memory` the leads at the end of the step.
   void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
             Memory& memory) const;
 
@@ -76,18 +76,18 @@ class Leapfrog {
   void find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
                      const AlignedDoubles& ahead);
 
-  std::vector<char> leapfrogs_;  // by tree: MuJoCo's integrator moves it where no row does
-  std::vector<char> leads_;      // by tree: at the end of the step
-  std::vector<char> in_time_;    // by tree: as the last step left it
-  std::vector<double> led_;      // by tree: by how much (s), as the last step left it
-  std::vector<char> may_lead_;   // by tree: in time, and no row bars it from going ahead
-  std::vector<char> recovers_;   // by tree: from overlap, most of which no spring holds
-  std::vector<double> fell_back_;
-  std::vector<double> start_gap_;                       // of the deformations of rows
-  AlignedDoubles ahead_, late_, way_, start_velocity_;  // by motion coordinate
+  // By tree: MuJoCo's integrator moves it where no row does; it is in time, as the last step left
+  // it; it leads at the end of this one, as it leaves its rows, or because it left them before and
+  // no row bars it; it recovers from overlap, most of which no spring holds.
+  std::vector<char> leapfrogs_, in_time_, leads_, leads_late_, recovers_;
+  std::vector<double> lead_at_start_, fell_back_;  // by tree, s
+  std::vector<double> start_gap_;                  // of the deformations of rows
+  // By motion coordinate: how far those that lead, and those that do so late, go ahead, and where
+  // the next step would take them.
+  AlignedDoubles way_ahead_, late_way_, next_way_, start_velocity_;
   // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and
   // the whole way back.
-  AlignedDoubles way_back_, left_, push_, whole_;
+  AlignedDoubles way_back_, kept_way_, push_, whole_way_back_;
 };
 
 }  // namespace dashpot

@@ -78,7 +78,7 @@ struct EndOfStep {
   // False: the step had the geometry of its middle, or another law, and leaves nothing over.
   bool leaves_half;
   const std::vector<char>& held;            // by tree: rows that have a position moved it
-  const std::vector<double>& fell_back;     // by tree, see Leapfrog
+  const std::vector<double>& fell_back;     // by tree, s, see Leapfrog
   const AlignedDoubles& way_back;           // by motion coordinate, see Leapfrog
   const std::vector<double>& displacement;  // nv; what the change of kinetic energy went with
 };
@@ -162,7 +162,7 @@ class Trapezoid {
   // are any.
   bool keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const;
   void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
-                 double leads, const TreeMotion& motion, const RowData& data, HeldMotion& now);
+                 double lead, const TreeMotion& motion, const RowData& data, HeldMotion& now);
 
   std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
   HoldingRows holding_rows_;

@@ -99,7 +99,7 @@ struct MemoryLayout {
   int mocap_bodies = 0;
   int size() const;  // doubles
   int held_size() const;
-  int leading_size() const;
+  int lead_size() const;
   int mocap_size() const;
 };
 
@@ -126,10 +126,10 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
-  // By tree: length (s) of the last step where positions lead (leapfrog.hpp), 0 where they do not;
-  // and velocities at its end, by degree of freedom, which tell whether trees go on from there.
-  // Null in models of free bodies alone.
-  double* leading_length() const;
+  // By tree: its lead (s) at the end of the last step, 0 where it has none (leapfrog.hpp); and
+  // velocities at that end, by degree of freedom, which tell whether trees go on from there. Null
+  // in models of free bodies alone.
+  double* lead() const;
   double* end_velocity() const;
   RememberedMocap mocap(int index) const;
   void set_mocap(int index, const RememberedMocap& mocap);
