@@ -14,7 +14,7 @@
 #include "dashpot/law/friction.hpp"
 #include "dashpot/law/kelvin_voigt.hpp"
 #include "dashpot/law/material.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 namespace {
 

@@ -7,7 +7,7 @@
 
 #include "dashpot/detection/contact_motion.hpp"
 #include "dashpot/geometry/squared_distance.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 namespace dashpot::host {
 

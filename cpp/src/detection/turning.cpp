@@ -13,7 +13,7 @@
 #include "dashpot/detection/seen_contacts.hpp"
 #include "dashpot/detection/workplaces.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 namespace dashpot::host {
 
@@ -84,7 +84,7 @@ class TurningPair {
     const double frequency = motion_.are_round() ? hits_.frequency(*first_) : 0.0;
     is_round_hit_ = frequency > 0.0 && hits_.is_soft(*first_);
     if (is_round_hit_) same_time_ = std::min(same_time_, kSameTime / frequency);
-    if (first_->is_at_impact) return is_round_hit_;
+    if (first_->frozen == Frozen::kAtImpact) return is_round_hit_;
     goes_far_ = !far_.find(data_, *first_);
     if (is_round_hit_) return true;
     if (goes_far_ || (motion_.are_round() && parts_early() && frequency == 0.0)) return false;
@@ -114,7 +114,7 @@ class TurningPair {
 
   // Takes the contacts that are found there to the middle of the step, or of their hit.
   void take(FaceBuffers& faces) {
-    if (first_->is_at_impact) return take_on_from_impact(faces, *first_);
+    if (first_->frozen == Frozen::kAtImpact) return take_on_from_impact(faces, *first_);
     for (ContactInput* contact = first_; contact != last_; ++contact) {
       // At a seam the middle may be beyond the edge, where the other geom's face goes on.
       if (contact->is_at_seam()) continue;
@@ -254,7 +254,7 @@ class TurningPair {
     contact.apart = then.apart;
     contact.frame = then.frame;
     contact.rotation = then.rotation;
-    contact.is_frozen_ahead = true;
+    contact.frozen = Frozen::kAhead;
     contact.ahead = then.ahead;
     contact.turning = then.turning;
   }
@@ -308,7 +308,7 @@ void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, co
   });
   workplaces.close();
   for (const ContactInput& contact : contacts)
-    if (contact.is_frozen_ahead)
+    if (contact.frozen == Frozen::kAhead)
       for (int tree : contact.tree)
         if (tree >= 0)
           tree_ahead[tree] = tree_ahead[tree] == 0.0 || tree_ahead[tree] == contact.ahead

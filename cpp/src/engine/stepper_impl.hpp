@@ -31,7 +31,7 @@
 #include "dashpot/mujoco/work.hpp"
 #include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/held_stages.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"

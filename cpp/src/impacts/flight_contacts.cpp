@@ -301,7 +301,7 @@ void FlightContacts::follow(const mjModel_* model, mjData_* data, const Memory& 
     std::copy_n(apart.data(), 3, first->apart.begin());
     for (int side = 0; side < 2; ++side)
       std::copy_n(flight->local[side].data(), 3, first->local_position[side].begin());
-    first->is_at_impact = true;
+    first->frozen = Frozen::kAtImpact;
     contacts.erase(first + 1, last);
   }
   drop_pairs(misses_, contacts);

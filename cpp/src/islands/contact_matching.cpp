@@ -54,7 +54,7 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     heir_[nearest] = index;
     away_[nearest] = away;
     matches[index].nearest = nearest;
-    matches[index].apart = input.gap >= 0.0;
+    matches[index].parted = input.gap >= 0.0;
   }
   if (any_at_seam) match_at_seams(memory, contacts, rows, matches);
 }

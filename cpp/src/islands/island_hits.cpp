@@ -65,8 +65,7 @@ struct Hits {
     if (c.kind != RowKind::kContact || matches[index].nearest < 0) return false;
     const RememberedContact old = memory.contact(matches[index].nearest);
     const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
-    const bool unresolved = old.stiffness * w * step * step > kShortHit * kShortHit;
-    return old.hit == kHit && (unresolved || c.is_of_round_hit) &&
+    return old.was_hit_now() && (is_short_hit(old.stiffness, w, step) || c.is_of_round_hit) &&
            step * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
   }
 
@@ -141,9 +140,9 @@ void find_hits(const Memory& memory, const std::vector<Match>& matches, const Ro
     const bool lone_pair = hits.is_of_two_trees(island);
     for (int index : island.group) {
       data.is_of_lone_pair[index] = lone_pair;
-      data.hit[index] = hits.is_hit(rows.group[index], alone) ? kHit
-                        : lone_pair && hits.goes_on(index)    ? kHitBefore
-                                                              : 0;
+      data.hit[index] = hits.is_hit(rows.group[index], alone) ? Hit::kNow
+                        : lone_pair && hits.goes_on(index)    ? Hit::kBefore
+                                                              : Hit::kNone;
     }
   }
 }

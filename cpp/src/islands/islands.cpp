@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 namespace dashpot {
 
@@ -39,10 +39,10 @@ std::array<double, 2> split_between_trees(const std::array<double, 2>& inverse_m
 // Whether a rigid contact or limit is hit. A model's own solref is resolved unless it is stiffer
 // than rigid.
 bool is_hit(const Island& island, const std::vector<GroupMaterial>& materials,
-            const std::vector<char>& hits) {
+            const std::vector<Hit>& hits) {
   return std::any_of(island.group.begin(), island.group.end(), [&](int index) {
     const GroupMaterial& given = materials[index];
-    return hits[index] && given.is_rigid();
+    return hits[index] != Hit::kNone && given.is_rigid();
   });
 }
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "dashpot/mujoco/constraints.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 namespace dashpot::host {
 

@@ -60,7 +60,7 @@ void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintIn
   reset(trees);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact && matches[i].nearest >= 0 && !matches[i].apart) {
+    if (c.kind == RowKind::kContact && matches[i].nearest >= 0 && !matches[i].parted) {
       const RememberedContact before = memory.contact(matches[i].nearest);
       const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
                                           before.slide_stiffness, before.spin_stiffness,

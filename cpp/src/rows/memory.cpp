@@ -7,8 +7,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/rows/hit_time.hpp"
-
 namespace dashpot {
 
 namespace {
@@ -156,8 +154,10 @@ double Memory::force(int index) const {
 
 double Memory::parted_hit(int index) const {
   const double* slot = contact_storage(index);
-  const bool hit = slot[offsetof(RememberedContact, hit) / sizeof(double)] != 0.0;
-  return hit ? slot[offsetof(RememberedContact, compression) / sizeof(double)] : 0.0;
+  const double hit = slot[offsetof(RememberedContact, hit) / sizeof(double)];
+  return hit != static_cast<double>(Hit::kNone)
+             ? slot[offsetof(RememberedContact, compression) / sizeof(double)]
+             : 0.0;
 }
 
 EnergyLedger Memory::ledger() const {
@@ -243,7 +243,8 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   slot.credit = data.credit[index];
   const double change = data.total_impulse[c.row] * rows.inverse_mass[c.row];  // m/s
   const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
-  slot.hit = data.is_of_lone_pair[index] ? (comes ? kHit : data.hit[index]) : 0.0;
+  const Hit hit = !data.is_of_lone_pair[index] ? Hit::kNone : comes ? Hit::kNow : data.hit[index];
+  slot.hit = static_cast<double>(hit);
   slot.turning = c.turning[0];
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <map>
 
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 
 namespace dashpot {
@@ -70,8 +70,7 @@ double recall_scale(double deformation, double old_stiffness, const Rows& rows, 
 bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double length,
                     const RowData& data) {
   const double w = rows.inverse_mass[c.row];
-  const double square = rows.stiffness[c.row] * w * length * length;
-  if (!c.is_of_round_hit && square <= kShortHit * kShortHit) return false;
+  if (!c.is_of_round_hit && !is_short_hit(rows.stiffness[c.row], w, length)) return false;
   double load[kMaxRows];
   gather(rows, c, data.smooth_acceleration.data(), load);
   return force * w > kHitLoads * std::abs(load[0]);
@@ -217,13 +216,15 @@ void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
     data.deformation[c.row] = input.gap;
     const int nearest = matches[index].nearest;
     // What is hit is frozen where its force is.
-    if (nearest >= 0 && !data.hit[index]) data.drift[index] = drift_of(contact(nearest), c, length);
+    if (nearest >= 0 && data.hit[index] == Hit::kNone)
+      data.drift[index] = drift_of(contact(nearest), c, length);
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
     const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
     const double force = old.stiffness * old.compression;
     const bool alone = data.is_of_lone_pair[index];
-    const bool hit = ((alone && data.hit[index]) || (old.hit && (alone || is_elastic(rows, c)))) &&
-                     goes_on_as_hit(force, rows, c, length, data);
+    const bool hit_now = alone && data.hit[index] != Hit::kNone;
+    const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
+    const bool hit = (hit_now || hit_before) && goes_on_as_hit(force, rows, c, length, data);
     if (input.gap >= 0.0 && !hit) return;
     double& credit = data.credit[index];
     credit = old.credit;

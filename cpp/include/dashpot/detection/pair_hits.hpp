@@ -1,5 +1,5 @@
 // The hits of two geoms: which of their contacts are hit in a step, and when the force of that acts
-// (rows/hit_time.hpp).
+// (rows/hit.hpp).
 //
 // A hit is known of two bodies that hit each other alone (detection/lone_pairs.hpp). Of most it
 // counts where it is over within the step: what lasts longer goes by the geometry of every step.
@@ -11,7 +11,7 @@
 
 #include "dashpot/detection/contact_motion.hpp"
 #include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 

@@ -25,7 +25,7 @@
 // What goes on far in the step may be past an edge by the middle (detection/far_pair.hpp).
 //
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
-// where the force of that has its centre (hit_time.hpp): in the middle of the step it would do work
+// where the force of that has its centre (hit.hpp): in the middle of the step it would do work
 // on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s. That
 // is known of two bodies that hit each other alone (detection/pair_hits.hpp). Of others a blow
 // between round ones that begins or ends early keeps the geometry of the start. Round bodies that
@@ -44,7 +44,7 @@
 
 #include <vector>
 
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"

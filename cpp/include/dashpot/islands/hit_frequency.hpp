@@ -1,4 +1,4 @@
-// How fast what is hit swings on its contact, of which hit_time.hpp knows when its force acts.
+// How fast what is hit swings on its contact, of which hit.hpp knows when its force acts.
 
 #pragma once
 

@@ -26,6 +26,7 @@
 #include <vector>
 
 #include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
@@ -44,10 +45,13 @@ struct RememberedContact {
   double spin, spin_stiffness;
   double roll[3], roll_stiffness;
   double credit;   // energy that rising stiffness took from these springs, J
-  double hit;      // RowData::hit, or kHit if it came to touch in that step as a hit; 0 where its
-                   // island had contacts of other trees than its two
+  double hit;      // RowData::hit, or Hit::kNow if it came to touch in that step as a hit;
+                   // Hit::kNone where its island had contacts of other trees than its two
   double turning;  // of its normal, m/s^2, see RowGroup::turning
   SolrefLoad solref;
+
+  bool was_hit() const { return hit != static_cast<double>(Hit::kNone); }
+  bool was_hit_now() const { return hit == static_cast<double>(Hit::kNow); }
 };
 
 // What a limit, equality or dry-friction row remembers; zeros: nothing.
@@ -63,7 +67,7 @@ struct RememberedConstraint {
 // points of its pair bore at the end of the last step.
 struct Match {
   int nearest = -1;
-  bool apart = false;  // was hit, and has a gap now, see Memory::parted_hit
+  bool parted = false;  // was hit, and has a gap now, see Memory::parted_hit
   double load = 0.0;
 };
 

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
 
@@ -23,9 +24,6 @@ struct EnergyShares {
 // The share that the energy of row i of a group belongs to.
 double& share(EnergyShares& shares, const RowGroup& group, int i);
 
-// Values of RowData::hit: a hit of this step, and one of the step before that goes on.
-inline constexpr char kHit = 1, kHitBefore = 2;
-
 // What the micro-steps change.
 struct RowData {
   // Per row. `deformation` is the spring gap x of a normal or limit (negative when compressed),
@@ -35,10 +33,12 @@ struct RowData {
 
   // Per group: deformation minus position, which is the unstressed part still to recover or, where
   // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
-  // whether any impulse acted in this step; whether it is hit, and whether
-  // contacts between two trees are all that counts in its island, see find_hits in island_hits.hpp.
+  // whether any impulse acted in this step; what it is to a hit, and whether contacts between two
+  // trees are all that counts in its island (island_hits.hpp).
   std::vector<double> offset;
-  std::vector<char> sticking, touched, hit, is_of_lone_pair;
+  std::vector<char> sticking, touched;
+  std::vector<Hit> hit;
+  std::vector<char> is_of_lone_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
   // give back (memory.hpp).
   std::vector<double> credit;

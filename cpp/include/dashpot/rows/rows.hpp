@@ -25,6 +25,13 @@ inline constexpr double kDirection = 1e-5;  // rad, to which collision knows a c
 // Fraction of the typical inverse mass that counts as singular.
 inline constexpr double kSingular = 0.01;
 
+// Where in a step the geometry of a contact is frozen.
+enum class Frozen {
+  kAtStart,
+  kAtImpact,  // where bodies that fly meet, see flight_contacts.hpp
+  kAhead      // where the bodies are after `ahead`, see detection/turning.hpp
+};
+
 // One contact as detection reports it, with its material resolved.
 struct ContactInput {
   int source = 0;                   // index in the list of detected contacts
@@ -42,8 +49,7 @@ struct ContactInput {
   // From the point of geom 1 on which the contact acts to that of geom 2, about `position`: where
   // they are apart, bodies go on until these meet. World, m.
   std::array<double, 3> apart{};
-  bool is_at_impact = false;     // frozen where bodies that fly meet, see flight_contacts.hpp
-  bool is_frozen_ahead = false;  // where the bodies are after `ahead`, see detection/turning.hpp
+  Frozen frozen = Frozen::kAtStart;
   bool is_of_round_hit = false;  // of two round bodies alone, see detection/pair_hits.hpp
   // Of contacts frozen within the step: the time (s) that leads there, its middle but for hits, and
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.

@@ -1,4 +1,4 @@
-#include "dashpot/rows/hit_time.hpp"
+#include "dashpot/rows/hit.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -29,6 +29,13 @@
 
 namespace dashpot {
 
+// What a contact or limit is in a step.
+enum class Hit : char {
+  kNone,
+  kNow,    // hit in it
+  kBefore  // hit in the step before, and still thrown back
+};
+
 // sqrt(k w) (rad/s) of a contact of the apparent inverse mass w (1/kg).
 using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
 
@@ -43,6 +50,9 @@ inline constexpr double kHitLoads = 4.0;
 // step. Longer ones go by the geometry of every step, whose errors are of second order; but those
 // of round bodies, see detection/pair_hits.hpp.
 inline constexpr double kShortHit = kPi;
+inline bool is_short_hit(double stiffness, double inverse_mass, double step) {
+  return stiffness * inverse_mass * step * step > kShortHit * kShortHit;
+}
 
 // Centre (s) of the force of a hit over the next `time` (s), less if it is released before.
 // `frequency` (rad/s, > 0), `compression` (m, >= 0), `closing_speed` (m/s, negative where it opens;
