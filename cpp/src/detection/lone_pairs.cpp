@@ -7,7 +7,7 @@
 
 #include "dashpot/detection/contact_motion.hpp"
 #include "dashpot/geometry/squared_distance.hpp"
-#include "dashpot/rows/hit.hpp"
+#include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot::host {
 
@@ -26,25 +26,19 @@ LonePairs::Chains& LonePairs::chains() {
   return chains;
 }
 
-LonePairs::LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
-                     const double* motion, const Memory& memory,
+LonePairs::LonePairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
                      const std::vector<ContactInput>& contacts)
-    : model_(m),
-      data_(d),
-      length_(length),
-      trees_(trees),
-      motion_(motion),
-      memory_(memory),
-      chains_(chains()) {
+    : model_(m), data_(d), step_(step), hit_speed_(kHitSpeed * metre(m)), chains_(chains()) {
+  const Memory& memory = step.memory;
   auto& [pairs, first_of_tree, hits] = chains();
   hits.clear();
   for (int slot = 0; slot < memory.contact_count(); ++slot)
     if (memory.parted_hit(slot) > 0.0) hits.push_back({memory.geoms(slot), slot});
-  std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
+  std::sort(hits.begin(), hits.end(), [](const PastHit& a, const PastHit& b) {
     return a.geom != b.geom ? a.geom < b.geom : a.slot < b.slot;
   });
   pairs.clear();
-  first_of_tree.assign(trees.tree.size(), -1);
+  first_of_tree.assign(step.trees.tree.size(), -1);
   const ContactInput* const end = contacts.data() + contacts.size();
   for (const ContactInput *first = contacts.data(), *last = first; first != end; first = last) {
     last =
@@ -82,31 +76,31 @@ bool LonePairs::is_alone(const ContactInput& contact, double deepest) const {
 }
 
 double LonePairs::compression(const ContactInput& contact) const {
-  const auto comes_before = [](const Hit& hit, const std::array<int, 2>& geom) {
+  const auto comes_before = [](const PastHit& hit, const std::array<int, 2>& geom) {
     return hit.geom < geom;
   };
   double nearest = std::numeric_limits<double>::infinity(), compression = 0.0;
   for (auto hit =
            std::lower_bound(chains_.hits.begin(), chains_.hits.end(), contact.geom, comes_before);
        hit != chains_.hits.end() && hit->geom == contact.geom; ++hit) {
-    const double distance =
-        dashpot::squared_distance(memory_.position(hit->slot, 0), contact.local_position[0].data());
+    const double distance = dashpot::squared_distance(step_.memory.position(hit->slot, 0),
+                                                      contact.local_position[0].data());
     if (distance >= nearest) continue;
     nearest = distance;
-    compression = memory_.parted_hit(hit->slot);
+    compression = step_.memory.parted_hit(hit->slot);
   }
   return compression;
 }
 
 // When the first gap of a pair closes (s), infinite if none does in the step.
 double LonePairs::onset(const ContactInput* first, const ContactInput* last) const {
-  ContactMotion motion(model_, data_, length_);
+  ContactMotion motion(model_, data_, step_.length);
   if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
-      !motion.find(*first, trees_, motion_))
+      !motion.find(*first, step_.trees, step_.motion))
     return 0.0;
   double least = std::numeric_limits<double>::infinity();
   for (const ContactInput* c = first; c != last; ++c)
-    least = std::min(least, onset_in(length_, c->gap, -motion.gap_rate(*c)));
+    least = std::min(least, onset_in(step_.length, c->gap, -motion.gap_rate(*c)));
   return least;
 }
 

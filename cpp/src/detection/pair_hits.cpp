@@ -10,8 +10,8 @@ namespace dashpot::host {
 double PairHits::onset(double gap, double closing, double acceleration) const {
   if (gap <= 0.0) return 0.0;
   const double square = closing * closing - 2.0 * acceleration * gap;
-  if (closing <= 0.0 || square <= 0.0) return length_;
-  return std::min(length_, 2.0 * gap / (closing + std::sqrt(square)));
+  if (closing <= 0.0 || square <= 0.0) return step_.length;
+  return std::min(step_.length, 2.0 * gap / (closing + std::sqrt(square)));
 }
 
 double PairHits::onset(const ContactInput& contact) const {
@@ -26,18 +26,19 @@ double PairHits::compression(const ContactInput& contact) const {
 double PairHits::frequency(const ContactInput& contact) const {
   const double rate = motion_.gap_rate(contact), begins = onset(contact);
   const double compressed = compression(contact);
-  if ((std::abs(rate) < hit_speed_ && compressed == 0.0) || begins == length_) return 0.0;
-  const double inverse_mass = motion_.inverse_mass(contact, trees_);
+  if ((std::abs(rate) < pairs_.hit_speed() && compressed == 0.0) || begins == step_.length)
+    return 0.0;
+  const double inverse_mass = motion_.inverse_mass(contact, step_.trees);
   if (inverse_mass == 0.0) return 0.0;
-  const double frequency = frequency_(contact, inverse_mass);
-  if (std::hypot(rate, frequency * compressed) < hit_speed_) return 0.0;
-  if (!motion_.are_round() && frequency * length_ < kShortHit) return 0.0;
+  const double frequency = step_.frequency(contact, inverse_mass);
+  if (std::hypot(rate, frequency * compressed) < pairs_.hit_speed()) return 0.0;
+  if (!motion_.are_round() && frequency * step_.length < kShortHit) return 0.0;
   return pairs_.is_alone(contact, deepest_of_hit(begins, frequency)) ? frequency : 0.0;
 }
 
 bool PairHits::is_soft(const ContactInput& contact) const {
-  return frequency_(contact, motion_.inverse_mass(contact, trees_)) <
-         frequency_(contact, std::numeric_limits<double>::infinity());
+  return step_.frequency(contact, motion_.inverse_mass(contact, step_.trees)) <
+         step_.frequency(contact, std::numeric_limits<double>::infinity());
 }
 
 // Only round bodies turn evenly: of others another corner may come to be the nearest.
@@ -45,7 +46,7 @@ double PairHits::time(const ContactInput& contact, double frequency, double acce
                       double otherwise) const {
   const double closing = -motion_.gap_rate(contact) + acceleration * lead_;
   const double gap = contact.gap + lead_ * (closing - 0.5 * acceleration * lead_);
-  const double begins = onset(gap, closing, acceleration), left = length_ - begins;
+  const double begins = onset(gap, closing, acceleration), left = step_.length - begins;
   if (left == 0.0) return otherwise;
   const double remembered = compression(contact);
   const double compressed = remembered > 0.0 ? remembered : std::max(0.0, -gap);
@@ -59,9 +60,11 @@ bool PairHits::rolls(const ContactInput& contact, double frequency, double rate,
                      double acceleration) const {
   const double compressed = compression(contact);
   if (compressed == 0.0)
-    return std::abs(rate) < std::max(hit_speed_, 2.0 * length_ * std::abs(acceleration));
+    return std::abs(rate) <
+           std::max(pairs_.hit_speed(), 2.0 * step_.length * std::abs(acceleration));
   const double borne = acceleration / frequency;
-  return std::hypot(rate, frequency * compressed + borne) < std::max(hit_speed_, std::abs(borne));
+  return std::hypot(rate, frequency * compressed + borne) <
+         std::max(pairs_.hit_speed(), std::abs(borne));
 }
 
 }  // namespace dashpot::host

@@ -70,10 +70,12 @@ HitFrequency Stepper::Impl::hit_frequency() const {
 // there too, unless constraints hold it, which are those of the start.
 void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  host::freeze_contacts(model, d, clock.length, differentiable, motion.trees(),
-                        data.velocity.data(), leapfrog.lead_at_start(), detection.faces,
-                        detection.workplaces, hit_frequency(), memory(d), contacts, tree_ahead,
-                        team);
+  const HitFrequency frequency = hit_frequency();
+  const Memory view = memory(d);
+  host::freeze_contacts(model, d,
+                        {clock.length, differentiable, motion.trees(), data.velocity.data(),
+                         leapfrog.lead_at_start(), frequency, view},
+                        detection.faces, detection.workplaces, contacts, tree_ahead, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) tree_ahead[tree] = 0.0;

@@ -14,21 +14,22 @@
 #include <array>
 #include <vector>
 
-#include "dashpot/rows/memory.hpp"
+#include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/trees.hpp"
 
 struct mjModel_;
 struct mjData_;
 
 namespace dashpot::host {
 
-// Of one step of `length` (s). `motion`: velocities in motion coordinates. Contacts of a pair
-// follow each other, and stay where they are meanwhile.
+// Of one step. Contacts of a pair follow each other, and stay where they are meanwhile.
 class LonePairs {
  public:
-  LonePairs(const mjModel_* m, const mjData_* d, double length, const Trees& trees,
-            const double* motion, const Memory& memory, const std::vector<ContactInput>& contacts);
+  LonePairs(const mjModel_* m, const mjData_* d, const TurningStep& step,
+            const std::vector<ContactInput>& contacts);
+
+  // Slower than this (m/s) nothing is hit.
+  double hit_speed() const { return hit_speed_; }
 
   // Whether nothing else touches the two trees of a contact whose hit is deepest at `deepest` (s).
   bool is_alone(const ContactInput& contact, double deepest) const;
@@ -43,7 +44,7 @@ class LonePairs {
     double onset;
   };
   // A hit of the last step: its geoms, and its place in memory.
-  struct Hit {
+  struct PastHit {
     std::array<int, 2> geom;
     int slot;
   };
@@ -51,7 +52,7 @@ class LonePairs {
   struct Chains {
     std::vector<Pair> pairs;
     std::vector<int> first_of_tree;
-    std::vector<Hit> hits;  // in the order of their geoms
+    std::vector<PastHit> hits;  // in the order of their geoms
   };
 
   static Chains& chains();
@@ -59,10 +60,8 @@ class LonePairs {
 
   const mjModel_* model_;
   const mjData_* data_;
-  double length_;
-  const Trees& trees_;
-  const double* motion_;
-  const Memory& memory_;
+  const TurningStep& step_;
+  double hit_speed_;
   const Chains& chains_;
 };
 

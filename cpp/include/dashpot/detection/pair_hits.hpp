@@ -11,25 +11,17 @@
 
 #include "dashpot/detection/contact_motion.hpp"
 #include "dashpot/detection/lone_pairs.hpp"
-#include "dashpot/rows/hit.hpp"
+#include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/trees.hpp"
 
 namespace dashpot::host {
 
 class PairHits {
  public:
-  // Of a pair that moves as `motion` has it, in a step of `length` (s) whose places lead its
-  // velocities by `lead` (s); slower than `hit_speed` (m/s) nothing is hit.
-  PairHits(const ContactMotion& motion, const Trees& trees, const HitFrequency& frequency,
-           const LonePairs& pairs, double length, double lead, double hit_speed)
-      : motion_(motion),
-        trees_(trees),
-        frequency_(frequency),
-        pairs_(pairs),
-        length_(length),
-        lead_(lead),
-        hit_speed_(hit_speed) {}
+  // Of a pair that moves as `motion` has it, whose places at the start lead by `lead` (s).
+  PairHits(const ContactMotion& motion, const TurningStep& step, const LonePairs& pairs,
+           double lead)
+      : motion_(motion), step_(step), pairs_(pairs), lead_(lead) {}
 
   // sqrt(k w) (rad/s) of a contact that is hit, or flies off; else 0.
   double frequency(const ContactInput& contact) const;
@@ -56,10 +48,9 @@ class PairHits {
   double onset(double gap, double closing, double acceleration) const;
 
   const ContactMotion& motion_;
-  const Trees& trees_;
-  const HitFrequency& frequency_;
+  const TurningStep& step_;
   const LonePairs& pairs_;
-  double length_, lead_, hit_speed_;
+  double lead_;
 };
 
 }  // namespace dashpot::host

@@ -44,10 +44,8 @@
 
 #include <vector>
 
-#include "dashpot/rows/hit.hpp"
-#include "dashpot/rows/memory.hpp"
+#include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
-#include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;
@@ -58,19 +56,14 @@ namespace dashpot::host {
 struct FaceBuffers;
 class Workplaces;
 
-// Takes contacts of bodies that touch and turn to the middle of a step of `length` (s), or of the
-// hit in it: their frames, also in `d`, and where they act on each body, for free bodies seen from
-// where its centre of mass is at the start. `motion`: velocities in motion coordinates.
-// `tree_ahead`, by tree, zeros before: to which time (s) contacts of it were, that of the middle
-// where they differ. `lead`, by tree: that of the start, s (leapfrog.hpp); times of contacts are
-// counted from its places. `any_motion`: none is so small that it counts as rest, as where a step
-// is differentiated. `frequency` is asked of contacts that may be hit, `memory` for what was hit in
-// the last step. `faces` are kept from step to step. Contacts without a counterpart then stay as
-// they are.
-void freeze_contacts(mjModel_* m, mjData_* d, double length, bool any_motion, const Trees& trees,
-                     const double* motion, const std::vector<double>& lead, FaceBuffers& faces,
-                     Workplaces& workplaces, const HitFrequency& frequency, const Memory& memory,
-                     std::vector<ContactInput>& contacts, std::vector<double>& tree_ahead,
-                     Team& team);
+// Takes contacts of bodies that touch and turn to the middle of a step, or of the hit in it: their
+// frames, also in `d`, and where they act on each body, for free bodies seen from where its centre
+// of mass is at the start. Times of contacts are counted from the places of the start, which may
+// lead. Contacts without a counterpart then stay as they are. `tree_ahead`, by tree, zeros before:
+// to which time (s) contacts of it were taken, that of the middle where they differ. `faces` are
+// kept from step to step.
+void freeze_contacts(mjModel_* m, mjData_* d, const TurningStep& step, FaceBuffers& faces,
+                     Workplaces& workplaces, std::vector<ContactInput>& contacts,
+                     std::vector<double>& tree_ahead, Team& team);
 
 }  // namespace dashpot::host

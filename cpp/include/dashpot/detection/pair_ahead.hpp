@@ -1,0 +1,66 @@
+// A pair of geoms at a time within a step, and what contacts of its start are then.
+//
+// Collision of the pair alone is asked again with the geoms where the velocities of the start bring
+// them in the time t. A contact that is found then has the acceleration of its gap and of sliding
+//
+//     dJ/dt xi = (u(t) - u(0)) / t ,
+//
+// u: rate of the two points that touch, by the velocities of the start. Each free body sees the
+// point from where its centre of mass is at the start; axes of joints and twists go to that time
+// themselves.
+
+#pragma once
+
+#include <mujoco/mujoco.h>
+
+#include "dashpot/detection/contact_motion.hpp"
+#include "dashpot/detection/far_pair.hpp"
+#include "dashpot/detection/lone_pairs.hpp"
+#include "dashpot/detection/seen_contacts.hpp"
+#include "dashpot/rows/rows.hpp"
+
+namespace dashpot::host {
+
+struct FaceBuffers;
+
+class PairAhead {
+ public:
+  // Of the contacts from `first` to `last`, of geoms that move as `motion` has it, in a step of
+  // `length` (s).
+  PairAhead(mjModel* m, mjData* d, ContactMotion& motion, const FarPair& far,
+            const LonePairs& pairs, double length, ContactInput* first, ContactInput* last)
+      : model_(m),
+        data_(d),
+        motion_(motion),
+        far_(far),
+        pairs_(pairs),
+        length_(length),
+        first_(first),
+        last_(last),
+        seen_(motion, length) {}
+
+  // Collides the geoms where they are after a time (s).
+  void look(double time, FaceBuffers& faces);
+  // That time, 0 before.
+  double time() const { return time_; }
+
+  // What a contact is then, null if it is not there. `is_round_hit`: of two round bodies that hit
+  // each other alone, which may go far, but turn evenly.
+  ContactInput* find(const ContactInput& contact, bool is_round_hit);
+
+ private:
+  ContactInput seen_in(const SeenContact& seen, ContactInput contact) const;
+
+  mjModel* model_;
+  mjData* data_;
+  ContactMotion& motion_;
+  const FarPair& far_;
+  const LonePairs& pairs_;
+  double length_;
+  ContactInput *first_, *last_;
+  double time_ = 0.0, way_ = 0.0;  // s, and how far (m) the pair moves up to then
+  SeenContacts seen_;
+  ContactInput then_;
+};
+
+}  // namespace dashpot::host
