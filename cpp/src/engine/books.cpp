@@ -160,10 +160,10 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   leapfrog.keep(clock.length, held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
-  trapezoid.keep(model, d,
-                 {clock.length, leaves_half, held, leapfrog.fell_back(), leapfrog.way_back(),
-                  mean_displacement},
-                 constraints, motion, rows, data, view, ledger);
+  trapezoid.keep(d,
+                 {clock.length, leaves_half, constraints, rows, data, held, leapfrog.fell_back(),
+                  leapfrog.way_back(), mean_displacement},
+                 motion, view, ledger);
   view.set_ledger(ledger);
 }
 

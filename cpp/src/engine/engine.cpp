@@ -16,6 +16,7 @@
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/mujoco/state.hpp"
+#include "dashpot/rows/recall.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
@@ -44,6 +45,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
       model(m),
       parameters(p),
       motion(m, p.options.law != Law::kComFree),
+      trapezoid(m),
       runge_kutta(p.options.law == Law::kComFree) {
   host::check_supported(m, p.options.law);
   if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
@@ -229,29 +231,29 @@ void Stepper::Impl::damp_held_trees(mjData_* d) {
 }
 
 void Stepper::Impl::finish_last_step(mjData_* d) {
-  const Memory view = memory(d);
-  ledger = view.ledger();
-  trapezoid.finish_last_step(model, d, clock.length, differentiable, view, constraints, matches,
-                             motion, rows, data, ledger);
+  const StepView step = view(d);
+  ledger = step.memory.ledger();
+  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, ledger);
 }
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
-  const Memory view = memory(d);
-  read_solref_at_load(view, matches, contacts, data.velocity.data(), clock.length, rows, materials);
+  const StepView step = view(d);
+  const double recovery_speed = parameters.options.recovery_speed;
+  read_solref_at_load(step, data.velocity.data(), rows, materials);
   pressed_between.find(model, contacts, rows, materials);
-  sag_times.find(model, rows, contacts, matches, data.velocity.data(), clock.length, team);
-  find_hits(view, matches, rows, islands.all(), contacts, constraints, hit_frequency(),
-            clock.length, data);
+  sag_times.find(model, step, rows, data.velocity.data(), team);
+  find_hits(step, rows, islands.all(), hit_frequency(), data);
   pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
-  islands.plan(rows, motion.trees(), materials, sag_times.of_group(), data, clock.length,
-               resolved_length(), parameters.options, team);
-  view.recall(contacts, constraints, matches, rows, parameters.options.recovery_speed, clock.length,
-              data, team);
-  if (!part.impact.empty() && !std::isinf(parameters.options.recovery_speed))
-    view.limit_compression(part.impact, contacts, rows, data);
-  leapfrog.fall_back(view, motion, rows, data);
+  islands.plan(
+      rows, motion.trees(),
+      {materials, sag_times.of_group(), data, clock.length, resolved_length(), parameters.options},
+      team);
+  recall(step, rows, recovery_speed, data, team);
+  if (!part.impact.empty() && !std::isinf(recovery_speed))
+    limit_compression(step, part.impact, rows, data);
+  leapfrog.fall_back(step.memory, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands() {
@@ -297,6 +299,10 @@ void Stepper::Impl::check_memory() const {
 
 Memory Stepper::Impl::memory(mjData_* d) const {
   return Memory(host::memory(model, d, memory_layout.size()), memory_layout);
+}
+
+StepView Stepper::Impl::view(mjData_* d) const {
+  return {clock.length, contacts, constraints, memory(d), matches};
 }
 
 Stepper::Stepper(mjModel_* model, const Parameters& parameters, int threads)

@@ -16,17 +16,15 @@ namespace dashpot {
 // earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(
-      std::min(part_of_smooth_turn(model, motion, clock.length, clock.whole),
-               part_of_turning_rows(clock.row_turn_rate * clock.length, clock.length, clock.whole)),
-      parts);
+  return shorten(std::min(part_of_smooth_turn(model, motion, clock),
+                          part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
+                 parts);
 }
 
 // Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(part_of_thrown_turn(model, motion, data, touched, clock.length, clock.whole),
-                 parts);
+  return shorten(part_of_thrown_turn(model, motion, data, touched, clock), parts);
 }
 
 // Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
@@ -35,7 +33,7 @@ bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double turn = trapezoid.fastest_turn();
   clock.row_turn_rate = turn / clock.length;
-  return shorten(part_of_turning_rows(turn, clock.length, clock.whole), parts);
+  return shorten(part_of_turning_rows(turn, clock), parts);
 }
 
 bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
@@ -49,8 +47,7 @@ bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, clock.whole, clock.rest, clock.length, kMaxCuts - clock.cuts,
-                            proven_apart);
+                            contacts, clock, proven_apart);
   drop_pairs(part.apart, contacts);
   clock.cut_short = shorten(part.length, parts);
 }

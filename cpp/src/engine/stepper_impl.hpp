@@ -35,20 +35,12 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_clock.hpp"
+#include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace dashpot {
-
-// Where in a step its present part is.
-struct StepClock {
-  double whole = 0.0;          // s, of the step
-  double rest = 0.0;           // s, of the step from the start of the part on
-  double length = 0.0;         // H, s, of the part, which is the whole step if nothing cuts it
-  double row_turn_rate = 0.0;  // rad/s, of equalities in the part before; 0 in the first
-  bool cut_short = false;      // the part ends at an impact
-  int cuts = 0;                // at impacts, in the parts before
-};
 
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
@@ -130,6 +122,7 @@ struct Stepper::Impl {
   double work_ahead_of_servos() const;
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
+  StepView view(mjData_* d) const;
   StepStats statistics() const;
 
   Team team;

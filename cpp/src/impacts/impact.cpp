@@ -150,18 +150,19 @@ class ImpactSearch {
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, double whole, double rest,
-                        double remaining, int cuts_left, ProvenApart& proven) {
+                        const std::vector<ContactInput>& contacts, const StepClock& clock,
+                        ProvenApart& proven) {
+  const int cuts_left = kMaxCuts - clock.cuts;
   Part part;
-  part.length = remaining;
+  part.length = clock.length;
   if (contacts.empty()) return part;
-  FastPairs fast(model, data, memory, acceleration, whole, remaining);
+  FastPairs fast(model, data, memory, acceleration, clock.whole, clock.length);
   fast.find(contacts);
   if (fast.pairs.empty()) return part;
-  ImpactSearch search(model, data, remaining, fast);
-  search.recall(proven, rest);
+  ImpactSearch search(model, data, clock.length, fast);
+  search.recall(proven, clock.rest);
   const double length = search.find_part(cuts_left);
-  search.remember(proven, rest);
+  search.remember(proven, clock.rest);
   part.impact = search.pairs_in_touch();
   if (cuts_left == 0) return part;
   part.length = length;

@@ -11,13 +11,9 @@ namespace {
 
 // The hits of one step.
 struct Hits {
-  const Memory& memory;
-  const std::vector<Match>& matches;
+  const StepView& step;
   const Rows& rows;
-  const std::vector<ContactInput>& contacts;
-  const std::vector<ConstraintInput>& constraints;
   const HitFrequency& frequency;
-  double step;
   const RowData& data;
 
   // The gap of a group; its rate at the start, but in the geometry that its rows have; and by how
@@ -37,10 +33,10 @@ struct Hits {
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
     const bool contact = c.kind == RowKind::kContact;
-    Motion motion{contact ? contacts[c.input].gap : constraints[c.input].position, rate[0],
-                  load[0] * step};
+    Motion motion{contact ? step.contacts[c.input].gap : step.constraints[c.input].position,
+                  rate[0], load[0] * step.length};
     if (c.is_of_round_hit) {
-      motion.turn = c.turning[0] * step;
+      motion.turn = c.turning[0] * step.length;
       motion.turned = c.turning[0] * c.ahead;
     }
     return motion;
@@ -54,7 +50,7 @@ struct Hits {
     // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
     const Motion motion = motion_of(c);
-    return motion.gap - step * motion.closing() < 0.0 &&
+    return motion.gap - step.length * motion.closing() < 0.0 &&
            std::abs(motion.rate) > std::max(hit_speed(c), 2.0 * std::abs(motion.change));
   }
 
@@ -62,16 +58,17 @@ struct Hits {
   // thrown back: its spring bears more than smooth forces, and gives it speed.
   bool goes_on(int index) const {
     const RowGroup& c = rows.group[index];
-    if (c.kind != RowKind::kContact || matches[index].nearest < 0) return false;
-    const RememberedContact old = memory.contact(matches[index].nearest);
+    if (c.kind != RowKind::kContact || step.matches[index].nearest < 0) return false;
+    const RememberedContact old = step.memory.contact(step.matches[index].nearest);
     const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
-    return old.was_hit_now() && (is_short_hit(old.stiffness, w, step) || c.is_of_round_hit) &&
-           step * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
+    return old.was_hit_now() &&
+           (is_short_hit(old.stiffness, w, step.length) || c.is_of_round_hit) &&
+           step.length * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
   }
 
   double onset(const RowGroup& c) const {
     const Motion motion = motion_of(c);
-    return onset_in(step, motion.gap, motion.closing());
+    return onset_in(step.length, motion.gap, motion.closing());
   }
 
   // Of two contacts that push one tree, whether the second disturbs what the first hits.
@@ -90,7 +87,7 @@ struct Hits {
 
   // The direction in which a contact pushes the tree on a side.
   std::array<double, 3> push_on(const RowGroup& c, int side) const {
-    const auto& frame = contacts[c.input].frame;
+    const auto& frame = step.contacts[c.input].frame;
     const double sign = side == 0 ? -1.0 : 1.0;
     return {sign * frame[0], sign * frame[1], sign * frame[2]};
   }
@@ -111,7 +108,7 @@ struct Hits {
     const RowGroup& hit = rows.group[first];
     const double w = rows.inverse_mass[hit.row];
     if (std::isinf(begins) || w == 0.0) return false;
-    const double deepest = deepest_of_hit(begins, frequency(contacts[hit.input], w));
+    const double deepest = deepest_of_hit(begins, frequency(step.contacts[hit.input], w));
     return std::all_of(island.group.begin(), island.group.end(), [&](int index) {
       const RowGroup& c = rows.group[index];
       return joins_same_trees(c.tree, hit.tree) || !disturbs(c, hit, deepest);
@@ -127,11 +124,9 @@ struct Hits {
 
 }  // namespace
 
-void find_hits(const Memory& memory, const std::vector<Match>& matches, const Rows& rows,
-               const std::vector<Island>& islands, const std::vector<ContactInput>& contacts,
-               const std::vector<ConstraintInput>& constraints, const HitFrequency& frequency,
-               double step, RowData& data) {
-  const Hits hits{memory, matches, rows, contacts, constraints, frequency, step, data};
+void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
+               const HitFrequency& frequency, RowData& data) {
+  const Hits hits{step, rows, frequency, data};
   for (const Island& island : islands) {
     const int count = island.group_count();
     const bool alone =

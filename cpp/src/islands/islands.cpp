@@ -90,9 +90,9 @@ HitMicrosteps microsteps_of_hit(int of_step, const Options& options) {
   return hit;
 }
 
-void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-                   const std::vector<SagTime>& sag_time, const RowData& data, double part,
-                   double step, const Options& options, Team& team) {
+void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand, Team& team) {
+  const std::vector<GroupMaterial>& materials = demand.materials;
+  const std::vector<SagTime>& sag_time = demand.sag_time;
   bounds_.assign(trees.tree.size(), TreeBounds{});
   for (CoupledSum* sum : {&stiffness_, &damping_, &rigid_normal_, &rigid_friction_})
     sum->reset(trees);
@@ -109,7 +109,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   });
   const int* const all_trees = tree_order_.data();
   measure(all_trees, all_trees + tree_order_.size(), rows, trees, materials, false, team);
-  if (options.microsteps == 0) {
+  if (demand.options.microsteps == 0) {
     rigid_longest_.assign(rows.group.size(), std::numeric_limits<double>::infinity());
     team.for_each(count, kGroupsAtOnce, [&](int at) {
       const int index = group_order_[at];
@@ -123,8 +123,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
   for (size_t i = 0; i < islands_.size(); ++i) {
     Island& island = islands_[i];
     const double si_microstep = longest_si_microstep(island);
-    const bool enough_for_friction =
-        choose_microsteps(island, materials, data, part, step, options);
+    const bool enough_for_friction = choose_microsteps(island, demand);
     resolves_[i] = fits(island.duration, si_microstep);
     if (!resolves_[i])
       measure(island.tree.first, island.tree.last, rows, trees, materials, true, team);
@@ -148,9 +147,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const std::vector<GroupMateri
     if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
 }
 
-bool Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
-                                const RowData& data, double part, double step,
-                                const Options& options) {
+bool Islands::choose_microsteps(Island& island, const MicrostepDemand& demand) {
+  const Options& options = demand.options;
+  const double part = demand.part, step = demand.step;
   double count = options.microsteps;
   if (options.microsteps == 0) {
     const double longest = std::min(longest_si_microstep(island), longest_rigid_microstep(island));
@@ -159,12 +158,12 @@ bool Islands::choose_microsteps(Island& island, const std::vector<GroupMaterial>
   const int of_step = rounded_up(std::min<double>(count, options.max_microsteps));
   island.rigid_duration = step / of_step;
   island.microsteps = part == step ? of_step : rounded_up(part / island.rigid_duration);
-  island.hit = is_hit(island, materials, data.hit);
+  island.hit = is_hit(island, demand.materials, demand.data.hit);
   bool enough_for_friction = false;
   if (island.hit) {
     HitMicrosteps of_hit = microsteps_of_hit(of_step, options);
     // What rests on others would sink in.
-    if (!data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
+    if (!demand.data.is_of_lone_pair[*island.group.first]) of_hit.stiff_for = of_step;
     island.rigid_duration = step / of_hit.stiff_for;
     island.microsteps = part == step ? of_hit.count : rounded_up(part / step * of_hit.count);
     enough_for_friction = of_hit.count >= 2.0 * of_hit.stiff_for;

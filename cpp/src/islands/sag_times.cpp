@@ -37,9 +37,8 @@ double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
   return sum * std::sqrt(rows.inverse_mass[c.row]);
 }
 
-void SagTimes::find(const mjModel_* model, const Rows& rows,
-                    const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                    const double* velocity, double step, Team& team) {
+void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& rows,
+                    const double* velocity, Team& team) {
   const double gravity = host::gravity(model);
   of_group_.assign(rows.group.size(), SagTime());
   find_dry_friction(rows);
@@ -48,15 +47,15 @@ void SagTimes::find(const mjModel_* model, const Rows& rows,
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) return;
     SagTime& time = of_group_[i];
-    const double sag = kRigidSag * host::contact_radius(model, contacts[c.input]);
+    const double sag = kRigidSag * host::contact_radius(model, step.contacts[c.input]);
     if (gravity > 0.0) time.weight = std::sqrt(sag / gravity);
     if (const double held = held_acceleration(rows, c); held > 0.0)
       time.dry_friction = std::sqrt(sag / held);
-    if (matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
+    if (step.matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
     double rate[kMaxRows];
     gather(rows, c, velocity, rate);
-    if (std::abs(rate[0]) * step > kStillSag * sag) return;
-    const double acceleration = kLoadGrowth * matches[i].load * rows.inverse_mass[c.row];
+    if (std::abs(rate[0]) * step.length > kStillSag * sag) return;
+    const double acceleration = kLoadGrowth * step.matches[i].load * rows.inverse_mass[c.row];
     time.load = std::sqrt(sag / std::max(acceleration, gravity));
   });
 }

@@ -23,30 +23,29 @@ constexpr double kBearable = 2.0;
 
 }  // namespace
 
-void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches,
-                         const std::vector<ContactInput>& contacts, const double* velocity,
-                         double length, Rows& rows, std::vector<GroupMaterial>& materials) {
-  const double following = -std::expm1(-length / kFollowing);
+void read_solref_at_load(const StepView& step, const double* velocity, Rows& rows,
+                         std::vector<GroupMaterial>& materials) {
+  const double following = -std::expm1(-step.length / kFollowing);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     RowGroup& c = rows.group[i];
     GroupMaterial& given = materials[i];
     if (c.kind != RowKind::kContact || !given.from_solref) continue;
-    const ContactInput& input = contacts[c.input];
+    const ContactInput& input = step.contacts[c.input];
     const double weight = given.load, least = kLeastPart * weight;
     const double typical = rows.typical_inverse_mass[c.row];
     c.solref = {weight, 0.0};
-    if (matches[i].nearest >= 0) {
-      const RememberedContact before = memory.contact(matches[i].nearest);
+    if (step.matches[i].nearest >= 0) {
+      const RememberedContact before = step.memory.contact(step.matches[i].nearest);
       if (before.solref.load > 0.0) c.solref = before.solref;
       const double borne = typical * before.compression * before.stiffness;
       const double frequency = std::sqrt(given.normalised_stiffness);
       double rate[kMaxRows];
       gather(rows, c, velocity, rate);
       const bool still = std::abs(rate[0]) * frequency <= kStillSpeed * borne;
-      c.solref.still = still ? c.solref.still + length : 0.0;
+      c.solref.still = still ? c.solref.still + step.length : 0.0;
       if (c.solref.still * frequency > kStillPhase)
         c.solref.load += following * (std::max(borne, least) - c.solref.load);
-    } else if (memory.starts() && input.gap < 0.0) {
+    } else if (step.memory.starts() && input.gap < 0.0) {
       c.solref.load =
           std::clamp(solref_load_at_rest(input.solref, input.solimp, -input.gap), least, weight);
     }

@@ -11,29 +11,29 @@
 
 namespace dashpot {
 
-void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double length, bool whole,
-                                 const Memory& memory,
-                                 const std::vector<ConstraintInput>& constraints,
-                                 const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
-                                 RowData& data, EnergyLedger& ledger) {
+void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool whole,
+                                 TreeMotion& motion, Rows& rows, RowData& data,
+                                 EnergyLedger& ledger) {
+  const double length = step.length;
+  const Memory& memory = step.memory;
   added_.clear();
   load_.clear();
   fastest_turn_ = 0.0;
   if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
-  couple_trees(model, memory, rows, motion.tree_count());
-  host::drives(model, d, motion.start_velocity(), drive_);
+  couple_trees(memory, rows, motion.tree_count());
+  host::drives(model_, d, motion.start_velocity(), drive_);
   drive_change_.assign(drive_.size(), 0.0);
   commanded_change_.assign(drive_.size(), 0.0);
   followed_.assign(drive_.size(), 0.0);
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_left_halves(memory, motion);
-  find_potential_forces(model, d, trees);
-  find_drive_changes(model, d, memory, trees);
-  recall_equalities(memory, constraints, rows, trees);
-  translations_.find(model, d, rows, trees, first_);
-  holding_rows_.find_at_start(rows, constraints, matches, memory, trees, length);
-  if (!find_scales(model, d, length, whole, memory, motion)) return;
+  find_potential_forces(d, trees);
+  find_drive_changes(d, memory, trees);
+  recall_equalities(step, rows, trees);
+  translations_.find(model_, d, rows, trees, first_);
+  holding_rows_.find_at_start(step, rows, trees);
+  if (!find_scales(d, length, whole, memory, motion)) return;
   if (!whole) correct_speeds();
   book_second_half(ledger);
   add_second_half(trees, data);
@@ -42,14 +42,13 @@ void Trapezoid::finish_last_step(const mjModel_* model, const mjData_* d, double
   stop_fast_turns(length, rows);
 }
 
-void Trapezoid::couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows,
-                             int tree_count) {
+void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, int tree_count) {
   find_coupled_trees(rows, tree_count, first_);
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model, rows, first_);
-  add_freed_trees(model, memory.held_motion(), first_);
+  add_held_trees(model_, rows, first_);
+  add_freed_trees(model_, memory.held_motion(), first_);
 }
 
 void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion) {
@@ -63,46 +62,43 @@ void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion)
   }
 }
 
-void Trapezoid::find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees) {
+void Trapezoid::find_potential_forces(const mjData_* d, const Trees& trees) {
   potential_.resize(drive_.size());
   for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!holds(index) || host::is_free_body(model, index)) continue;
+    if (!holds(index) || host::is_free_body(model_, index)) continue;
     const Tree& t = trees.tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-      potential_[i] = host::potential_force(model, d, i);
+      potential_[i] = host::potential_force(model_, d, i);
   }
 }
 
-void Trapezoid::recall_equalities(const Memory& memory,
-                                  const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                                  const Trees& trees) {
+void Trapezoid::recall_equalities(const StepView& step, const Rows& rows, const Trees& trees) {
   wrench_.assign(trees.coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
-    const double* equality = memory.equality(constraints[c.input].memory);
+    const double* equality = step.memory.equality(step.constraints[c.input].memory);
     scatter(rows, c, equality, wrench_.data());
     coupled_[first_[c.tree[0]]].turning_work += equality[1];
   }
 }
 
-bool Trapezoid::find_scales(const mjModel_* model, const mjData_* d, double length, bool whole,
-                            const Memory& memory, TreeMotion& motion) {
+bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
+                            TreeMotion& motion) {
   do {
     for (CoupledEnergy& coupled : coupled_) coupled = coupled.anew();
-    find_second_half(model, d, memory, motion);
+    find_second_half(d, memory, motion);
     if (std::none_of(coupled_.begin(), coupled_.end(),
                      [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
       return false;
-    find_energies(model, d, length, motion);
-    find_springs(model, d, memory, motion);
+    find_energies(d, length, motion);
+    find_springs(d, memory, motion);
     for (CoupledEnergy& coupled : coupled_)
       if (coupled.left_half) coupled.scale = whole ? 1.0 : coupled.find_scale();
   } while (give_up_drives(coupled_));
   return true;
 }
 
-void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
-                                 TreeMotion& motion) {
+void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const double* lead = memory.lead();
   const Trees& trees = motion.trees();
@@ -121,7 +117,7 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
     const double weight = before.weight[index];
     for (int i = 0; i < t.count; ++i)
       force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
-    for (int i = 0; i < t.dof_count && !host::is_free_body(model, index); ++i) {
+    for (int i = 0; i < t.dof_count && !host::is_free_body(model_, index); ++i) {
       const int dof = t.dof_begin + i;
       const double potential = potential_[dof];
       const double turning = potential - host::positional_force(d, dof);
@@ -144,13 +140,12 @@ void Trapezoid::find_second_half(const mjModel_* model, const mjData_* d, const 
   }
 }
 
-void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double length,
-                              const TreeMotion& motion) {
+void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion& motion) {
   const std::vector<double>& velocity = motion.start_velocity();
   momentum_.resize(velocity.size());
   momentum_of_half_.resize(velocity.size());
-  host::times_inertia(model, d, velocity.data(), momentum_.data());
-  host::times_inertia(model, d, generalized_.data(), momentum_of_half_.data());
+  host::times_inertia(model_, d, velocity.data(), momentum_.data());
+  host::times_inertia(model_, d, generalized_.data(), momentum_of_half_.data());
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (first_[index] < 0) continue;
     const Tree& t = motion.trees().tree[index];
@@ -165,20 +160,19 @@ void Trapezoid::find_energies(const mjModel_* model, const mjData_* d, double le
       const Trees& trees = motion.trees();
       const double implicit = t.damped ? trees.implicit_time : length;
       const auto damped = [&](const double* v) {
-        return implicit * host::damping_form(model, d, trees, t, v, generalized_.data());
+        return implicit * host::damping_form(model_, d, trees, t, v, generalized_.data());
       };
       coupled.damped_linear += damped(velocity.data());
       coupled.damped_square += 0.5 * damped(generalized_.data());
     }
     coupled.kinetic += kinetic;
-    if (!left_half_[index] || host::is_free_body(model, index)) coupled.wanted += kinetic;
+    if (!left_half_[index] || host::is_free_body(model_, index)) coupled.wanted += kinetic;
   }
-  find_common_momenta(model, d, motion);
+  find_common_momenta(d, motion);
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
 }
 
-void Trapezoid::find_common_momenta(const mjModel_* model, const mjData_* d,
-                                    const TreeMotion& motion) {
+void Trapezoid::find_common_momenta(const mjData_* d, const TreeMotion& motion) {
   for (int direction = 0; direction < kDirections; ++direction) {
     if (!translations_.any(direction)) continue;
     translation_.resize(momentum_.size());
@@ -188,7 +182,7 @@ void Trapezoid::find_common_momenta(const mjModel_* model, const mjData_* d,
       motion.to_generalized(index, translations_.motion(direction).data() + t.begin,
                             translation_.data() + t.dof_begin);
     }
-    host::times_inertia(model, d, translation_.data(), translation_momentum_.data());
+    host::times_inertia(model_, d, translation_.data(), translation_momentum_.data());
     for (int index = 0; index < motion.tree_count(); ++index) {
       if (first_[index] < 0) continue;
       const Tree& t = motion.trees().tree[index];

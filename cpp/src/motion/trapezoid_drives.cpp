@@ -37,14 +37,13 @@ double part_taken_back(double jump, double followed) {
 
 }  // namespace
 
-void Trapezoid::find_drive_changes(const mjModel_* model, const mjData_* d, const Memory& memory,
-                                   const Trees& trees) {
+void Trapezoid::find_drive_changes(const mjData_* d, const Memory& memory, const Trees& trees) {
   const HeldMotion before = memory.held_motion();
   followed_change_.assign(drive_.size(), 0.0);
   if (std::none_of(left_half_.begin(), left_half_.end(), [](char left) { return left; })) return;
-  host::servo_changes(model, d, before.displacement, servo_change_);
+  host::servo_changes(model_, d, before.displacement, servo_change_);
   for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!left_half_[index] || host::is_free_body(model, index)) continue;
+    if (!left_half_[index] || host::is_free_body(model_, index)) continue;
     const Tree& t = trees.tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
       drive_change_[i] = drive_[i] - before.drive[i];

@@ -10,22 +10,21 @@
 
 namespace dashpot {
 
-void Trapezoid::keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
-                                const Rows& rows, const RowData& data, Memory& memory,
-                                EnergyLedger& ledger) {
+void Trapezoid::keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger) {
+  const Rows& rows = end.rows;
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kBilateral) continue;
-    double* equality = memory.equality(constraints[c.input].memory);
-    equality[0] = data.total_impulse[c.row] / length;
-    equality[1] = turning_rate(rows, c) * data.force_moment[i];
+    double* equality = memory.equality(end.constraints[c.input].memory);
+    equality[0] = end.data.total_impulse[c.row] / end.length;
+    equality[1] = turning_rate(rows, c) * end.data.force_moment[i];
     scatter(rows, c, equality, wrench_.data());
     ledger.dissipated_constraint += equality[1];
   }
 }
 
-bool Trapezoid::keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const {
-  const bool stages = host::is_runge_kutta(model);
+bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
+  const bool stages = host::is_runge_kutta(model_);
   bool any = false;
   for (size_t index = 0; index < end.held.size(); ++index) {
     now.length[index] = 0.0;
@@ -39,9 +38,8 @@ bool Trapezoid::keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMo
 }
 
 // `lead` (s): that at the end of the step.
-void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
-                          double lead, const TreeMotion& motion, const RowData& data,
-                          HeldMotion& now) {
+void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, double lead,
+                          const TreeMotion& motion, HeldMotion& now) {
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
@@ -58,13 +56,14 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   std::fill_n(acceleration, t.count, 0.0);
   energy = 0.0;
   weight = 0.5;
-  if (host::is_free_body(model, tree)) {
+  if (host::is_free_body(model_, tree)) {
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
   const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
   weight = (half - back) / (end.length + lead - back);
-  for (int i = 0; i < t.count; ++i) force[i] = data.coordinate_impulse[t.begin + i] / end.length;
+  for (int i = 0; i < t.count; ++i)
+    force[i] = end.data.coordinate_impulse[t.begin + i] / end.length;
   const double* velocity = host::velocity(d);
   double* seen = generalized_.data() + t.dof_begin;
   for (int i = 0; i < t.dof_count; ++i) {
@@ -81,20 +80,19 @@ void Trapezoid::keep_tree(const mjModel_* model, const mjData_* d, const EndOfSt
   add_response(motion.trees(), tree, seen, acceleration);
 }
 
-void Trapezoid::keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
-                     const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
-                     const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger) {
+void Trapezoid::keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion,
+                     Memory& memory, EnergyLedger& ledger) {
   HeldMotion now = memory.held_motion();
   if (!now.length) return;
   wrench_.assign(motion.trees().coordinates, 0.0);
-  keep_equalities(end.length, constraints, rows, data, memory, ledger);
-  if (!keep_lengths(model, end, now)) return;
+  keep_equalities(end, memory, ledger);
+  if (!keep_lengths(end, now)) return;
   generalized_.resize(end.displacement.size());
   momentum_.resize(end.displacement.size());
-  host::times_inertia(model, d, host::velocity(d), momentum_.data());
+  host::times_inertia(model_, d, host::velocity(d), momentum_.data());
   const double* lead = memory.lead();
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (now.length[tree] > 0.0) keep_tree(model, d, end, tree, lead[tree], motion, data, now);
+    if (now.length[tree] > 0.0) keep_tree(d, end, tree, lead[tree], motion, now);
 }
 
 }  // namespace dashpot

@@ -8,8 +8,7 @@
 
 namespace dashpot {
 
-void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
-                             const TreeMotion& motion) {
+void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const int trees = motion.tree_count();
   const auto change_of = [&](const CoupledEnergy& coupled, int dof) {
@@ -20,7 +19,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
     if (!left_half_[index]) continue;
     const Tree& t = motion.trees().tree[index];
     CoupledEnergy& coupled = coupled_[first_[index]];
-    if (host::is_free_body(model, index)) continue;
+    if (host::is_free_body(model_, index)) continue;
     double work = 0.0;
     for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof)
       work += change_of(coupled, dof) * before.displacement[dof];
@@ -40,7 +39,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
     const CoupledEnergy& coupled = coupled_[first_[index]];
     std::copy_n(before.displacement + t.dof_begin, t.dof_count, way_.begin() + t.dof_begin);
     std::copy_n(generalized_.begin() + t.dof_begin, t.dof_count, rest_.begin() + t.dof_begin);
-    if (host::is_free_body(model, index)) continue;
+    if (host::is_free_body(model_, index)) continue;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
       force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);
@@ -51,7 +50,7 @@ void Trapezoid::find_springs(const mjModel_* model, const mjData_* d, const Memo
   }
   momentum_of_half_.resize(rest_.size());
   const auto add_squares = [&](const std::vector<double>& x, double CoupledEnergy::*sum) {
-    host::times_inertia(model, d, x.data(), momentum_of_half_.data());
+    host::times_inertia(model_, d, x.data(), momentum_of_half_.data());
     for (int index = first; index < trees; ++index) {
       if (!asks(index)) continue;
       const Tree& t = motion.trees().tree[index];

@@ -38,7 +38,8 @@ double parts_of_spin(double rest, double whole, const double* velocity,
 
 }  // namespace
 
-double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double rest, double whole) {
+double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, const StepClock& clock) {
+  const double rest = clock.length, whole = clock.whole;
   const double share = followed(m);
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
@@ -60,7 +61,8 @@ double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double r
 }
 
 double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
-                           const std::vector<char>& touched, double rest, double whole) {
+                           const std::vector<char>& touched, const StepClock& clock) {
+  const double rest = clock.length;
   const double share = followed(m);
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
@@ -75,11 +77,11 @@ double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const Ro
         parts = std::max(parts, turn / kPartTurn);
     }
   }
-  return equal_part(parts, rest, whole);
+  return equal_part(parts, rest, clock.whole);
 }
 
-double part_of_turning_rows(double turn, double rest, double whole) {
-  return turn > kPartTurn ? equal_part(turn / kPartTurn, rest, whole) : rest;
+double part_of_turning_rows(double turn, const StepClock& clock) {
+  return turn > kPartTurn ? equal_part(turn / kPartTurn, clock.length, clock.whole) : clock.length;
 }
 
 }  // namespace dashpot

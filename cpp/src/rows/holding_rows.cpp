@@ -54,21 +54,20 @@ void HoldingRows::reset(const Trees& trees) {
   held_.resize(trees.tree.size());
 }
 
-void HoldingRows::find_at_start(const Rows& rows, const std::vector<ConstraintInput>& constraints,
-                                const std::vector<Match>& matches, const Memory& memory,
-                                const Trees& trees, double length) {
+void HoldingRows::find_at_start(const StepView& step, const Rows& rows, const Trees& trees) {
   reset(trees);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact && matches[i].nearest >= 0 && !matches[i].parted) {
-      const RememberedContact before = memory.contact(matches[i].nearest);
+    if (c.kind == RowKind::kContact && step.matches[i].nearest >= 0 && !step.matches[i].parted) {
+      const RememberedContact before = step.memory.contact(step.matches[i].nearest);
       const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
                                           before.slide_stiffness, before.spin_stiffness,
                                           before.roll_stiffness,  before.roll_stiffness};
-      add(rows, trees, i, stiffness, before.sticking != 0.0, length, true);
+      add(rows, trees, i, stiffness, before.sticking != 0.0, step.length, true);
     } else if (c.kind == RowKind::kUnilateral) {
-      const RememberedConstraint before = memory.constraint(constraints[c.input].memory);
-      if (before.deformation < 0.0) add(rows, trees, i, &before.stiffness, false, length, true);
+      const RememberedConstraint before = step.memory.constraint(step.constraints[c.input].memory);
+      if (before.deformation < 0.0)
+        add(rows, trees, i, &before.stiffness, false, step.length, true);
     }
   }
 }

@@ -22,6 +22,7 @@
 #include "dashpot/impacts/proven_apart.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_clock.hpp"
 
 struct mjModel_;
 struct mjData_;
@@ -38,15 +39,14 @@ struct Part {
   std::vector<GeomPair> impact, apart;
 };
 
-// The next part of a step, at most `remaining`, which is its length where nothing is fast.
-// `acceleration` (nv) is the mean smooth acceleration over what remains: the `rest` of the `whole`
-// step, or less where other reasons end the part; all in s. Without cuts left the part is what
-// remains, and no pair is proven apart.
+// The next part of a step, at most as long as the present one is, which is its length where nothing
+// is fast. `acceleration` (nv) is the mean smooth acceleration over that. Without cuts left the
+// part is what it is, and no pair is proven apart.
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, double whole, double rest,
-                        double remaining, int cuts_left, ProvenApart& proven);
+                        const std::vector<ContactInput>& contacts, const StepClock& clock,
+                        ProvenApart& proven);
 
 // Takes out the contacts of some sorted pairs.
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);

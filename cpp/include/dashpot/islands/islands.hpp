@@ -68,21 +68,27 @@ struct Island {
 // in their smooth motion, by either update. Such an island needs no micro-steps.
 bool stays_apart(const Rows& rows, const Island& island, double time, const RowData& data);
 
+// What micro-steps are planned for.
+struct MicrostepDemand {
+  const std::vector<GroupMaterial>& materials;  // per group
+  const std::vector<SagTime>& sag_time;         // per group
+  const RowData& data;                          // which groups are hit
+  double part, step;                            // s, what is planned, of a step of what length
+  const Options& options;
+};
+
 // Finds islands and plans their micro-steps. Keeps its arrays from step to step.
 class Islands {
  public:
   // Connected sets of groups in a fixed order: by their first group. Valid until the next call.
   const std::vector<Island>& find(const Rows& rows, const Trees& trees);
 
-  // Chooses the number of micro-steps of every island over `part` (s) of a step of length `step`
-  // (s) and fills the stiffness and damping of its rows from `materials` and `sag_time` (one per
-  // group), and what `data` says is hit. Stiffness and damping are those of the whole step, so that
-  // what rests does not feel its parts. A rigid material becomes as stiff as h resolves, one of a
-  // model's own solref no stiffer than that says. Where h does not resolve an island's SI values,
-  // all its rows are rigid, those no stiffer than given. What is lowered is counted as clipped.
-  void plan(Rows& rows, const Trees& trees, const std::vector<GroupMaterial>& materials,
-            const std::vector<SagTime>& sag_time, const RowData& data, double part, double step,
-            const Options& options, Team& team);
+  // Chooses the number of micro-steps of every island and fills the stiffness and damping of its
+  // rows. These are those of the whole step, so that what rests does not feel its parts. A rigid
+  // material becomes as stiff as h resolves, one of a model's own solref no stiffer than that says.
+  // Where h does not resolve an island's SI values, all its rows are rigid, those no stiffer than
+  // given. What is lowered is counted as clipped.
+  void plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand, Team& team);
 
   const std::vector<Island>& all() const { return islands_; }
 
@@ -106,8 +112,7 @@ class Islands {
   double longest_rigid_microstep(const Island& island) const;
   // Chooses the micro-steps of an island; returns whether they are so many that friction needs to
   // take no resolution from the damping of normals.
-  bool choose_microsteps(Island& island, const std::vector<GroupMaterial>& materials,
-                         const RowData& data, double part, double step, const Options& options);
+  bool choose_microsteps(Island& island, const MicrostepDemand& demand);
   RigidCoupling rigid_coupling(const RowGroup& group) const;
 
   std::vector<Island> islands_;

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "dashpot/islands/row_stiffness.hpp"
-#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;
@@ -20,10 +20,10 @@ namespace dashpot {
 class SagTimes {
  public:
   // Finds the times of every group; the sag is kRigidSag times the smaller body's radius. Without
-  // gravity there is no weight. `velocity`: at the start of a step of `step` (s), in motion
-  // coordinates; loads of contacts that close or open in it are not known.
-  void find(const mjModel_* model, const Rows& rows, const std::vector<ContactInput>& contacts,
-            const std::vector<Match>& matches, const double* velocity, double step, Team& team);
+  // gravity there is no weight. `velocity`: at the start of the step, in motion coordinates; loads
+  // of contacts that close or open in it are not known.
+  void find(const mjModel_* model, const StepView& step, const Rows& rows, const double* velocity,
+            Team& team);
 
   const std::vector<SagTime>& of_group() const { return of_group_; }
 

@@ -17,15 +17,14 @@
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
-#include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
 // Reads the solref of contacts that are remembered anew, over a step of `length` (s). `velocity`:
 // per motion coordinate, at its start.
-void read_solref_at_load(const Memory& memory, const std::vector<Match>& matches,
-                         const std::vector<ContactInput>& contacts, const double* velocity,
-                         double length, Rows& rows, std::vector<GroupMaterial>& materials);
+void read_solref_at_load(const StepView& step, const double* velocity, Rows& rows,
+                         std::vector<GroupMaterial>& materials);
 
 }  // namespace dashpot

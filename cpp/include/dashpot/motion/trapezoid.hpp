@@ -69,6 +69,7 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
@@ -77,6 +78,9 @@ struct EndOfStep {
   double length;  // s
   // False: the step had the geometry of its middle, or another law, and leaves nothing over.
   bool leaves_half;
+  const std::vector<ConstraintInput>& constraints;
+  const Rows& rows;
+  const RowData& data;
   const std::vector<char>& held;            // by tree: rows that have a position moved it
   const std::vector<double>& fell_back;     // by tree, s, see Leapfrog
   const AlignedDoubles& way_back;           // by motion coordinate, see Leapfrog
@@ -86,21 +90,20 @@ struct EndOfStep {
 // The rule for all trees of a model; keeps its arrays from step to step.
 class Trapezoid {
  public:
-  // After the rows of a step of `length` (s) are known: adds to the velocities in `data` what the
-  // last step left over, where a tree goes on with the velocity that step gave it. Trees that
-  // equalities couple share s. Takes the turning from `rows` of equalities where they may not turn
-  // in this step. `whole`: with s = 1 whatever energies say, as derivatives need it: of vanishing
-  // motion about rest they determine none.
-  void finish_last_step(const mjModel_* model, const mjData_* d, double length, bool whole,
-                        const Memory& memory, const std::vector<ConstraintInput>& constraints,
-                        const std::vector<Match>& matches, TreeMotion& motion, Rows& rows,
-                        RowData& data, EnergyLedger& ledger);
+  explicit Trapezoid(const mjModel_* model) : model_(model) {}
+
+  // After the rows of a step are known: adds to the velocities in `data` what the last step left
+  // over, where a tree goes on with the velocity that step gave it. Trees that equalities couple
+  // share s. Takes the turning from `rows` of equalities where they may not turn in this step.
+  // `whole`: with s = 1 whatever energies say, as derivatives need it: of vanishing motion about
+  // rest they determine none.
+  void finish_last_step(const mjData_* d, const StepView& step, bool whole, TreeMotion& motion,
+                        Rows& rows, RowData& data, EnergyLedger& ledger);
 
   // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
   // and Leapfrog::keep.
-  void keep(const mjModel_* model, const mjData_* d, const EndOfStep& end,
-            const std::vector<ConstraintInput>& constraints, const TreeMotion& motion,
-            const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+  void keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion, Memory& memory,
+            EnergyLedger& ledger);
 
   // Of this step: whether rows that may hold a tree leave a second half, or have left one, and what
   // was added to velocities, by motion coordinate; null where nothing was.
@@ -120,28 +123,23 @@ class Trapezoid {
   // The steps of finish_last_step(), in its order.
 
   // Finds which trees have a second half, and which of them share s.
-  void couple_trees(const mjModel_* model, const Memory& memory, const Rows& rows, int tree_count);
+  void couple_trees(const Memory& memory, const Rows& rows, int tree_count);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
-  void find_potential_forces(const mjModel_* model, const mjData_* d, const Trees& trees);
+  void find_potential_forces(const mjData_* d, const Trees& trees);
   // Finds what drives have changed by in the last step, and what of it is followed.
-  void find_drive_changes(const mjModel_* model, const mjData_* d, const Memory& memory,
-                          const Trees& trees);
+  void find_drive_changes(const mjData_* d, const Memory& memory, const Trees& trees);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
-  void recall_equalities(const Memory& memory, const std::vector<ConstraintInput>& constraints,
-                         const Rows& rows, const Trees& trees);
+  void recall_equalities(const StepView& step, const Rows& rows, const Trees& trees);
   // Finds second halves and their s, anew without drives where these leave none; false where there
   // is nothing to finish.
-  bool find_scales(const mjModel_* model, const mjData_* d, double length, bool whole,
-                   const Memory& memory, TreeMotion& motion);
-  void find_second_half(const mjModel_* model, const mjData_* d, const Memory& memory,
-                        TreeMotion& motion);
-  void find_energies(const mjModel_* model, const mjData_* d, double length,
-                     const TreeMotion& motion);
+  bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
+                   TreeMotion& motion);
+  void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
+  void find_energies(const mjData_* d, double length, const TreeMotion& motion);
   // Finds what of it is in translations that coupled trees have in common.
-  void find_common_momenta(const mjModel_* model, const mjData_* d, const TreeMotion& motion);
+  void find_common_momenta(const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the second half.
-  void find_springs(const mjModel_* model, const mjData_* d, const Memory& memory,
-                    const TreeMotion& motion);
+  void find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion);
   // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
   // do not turn.
   void correct_speeds();
@@ -156,14 +154,14 @@ class Trapezoid {
 
   // Keeps the mean forces of equalities, also in `wrench_`, and the work that they did because they
   // turned.
-  void keep_equalities(double length, const std::vector<ConstraintInput>& constraints,
-                       const Rows& rows, const RowData& data, Memory& memory, EnergyLedger& ledger);
+  void keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger);
   // Keeps the length of the step for trees that it leaves a second half of; returns whether there
   // are any.
-  bool keep_lengths(const mjModel_* model, const EndOfStep& end, HeldMotion& now) const;
-  void keep_tree(const mjModel_* model, const mjData_* d, const EndOfStep& end, int tree,
-                 double lead, const TreeMotion& motion, const RowData& data, HeldMotion& now);
+  bool keep_lengths(const EndOfStep& end, HeldMotion& now) const;
+  void keep_tree(const mjData_* d, const EndOfStep& end, int tree, double lead,
+                 const TreeMotion& motion, HeldMotion& now);
 
+  const mjModel_* model_;
   std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
   HoldingRows holding_rows_;
   CommonTranslations translations_;

@@ -37,6 +37,7 @@
 
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/step_clock.hpp"
 
 struct mjModel_;
 
@@ -48,16 +49,16 @@ inline constexpr double kPartTurn = 0.1;       // rad
 inline constexpr double kSteadyAxis = 1e-3;    // rad in a step
 inline constexpr int kMostTurningParts = 64;
 
-// The length (s) of the next part of a step of `whole` (s) of which `rest` (s) is left, by the
-// smooth motion over that rest; `rest` where nothing turns far.
-double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, double rest, double whole);
+// The length (s) of the next part of a step, at most that of the present one, by the smooth motion
+// over that; the same where nothing turns far.
+double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, const StepClock& clock);
 
-// The same by the velocities that rows have given the trees that they `touched` (by tree) in that
-// rest: what a blow throws far within a step turns as far as it will go on to.
+// The same by the velocities that rows have given the trees that they `touched` (by tree) in the
+// present part: what a blow throws far within a step turns as far as it will go on to.
 double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
-                           const std::vector<char>& touched, double rest, double whole);
+                           const std::vector<char>& touched, const StepClock& clock);
 
-// The same where a row of an equality has been found to turn by `turn` (rad) in that rest.
-double part_of_turning_rows(double turn, double rest, double whole);
+// The same where a row of an equality has been found to turn by `turn` (rad) in the present part.
+double part_of_turning_rows(double turn, const StepClock& clock);
 
 }  // namespace dashpot

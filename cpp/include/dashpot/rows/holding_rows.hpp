@@ -28,18 +28,16 @@
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_view.hpp"
 
 namespace dashpot {
 
 // Keeps its arrays from step to step.
 class HoldingRows {
  public:
-  // Finds the rows that held at the end of the last step, of which `matches` tell for the contacts
-  // of `rows`; this step has `length` (s). Needs inv(H) of trees on which rows act, as all that
-  // follows does.
-  void find_at_start(const Rows& rows, const std::vector<ConstraintInput>& constraints,
-                     const std::vector<Match>& matches, const Memory& memory, const Trees& trees,
-                     double length);
+  // Finds the rows that held at the end of the last step. Needs inv(H) of trees on which rows act,
+  // as all that follows does.
+  void find_at_start(const StepView& step, const Rows& rows, const Trees& trees);
   // Finds those that hold at the end of this step, after its micro-steps; equalities hold too. H is
   // the inertia whose factor the trees have then.
   void find_at_end(const Rows& rows, const RowData& data, const Trees& trees, double length);

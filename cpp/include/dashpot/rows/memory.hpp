@@ -1,24 +1,7 @@
 // Memory carried from step to step in mjData's user data: the compression and the elastic
 // displacement of every compressed contact, the deformation of every limit, equality and
 // dry-friction row, the motion of mocap bodies, and the energy ledger.
-//
-// At the start of a step a contact takes the smaller of the overlap that collision reports and the
-// compression remembered at the nearest point of the same geom pair, unless another contact is
-// nearer to that point; what geometry reports beyond that is an unstressed offset. Where two bodies
-// hit each other alone, in less than a step, it keeps all of its compression, also across a gap
-// that is smaller than that: frozen rows lead too deep there. Limits and equalities do the same
-// with their position. In the first step of all a contact of SI stiffness takes what its spring
-// bears, and so does a contact or limit whose solref the model sets; an equality with one does
-// whenever nothing is remembered of it, as where it is switched on. One that the steps resolve has
-// its position for its deformation in every step.
-//
-// Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
-// deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
-// being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
-// until they separate: otherwise every change of stiffness would drop force, and the jolt change
-// the stiffness again. Of what is hit it is the energy that goes on, not the force. Contacts of SI
-// stiffness, which users change, and of a model's own solref, whose load changes, recover it like
-// offsets.
+// recall.hpp has what rows take from it.
 
 #pragma once
 
@@ -142,19 +125,6 @@ class Memory {
   double* equality(int constraint) const;
   RememberedConstraint constraint(int index) const;  // by ConstraintInput::memory
 
-  // Fills the deformation and offset of every row at the start of a step of `length` (s). With
-  // infinite `recovery_speed` the spring takes the whole overlap.
-  void recall(const std::vector<ContactInput>& contacts,
-              const std::vector<ConstraintInput>& constraints, const std::vector<Match>& matches,
-              const Rows& rows, double recovery_speed, double length, RowData& data,
-              Team& team) const;
-  // After recall: where the contacts of one of `pairs` (geom ids, sorted) store more along their
-  // normals than the pair remembers, as points that are new among old ones do, all of them give
-  // way.
-  void limit_compression(const std::vector<std::array<int, 2>>& pairs,
-                         const std::vector<ContactInput>& contacts, const Rows& rows,
-                         RowData& data) const;
-
   // Replaces the memory by the deformed rows of `data`.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
@@ -167,14 +137,6 @@ class Memory {
   double* mocap_storage() const;
   double* constraint_storage() const;
   double* contact_storage(int index) const { return contacts_ + kContactSize * index; }
-  double first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& group,
-                           double recovery_speed) const;
-  bool begins_stretched(const ConstraintInput& input, const RowGroup& group) const;
-  void recall_contacts(const std::vector<ContactInput>& contacts, const std::vector<Match>& matches,
-                       const Rows& rows, double recovery_speed, double length, RowData& data,
-                       Team& team) const;
-  void recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                          double recovery_speed, double length, RowData& data) const;
 
   static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
 

@@ -32,7 +32,7 @@ struct RowData {
   std::vector<double> total_impulse;  // over the whole step, N s or N m s
 
   // Per group: deformation minus position, which is the unstressed part still to recover or, where
-  // the spring is deformed beyond the position, slack (memory.hpp); whether friction last stuck,
+  // the spring is deformed beyond the position, slack (recall.hpp); whether friction last stuck,
   // whether any impulse acted in this step; what it is to a hit, and whether contacts between two
   // trees are all that counts in its island (island_hits.hpp).
   std::vector<double> offset;
@@ -40,7 +40,7 @@ struct RowData {
   std::vector<Hit> hit;
   std::vector<char> is_of_lone_pair;
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
-  // give back (memory.hpp).
+  // give back (recall.hpp).
   std::vector<double> credit;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;

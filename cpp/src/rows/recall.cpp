@@ -1,4 +1,4 @@
-// What rows take from memory at the start of a step.
+#include "dashpot/rows/recall.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -144,30 +144,20 @@ bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowG
          square <= kSoftEquality;
 }
 
-}  // namespace
-
-void Memory::recall(const std::vector<ContactInput>& contacts,
-                    const std::vector<ConstraintInput>& constraints,
-                    const std::vector<Match>& matches, const Rows& rows, double recovery_speed,
-                    double length, RowData& data, Team& team) const {
-  recall_constraints(constraints, rows, recovery_speed, length, data);
-  recall_contacts(contacts, matches, rows, recovery_speed, length, data, team);
-}
-
 // Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
 // begins with what its spring bears: an equality, which users switch on, in any step, a limit in
 // the first of all.
-bool Memory::begins_stretched(const ConstraintInput& input, const RowGroup& c) const {
-  return input.has_solref && (c.kind == RowKind::kBilateral || starts());
+bool begins_stretched(const Memory& memory, const ConstraintInput& input, const RowGroup& c) {
+  return input.has_solref && (c.kind == RowKind::kBilateral || memory.starts());
 }
 
-void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                                double recovery_speed, double length, RowData& data) const {
+void recall_constraints(const StepView& step, const Rows& rows, double recovery_speed,
+                        RowData& data) {
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
-    const ConstraintInput& input = constraints[c.input];
-    const RememberedConstraint old = constraint(input.memory);
+    const ConstraintInput& input = step.constraints[c.input];
+    const RememberedConstraint old = step.memory.constraint(input.memory);
     data.credit[index] = old.credit;
     const auto rescaled = [&](double deformation) {
       return deformation * recall_scale(deformation, old.stiffness, rows, c.row, recovery_speed,
@@ -182,8 +172,8 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    if (is_soft_equality(input, rows, c, length) ||
-        (old.stiffness == 0.0 && begins_stretched(input, c)))
+    if (is_soft_equality(input, rows, c, step.length) ||
+        (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)))
       deformation = borne_position(input, old.deformation, rows, c);
     else if (old.stiffness == 0.0)
       deformation = 0.0;
@@ -199,56 +189,61 @@ void Memory::recall_constraints(const std::vector<ConstraintInput>& constraints,
 
 // Of a contact that nothing is remembered of: in the first step of all one of SI stiffness or of a
 // model's own solref takes what its spring bears.
-double Memory::first_deformation(const ContactInput& input, const Rows& rows, const RowGroup& c,
-                                 double recovery_speed) const {
-  if (!starts() || c.soft_load == 0.0) return 0.0;
+double first_deformation(const Memory& memory, const ContactInput& input, const Rows& rows,
+                         const RowGroup& c, double recovery_speed) {
+  if (!memory.starts() || c.soft_load == 0.0) return 0.0;
   return -std::min(-input.gap, bearable_compression(rows, c, recovery_speed));
 }
 
-void Memory::recall_contacts(const std::vector<ContactInput>& contacts,
-                             const std::vector<Match>& matches, const Rows& rows,
-                             double recovery_speed, double length, RowData& data,
-                             Team& team) const {
+void recall_contacts(const StepView& step, const Rows& rows, double recovery_speed, RowData& data,
+                     Team& team) {
   team.for_each(static_cast<int>(rows.group.size()), kContactsAtOnce, [&](int index) {
     const RowGroup& c = rows.group[index];
     if (c.kind != RowKind::kContact) return;
-    const ContactInput& input = contacts[c.input];
+    const ContactInput& input = step.contacts[c.input];
     data.deformation[c.row] = input.gap;
-    const int nearest = matches[index].nearest;
+    const int nearest = step.matches[index].nearest;
     // What is hit is frozen where its force is.
     if (nearest >= 0 && data.hit[index] == Hit::kNone)
-      data.drift[index] = drift_of(contact(nearest), c, length);
+      data.drift[index] = drift_of(step.memory.contact(nearest), c, step.length);
     if (input.gap >= 0.0 && (nearest < 0 || std::isinf(recovery_speed))) return;
-    const RememberedContact old = nearest < 0 ? RememberedContact{} : contact(nearest);
+    const RememberedContact old = nearest < 0 ? RememberedContact{} : step.memory.contact(nearest);
     const double force = old.stiffness * old.compression;
     const bool alone = data.is_of_lone_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
-    const bool hit = (hit_now || hit_before) && goes_on_as_hit(force, rows, c, length, data);
+    const bool hit = (hit_now || hit_before) && goes_on_as_hit(force, rows, c, step.length, data);
     if (input.gap >= 0.0 && !hit) return;
     double& credit = data.credit[index];
     credit = old.credit;
     if (!std::isinf(recovery_speed)) {
       data.deformation[c.row] =
           nearest < 0
-              ? first_deformation(input, rows, c, recovery_speed)
-              : recalled_deformation(old, input, rows, c, recovery_speed, length, hit, credit);
+              ? first_deformation(step.memory, input, rows, c, recovery_speed)
+              : recalled_deformation(old, input, rows, c, recovery_speed, step.length, hit, credit);
       data.offset[index] = data.deformation[c.row] - input.gap;
     }
     if (nearest >= 0) recall_friction(old, input, rows, c, recovery_speed, hit, credit, data);
   });
 }
 
-void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,
-                               const std::vector<ContactInput>& contacts, const Rows& rows,
-                               RowData& data) const {
+}  // namespace
+
+void recall(const StepView& step, const Rows& rows, double recovery_speed, RowData& data,
+            Team& team) {
+  recall_constraints(step, rows, recovery_speed, data);
+  recall_contacts(step, rows, recovery_speed, data, team);
+}
+
+void limit_compression(const StepView& step, const std::vector<std::array<int, 2>>& pairs,
+                       const Rows& rows, RowData& data) {
   struct Stored {
     double before = 0.0, now = 0.0;  // twice the energy, J
   };
   std::map<std::array<int, 2>, Stored> stored;
   for (const auto& pair : pairs) stored[pair] = {};
-  for (int i = 0; i < contact_count(); ++i) {
-    const RememberedContact slot = contact(i);
+  for (int i = 0; i < step.memory.contact_count(); ++i) {
+    const RememberedContact slot = step.memory.contact(i);
     const auto entry = stored.find({int(slot.geom[0]), int(slot.geom[1])});
     if (entry != stored.end())
       entry->second.before += slot.stiffness * slot.compression * slot.compression;
@@ -257,7 +252,7 @@ void Memory::limit_compression(const std::vector<std::array<int, 2>>& pairs,
     for (size_t index = 0; index < rows.group.size(); ++index) {
       const RowGroup& c = rows.group[index];
       if (c.kind != RowKind::kContact || data.deformation[c.row] >= 0.0) continue;
-      const auto entry = stored.find(contacts[c.input].geom);
+      const auto entry = stored.find(step.contacts[c.input].geom);
       if (entry != stored.end()) visit(index, c.row, entry->second);
     }
   };
