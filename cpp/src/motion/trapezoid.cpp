@@ -17,19 +17,15 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   const double length = step.length;
   const Memory& memory = step.memory;
   added_.clear();
-  load_.clear();
   fastest_turn_ = 0.0;
   if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
   couple_trees(memory, rows, motion.tree_count());
-  host::drives(model_, d, motion.start_velocity(), drive_);
-  drive_change_.assign(drive_.size(), 0.0);
-  commanded_change_.assign(drive_.size(), 0.0);
-  followed_.assign(drive_.size(), 0.0);
+  drives_.start(model_, d, motion.start_velocity());
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_left_halves(memory, motion);
-  find_potential_forces(d, trees);
-  find_drive_changes(d, memory, trees);
+  find_potential_forces(d, motion);
+  drives_.find(model_, d, memory.held_motion(), trees, left_half_);
   recall_equalities(step, rows, trees);
   translations_.find(model_, d, rows, trees, first_);
   holding_rows_.find_at_start(step, rows, trees);
@@ -62,11 +58,11 @@ void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion)
   }
 }
 
-void Trapezoid::find_potential_forces(const mjData_* d, const Trees& trees) {
-  potential_.resize(drive_.size());
-  for (size_t index = 0; index < trees.tree.size(); ++index) {
+void Trapezoid::find_potential_forces(const mjData_* d, const TreeMotion& motion) {
+  potential_.resize(motion.start_velocity().size());
+  for (int index = 0; index < motion.tree_count(); ++index) {
     if (!holds(index) || host::is_free_body(model_, index)) continue;
-    const Tree& t = trees.tree[index];
+    const Tree& t = motion.trees().tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       potential_[i] = host::potential_force(model_, d, i);
   }
@@ -125,7 +121,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       coupled.wanted +=
           weight * potential * before.displacement[dof] + lead[index] * velocity[dof] * turning;
       if (!coupled.follows_drives) continue;
-      const double change = weight * followed_change_[dof];
+      const double change = weight * drives_.followed_change(dof);
       force[i] += change;
       coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
@@ -175,22 +171,22 @@ void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion&
 void Trapezoid::find_common_momenta(const mjData_* d, const TreeMotion& motion) {
   for (int direction = 0; direction < kDirections; ++direction) {
     if (!translations_.any(direction)) continue;
-    translation_.resize(momentum_.size());
-    translation_momentum_.resize(momentum_.size());
+    translation_.motion.resize(momentum_.size());
+    translation_.momentum.resize(momentum_.size());
     for (int index = 0; index < motion.tree_count(); ++index) {
       const Tree& t = motion.trees().tree[index];
       motion.to_generalized(index, translations_.motion(direction).data() + t.begin,
-                            translation_.data() + t.dof_begin);
+                            translation_.motion.data() + t.dof_begin);
     }
-    host::times_inertia(model_, d, translation_.data(), translation_momentum_.data());
+    host::times_inertia(model_, d, translation_.motion.data(), translation_.momentum.data());
     for (int index = 0; index < motion.tree_count(); ++index) {
       if (first_[index] < 0) continue;
       const Tree& t = motion.trees().tree[index];
       CommonMomentum& common = coupled_[first_[index]].common[direction];
       for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
-        common.mass += translation_[i] * translation_momentum_[i];
-        common.of_velocity += translation_[i] * momentum_[i];
-        common.of_half += translation_[i] * momentum_of_half_[i];
+        common.mass += translation_.motion[i] * translation_.momentum[i];
+        common.of_velocity += translation_.motion[i] * momentum_[i];
+        common.of_half += translation_.motion[i] * momentum_of_half_[i];
       }
     }
   }
@@ -235,6 +231,30 @@ void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
       added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
       data.velocity[i] += added_[i];
     }
+  }
+}
+
+void Trapezoid::count_followed_changes(const Trees& trees) {
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!left_half_[index] || !coupled_[first_[index]].follows_drives) continue;
+    drives_.count_followed(trees.tree[index], coupled_[first_[index]].scale);
+  }
+}
+
+void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
+                            RowData& data) {
+  const HeldMotion before = memory.held_motion();
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    if (!left_half_[index]) continue;
+    const CoupledEnergy& coupled = coupled_[first_[index]];
+    if (coupled.follows_drives || coupled.by_equalities) continue;
+    const Tree& t = trees.tree[index];
+    drives_.go_on(t, before, 0.5 * std::min(1.0, length / before.length[index]));
+    std::fill_n(force_.begin() + t.begin, t.count, 0.0);
+    std::copy_n(drives_.load().begin() + t.dof_begin, t.dof_count, force_.begin() + t.begin);
+    double* added = data.added_acceleration.data() + t.begin;
+    add_response(trees, index, force_.data() + t.begin, added);
+    for (int i = 0; i < t.dof_count; ++i) data.smooth_acceleration[t.begin + i] += added[i];
   }
 }
 

@@ -44,11 +44,7 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
   std::copy_n(potential_.begin() + t.dof_begin, t.dof_count, now.potential + t.dof_begin);
-  std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
-  std::copy_n(drive_change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
-  std::copy_n(commanded_change_.begin() + t.dof_begin, t.dof_count,
-              now.commanded_change + t.dof_begin);
-  std::copy_n(followed_.begin() + t.dof_begin, t.dof_count, now.followed + t.dof_begin);
+  drives_.keep(t, now);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];

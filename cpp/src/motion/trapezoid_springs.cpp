@@ -13,7 +13,7 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
   const int trees = motion.tree_count();
   const auto change_of = [&](const CoupledEnergy& coupled, int dof) {
     const double change = potential_[dof] - before.potential[dof];
-    return coupled.follows_drives ? change + servo_change_[dof] : change;
+    return coupled.follows_drives ? change + drives_.servo_change(dof) : change;
   };
   for (int index = 0; index < trees; ++index) {
     if (!left_half_[index]) continue;
@@ -31,24 +31,25 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
   int first = 0;
   while (first < trees && !asks(first)) ++first;
   if (first == trees) return;
-  rest_.assign(generalized_.size(), 0.0);
-  way_.assign(generalized_.size(), 0.0);
+  springs_.rest.assign(generalized_.size(), 0.0);
+  springs_.way.assign(generalized_.size(), 0.0);
   for (int index = first; index < trees; ++index) {
     if (!asks(index)) continue;
     const Tree& t = motion.trees().tree[index];
     const CoupledEnergy& coupled = coupled_[first_[index]];
-    std::copy_n(before.displacement + t.dof_begin, t.dof_count, way_.begin() + t.dof_begin);
-    std::copy_n(generalized_.begin() + t.dof_begin, t.dof_count, rest_.begin() + t.dof_begin);
+    std::copy_n(before.displacement + t.dof_begin, t.dof_count, springs_.way.begin() + t.dof_begin);
+    std::copy_n(generalized_.begin() + t.dof_begin, t.dof_count,
+                springs_.rest.begin() + t.dof_begin);
     if (host::is_free_body(model_, index)) continue;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
       force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);
-    spring_half_.assign(t.count, 0.0);
-    add_response(motion.trees(), index, force, spring_half_.data());
-    if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, spring_half_.data(), 0.0);
-    for (int i = 0; i < t.dof_count; ++i) rest_[t.dof_begin + i] -= spring_half_[i];
+    springs_.half.assign(t.count, 0.0);
+    add_response(motion.trees(), index, force, springs_.half.data());
+    if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, springs_.half.data(), 0.0);
+    for (int i = 0; i < t.dof_count; ++i) springs_.rest[t.dof_begin + i] -= springs_.half[i];
   }
-  momentum_of_half_.resize(rest_.size());
+  momentum_of_half_.resize(springs_.rest.size());
   const auto add_squares = [&](const std::vector<double>& x, double CoupledEnergy::*sum) {
     host::times_inertia(model_, d, x.data(), momentum_of_half_.data());
     for (int index = first; index < trees; ++index) {
@@ -58,8 +59,8 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
         coupled_[first_[index]].*sum += x[i] * momentum_of_half_[i];
     }
   };
-  add_squares(way_, &CoupledEnergy::way);
-  add_squares(rest_, &CoupledEnergy::rest);
+  add_squares(springs_.way, &CoupledEnergy::way);
+  add_squares(springs_.rest, &CoupledEnergy::rest);
 }
 
 }  // namespace dashpot

@@ -14,22 +14,8 @@
 // (detection/turning.hpp); lambda: mean forces of the equality rows; H: length of the step; H0 and
 // H1: effective inertia.
 //
-// Forces of actuators, and those that users apply, most often follow from the motion too: position
-// servos, and controllers that are asked once a step. Held over a step whose positions have both
-// halves they would gain energy as springs do, from omega^2 H / 4; MuJoCo's semi-implicit steps
-// hide it. So a' has their change e' - e, e being all of them but what H1 treats implicitly. Where
-// no s near 1 is left with it, they are taken as held after all. So it is with servos of light
-// fingers that hold something heavy, whose second half alone would throw them about. There what e
-// changed by in the last step and in the one before, the smaller of the two, is taken to go on:
-// half of it is a load beside e, which does its work as e does.
-//
-// Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
-// n e H. (Followed, its first half would find no s where the tree rests, and its second half, -e H
-// / 2, one where the tree moves by then.) Apart from what servos change by because joints move,
-// which follows from the motion, it is what two changes, one after the other, differ by, where that
-// is much. But where a force falls at once that was followed on its way up, as a sawtooth does,
-// that much is followed down: of any course it is half a step of its largest value, at most, that
-// is left of the halves.
+// Forces of actuators, and those that users apply, most often follow from the motion too. So a' has
+// their change e' - e, unless no s near 1 is left with it, or they jump (drive_changes.hpp).
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
@@ -63,6 +49,7 @@
 
 #include "dashpot/motion/common_translation.hpp"
 #include "dashpot/motion/coupled_energy.hpp"
+#include "dashpot/motion/drive_changes.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/holding_rows.hpp"
@@ -115,7 +102,7 @@ class Trapezoid {
   // Adds to `impulse`, by row, what rows bore of that.
   void add_borne(std::vector<double>& impulse);
   // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
-  const double* load() const { return load_.empty() ? nullptr : load_.data(); }
+  const double* load() const { return drives_.load().empty() ? nullptr : drives_.load().data(); }
   // rad, most that a row of an equality turns in this step (turning_parts.hpp).
   double fastest_turn() const { return fastest_turn_; }
 
@@ -125,9 +112,7 @@ class Trapezoid {
   // Finds which trees have a second half, and which of them share s.
   void couple_trees(const Memory& memory, const Rows& rows, int tree_count);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
-  void find_potential_forces(const mjData_* d, const Trees& trees);
-  // Finds what drives have changed by in the last step, and what of it is followed.
-  void find_drive_changes(const mjData_* d, const Memory& memory, const Trees& trees);
+  void find_potential_forces(const mjData_* d, const TreeMotion& motion);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
   void recall_equalities(const StepView& step, const Rows& rows, const Trees& trees);
   // Finds second halves and their s, anew without drives where these leave none; false where there
@@ -165,20 +150,20 @@ class Trapezoid {
   std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
   HoldingRows holding_rows_;
   CommonTranslations translations_;
+  DriveChanges drives_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
-  // By the same: e of this step, its change since the last one, loads for what it goes on by;
-  // forces that have a potential, of trees that rows may hold.
-  std::vector<double> drive_, drive_change_, load_, potential_;
-  // By the same: of drive_change_, what servos have because joints moved, the rest, and what of
-  // both is followed; what of the rest has been followed so far.
-  std::vector<double> servo_change_, commanded_change_, followed_change_, followed_;
-  std::vector<double> rest_, way_;   // by the same, see CoupledEnergy
-  std::vector<double> translation_;  // by the same, of all trees, and its momentum
-  std::vector<double> translation_momentum_;
-  std::vector<double> spring_half_;  // of one tree, by motion coordinate
+  std::vector<double> potential_;  // by the same: forces that have one, where rows may hold trees
+  struct {
+    std::vector<double> motion, momentum;  // generalized, of all trees
+  } translation_;
+  // What springs and drives have of the second half.
+  struct {
+    std::vector<double> rest, way;  // by degree of freedom, see CoupledEnergy
+    std::vector<double> half;       // of one tree, by motion coordinate
+  } springs_;
   double fastest_turn_ = 0.0;
 };
 
