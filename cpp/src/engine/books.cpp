@@ -18,7 +18,7 @@ constexpr int kTreesAtOnce = 64;  // by a thread
 // Work of contacts, because they turn, that no spring paid for: no more than all contacts together
 // did too much. Shared by two trees as their relative motion is.
 void Stepper::Impl::find_unpaid(mjData_* d) {
-  unpaid.assign(motion.tree_count(), 0.0);
+  on_trees.unpaid.assign(motion.tree_count(), 0.0);
   const EnergyLedger start = memory(d).ledger();
   const double gained = start.dissipated_by_contacts() - ledger.dissipated_by_contacts();
   if (gained <= 0.0) return;
@@ -30,11 +30,11 @@ void Stepper::Impl::find_unpaid(mjData_* d) {
     all += energy;
     for (int side = 0; side < 2; ++side)
       if (c.tree[side] >= 0)
-        unpaid[c.tree[side]] +=
+        on_trees.unpaid[c.tree[side]] +=
             energy * rows.tree_inverse_mass[c.row][side] / rows.inverse_mass[c.row];
   }
   if (all > gained)
-    for (double& energy : unpaid) energy *= gained / all;
+    for (double& energy : on_trees.unpaid) energy *= gained / all;
 }
 
 // Whether a tree went the way of the stages of RK4, or its velocity comes from them.
@@ -43,7 +43,7 @@ bool Stepper::Impl::has_stages(int tree) const {
 }
 
 bool Stepper::Impl::goes_as_in_microsteps(int tree) const {
-  return touched[tree] && (held[tree] || !has_stages(tree));
+  return on_trees.touched[tree] && (on_trees.held[tree] || !has_stages(tree));
 }
 
 // Trees that rows moved went the integral of their velocity and what recovery displaced them; the
@@ -52,14 +52,14 @@ bool Stepper::Impl::goes_as_in_microsteps(int tree) const {
 void Stepper::Impl::find_mean_displacement(const mjData_* d) {
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
-  mean_displacement.resize(start_velocity.size());
-  added_in_flight.assign(start_velocity.size(), 0.0);
-  beyond_stages.assign(start_velocity.size(), 0.0);
-  recovered.assign(start_velocity.size(), 0.0);
+  ways.mean.resize(start_velocity.size());
+  ways.added_velocity.assign(start_velocity.size(), 0.0);
+  ways.beyond_stages.assign(start_velocity.size(), 0.0);
+  ways.recovered.assign(start_velocity.size(), 0.0);
   const bool comfree = parameters.options.law == Law::kComFree;
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
-    double* mean = mean_displacement.data() + tree.dof_begin;
+    double* mean = ways.mean.data() + tree.dof_begin;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i;
       mean[i] = has_stages(index) ? clock.length * runge_kutta.mean_velocity()[dof]
@@ -70,16 +70,16 @@ void Stepper::Impl::find_mean_displacement(const mjData_* d) {
       const double* added = trapezoid.added_velocity() + tree.begin;
       for (int i = 0; i < tree.dof_count; ++i) {
         mean[i] += 0.5 * clock.length * added[i];
-        added_in_flight[tree.dof_begin + i] = added[i];
+        ways.added_velocity[tree.dof_begin + i] = added[i];
       }
     }
     if (!goes_as_in_microsteps(index)) return;
-    double* beyond = beyond_stages.data() + tree.dof_begin;
+    double* beyond = ways.beyond_stages.data() + tree.dof_begin;
     if (has_stages(index))
       for (int i = 0; i < tree.dof_count; ++i) beyond[i] = -mean[i];
-    double* shift = recovered.data() + tree.dof_begin;
+    double* shift = ways.recovered.data() + tree.dof_begin;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
-    motion.to_generalized(index, recovery_displacement.data() + tree.begin, shift);
+    motion.to_generalized(index, ways.recovery.data() + tree.begin, shift);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] -= shift[i];
     if (!tree.free_body)
       for (int i = 0; i < tree.dof_count; ++i) mean[i] -= data.shift[tree.begin + i];
@@ -95,15 +95,15 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       if (!goes_as_in_microsteps(index)) continue;
       const Tree& tree = motion.trees().tree[index];
       for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-        ledger.work += trapezoid.load()[i] * mean_displacement[i];
+        ledger.work += trapezoid.load()[i] * ways.mean[i];
     }
-  ledger.dissipated_recovery += host::potential_work(model, d, recovered.data());
+  ledger.dissipated_recovery += host::potential_work(model, d, ways.recovered.data());
   smooth_work.find(
       model, d, motion.trees(),
-      {motion.start_velocity().data(), mean_displacement.data(),
-       motion.smooth_acceleration().data(), &touched,
-       host::is_runge_kutta(model) ? &runge_kutta.forces() : nullptr, beyond_stages.data(),
-       &motion.integrated(), data.braked.data(), added_in_flight.data()});
+      {motion.start_velocity().data(), ways.mean.data(), motion.smooth_acceleration().data(),
+       &on_trees.touched, host::is_runge_kutta(model) ? &runge_kutta.forces() : nullptr,
+       ways.beyond_stages.data(), &motion.integrated(), data.braked.data(),
+       ways.added_velocity.data()});
   ledger.dissipated_damping -= smooth_work.damping;
   ledger.work += smooth_work.applied + work_ahead_of_servos();
   leave_to_rows_by_stages(d);
@@ -116,20 +116,21 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
 // RK4 moved (stage_work.hpp). Where they have done nothing but displace one, recovery has it.
 void Stepper::Impl::leave_to_rows_by_stages(mjData_* d) {
   if (!host::is_runge_kutta(model) || parameters.options.law == Law::kComFree) return;
-  if (std::none_of(touched.begin(), touched.end(), [](char any) { return any; })) return;
-  stage_work.find(model, d, runge_kutta, motion.start_velocity(), beyond_stages);
+  if (std::none_of(on_trees.touched.begin(), on_trees.touched.end(), [](char any) { return any; }))
+    return;
+  stage_work.find(model, d, runge_kutta, motion.start_velocity(), ways.beyond_stages);
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (!touched[index] || !has_stages(index)) continue;
+    if (!on_trees.touched[index] || !has_stages(index)) continue;
     const Tree& tree = motion.trees().tree[index];
     bool pushed = false;
     double left = 0.0;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i, k = tree.begin + i;
       const double even = 0.5 * clock.length * (data.start_motion[k] + data.velocity[k]);
-      left += constraint_force[dof] * even +
-              host::smooth_force(d, dof) * (even - microstep_displacement[k]) -
+      left += forces.constraint[dof] * even +
+              host::smooth_force(d, dof) * (even - ways.of_microsteps[k]) -
               stage_work.of_rows()[dof];
-      pushed |= constraint_force[dof] != 0.0;
+      pushed |= forces.constraint[dof] != 0.0;
     }
     if (pushed)
       smooth_work.left_to_rows[smooth_work.group[index]] += left;
@@ -147,7 +148,7 @@ double Stepper::Impl::work_ahead_of_servos() const {
     if (!motion.is_sprung(index) || motion.integrated()[index]) continue;
     const Tree& tree = motion.trees().tree[index];
     for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-      work += motion.servo_change()[i] * mean_displacement[i];
+      work += motion.servo_change()[i] * ways.mean[i];
   }
   return work;
 }
@@ -158,11 +159,11 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   view.remember(contacts, constraints, rows, data, team);
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(clock.length, held, motion, view);
+  leapfrog.keep(clock.length, on_trees.held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(d,
-                 {clock.length, leaves_half, constraints, rows, data, held, leapfrog.fell_back(),
-                  leapfrog.way_back(), mean_displacement},
+                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
+                  leapfrog.fell_back(), leapfrog.way_back(), ways.mean},
                  motion, view, ledger);
   view.set_ledger(ledger);
 }

@@ -13,21 +13,22 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
   ledger = memory(d).ledger();
-  gaps.clear();
-  effective_masses.clear();
+  comfree_groups.gap.clear();
+  comfree_groups.effective_mass.clear();
   for (const RowGroup& c : rows.group) {
     // Equalities and dry friction loss can enter by edits of the model.
     if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
       host::check_supported(model, parameters.options.law);
     const bool contact = c.kind == RowKind::kContact;
-    gaps.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
-    effective_masses.push_back(effective_mass(
-        impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp, gaps.back()),
-        rows.typical_inverse_mass[c.row]));
+    comfree_groups.gap.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
+    comfree_groups.effective_mass.push_back(
+        effective_mass(impedance(contact ? contacts[c.input].solimp : constraints[c.input].solimp,
+                                 comfree_groups.gap.back()),
+                       rows.typical_inverse_mass[c.row]));
   }
   const ComFree law{parameters.options.comfree_stiffness, parameters.options.comfree_damping};
-  dashpot::update_complementarity_free(law, rows, motion.trees(), gaps, effective_masses,
-                                       clock.length, data);
+  dashpot::update_complementarity_free(law, rows, motion.trees(), comfree_groups.gap,
+                                       comfree_groups.effective_mass, clock.length, data);
   check_velocities();
   find_touched_trees();
   book_rows(data, {}, {}, ledger);

@@ -124,7 +124,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   ledger.work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
-  proven_apart.forget(touched);
+  proven_apart.forget(on_trees.touched);
 }
 
 void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
@@ -264,19 +264,19 @@ void Stepper::Impl::run_islands() {
   check_velocities();
   check_memory();
   find_touched_trees();
-  leapfrog.go_ahead(clock.length, held, motion, rows, data);
+  leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
-  if (host::is_runge_kutta(model)) microstep_displacement = data.total_displacement;
-  recovery_displacement.assign(motion.trees().coordinates, 0.0);
+  if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;
+  ways.recovery.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : islands.all()) {
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
-                          clock.length, data, recovery_displacement);
+                          clock.length, data, ways.recovery);
     ledger.dissipated_recovery -= strained;
     ledger.elastic += strained;
   }
   for (int i = 0; i < motion.trees().coordinates; ++i)
-    data.total_displacement[i] += recovery_displacement[i];
+    data.total_displacement[i] += ways.recovery[i];
 }
 
 void Stepper::Impl::check_velocities() const {

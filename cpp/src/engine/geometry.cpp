@@ -24,7 +24,7 @@ bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
 // Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(part_of_thrown_turn(model, motion, data, touched, clock), parts);
+  return shorten(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
 }
 
 // Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of

@@ -21,8 +21,9 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
   for (int turn = 0; turn < kMostTurns && goes_beyond_detection(); ++turn) {
     find_mean_velocity();
     find_end_gaps();
-    if (!knock_on.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
-                                detection.narrowing.pairs(), detection.buffers))
+    if (!knock_on.comes_to_more(model, d, mean_motion.velocity, clock.length, contacts,
+                                mean_motion.end_gap, detection.narrowing.pairs(),
+                                detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);
@@ -39,7 +40,7 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
 // Whether anything has another way than the smooth motion that detection went by.
 bool Stepper::Impl::goes_beyond_detection() const {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (touched[tree] || leapfrog.late_way(tree)) return true;
+    if (on_trees.touched[tree] || leapfrog.late_way(tree)) return true;
   return false;
 }
 
@@ -47,15 +48,15 @@ bool Stepper::Impl::goes_beyond_detection() const {
 // motion and of what they go ahead by (leapfrog.hpp).
 void Stepper::Impl::find_mean_velocity() {
   const std::vector<double>& start = motion.start_velocity();
-  mean_velocity = start;
+  mean_motion.velocity = start;
   for (size_t i = 0; i < start.size(); ++i)
-    mean_velocity[i] += 0.5 * clock.length * motion.smooth_acceleration()[i];
+    mean_motion.velocity[i] += 0.5 * clock.length * motion.smooth_acceleration()[i];
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
-    double* mean = mean_velocity.data() + tree.dof_begin;
+    double* mean = mean_motion.velocity.data() + tree.dof_begin;
     if (const double* way = leapfrog.late_way(index))
       for (int i = 0; i < tree.dof_count; ++i) mean[i] += way[tree.begin + i] / clock.length;
-    if (!touched[index]) return;
+    if (!on_trees.touched[index]) return;
     motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= clock.length;
   });
@@ -64,10 +65,11 @@ void Stepper::Impl::find_mean_velocity() {
 // A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
 // two differ by the unstressed offset.
 void Stepper::Impl::find_end_gaps() {
-  end_gap.resize(contacts.size());
+  mean_motion.end_gap.resize(contacts.size());
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
+    if (c.kind == RowKind::kContact)
+      mean_motion.end_gap[c.input] = data.deformation[c.row] - data.offset[i];
   }
 }
 

@@ -33,45 +33,45 @@ bool is_inside_cone(const Rows& rows, const RowGroup& c, const double* impulse, 
 
 // Those of the micro-steps.
 void Stepper::Impl::find_forces(mjData_* d) {
-  borne.assign(rows.appended, 0.0);
-  trapezoid.add_borne(borne);
+  forces.borne.assign(rows.appended, 0.0);
+  trapezoid.add_borne(forces.borne);
   leave_out_untouched(d);
-  constraint_force.assign(motion.start_velocity().size(), 0.0);
+  forces.constraint.assign(motion.start_velocity().size(), 0.0);
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
-    if (touched[index])
+    if (on_trees.touched[index])
       motion.to_generalized_force(index, data.coordinate_impulse.data() + tree.begin,
-                                  constraint_force.data() + tree.dof_begin);
+                                  forces.constraint.data() + tree.dof_begin);
   });
-  for (double& force : constraint_force) force /= clock.length;
-  host::set_forces(model, d, constraint_force);
+  for (double& force : forces.constraint) force /= clock.length;
+  host::set_forces(model, d, forces.constraint);
 }
 
 void Stepper::Impl::leave_out_untouched(mjData_* d) {
   if (detection.contact_rows == host::ContactRows::kNone) return;  // nobody looks at them
-  contact_touched.assign(host::detected_count(d), 0);
+  forces.contact_touched.assign(host::detected_count(d), 0);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind == RowKind::kContact && (data.touched[i] || has_borne(c)))
-      contact_touched[contacts[c.input].source] = 1;
+      forces.contact_touched[contacts[c.input].source] = 1;
   }
-  if (host::leave_out_untouched(model, d, contact_touched, contacts))
+  if (host::leave_out_untouched(model, d, forces.contact_touched, contacts))
     host::make_contact_sensors(model, d);
 }
 
 bool Stepper::Impl::has_borne(const RowGroup& c) const {
-  const auto first = borne.begin() + c.row;
+  const auto first = forces.borne.begin() + c.row;
   return std::any_of(first, first + c.dim, [](double impulse) { return impulse != 0.0; });
 }
 
 // Of RK4. Who looks at its stages sees the sensors of the step there.
 void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
-  reports_more = false;
+  forces.report_more = false;
   if (!host::is_runge_kutta(model)) return;
   if (host::others_look_at_stages(model)) report_to_sensors(d);
   add_second_halves_in_flight(d);
   for (int index = 0; index < motion.tree_count(); ++index)
-    if (touched[index]) motion.leave_dampers_to_stages(d, index);
+    if (on_trees.touched[index]) motion.leave_dampers_to_stages(d, index);
   held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
                    clock.length);
   try {
@@ -95,13 +95,13 @@ void Stepper::Impl::report_forces(mjData_* d) {
     keep_borne_inside_cones();
     find_reported(d);
   }
-  if (stages && host::others_look_at_stages(model) && !reports_more) return;
+  if (stages && host::others_look_at_stages(model) && !forces.report_more) return;
   report_to_sensors(d);
 }
 
 void Stepper::Impl::add_borne_in_stages() {
   for (int index = 0; index < motion.tree_count(); ++index)
-    if (!motion.is_accurate(index) && has_stages(index)) held_stages.add_borne(index, borne);
+    if (!motion.is_accurate(index) && has_stages(index)) held_stages.add_borne(index, forces.borne);
 }
 
 // Rows held over a step bear what would pull a foot that is about to leave, or hold one that slips:
@@ -110,7 +110,7 @@ void Stepper::Impl::keep_borne_inside_cones() {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact || !has_borne(c)) continue;
     const double* impulse = data.total_impulse.data() + c.row;
-    double* more = borne.data() + c.row;
+    double* more = forces.borne.data() + c.row;
     if (is_inside_cone(rows, c, impulse, more, 1.0, clock.length)) continue;
     double inside = 0.0, outside = 1.0;
     for (int i = 0; i < kHalvings; ++i) {
@@ -127,20 +127,20 @@ void Stepper::Impl::find_reported(const mjData_* d) {
   const std::vector<Tree>& trees = motion.trees().tree;
   if (std::all_of(trees.begin(), trees.end(), [](const Tree& tree) { return tree.free_body; }))
     return;
-  reported_force = constraint_force;
-  borne_wrench.assign(motion.trees().coordinates, 0.0);
+  forces.reported = forces.constraint;
+  forces.borne_wrench.assign(motion.trees().coordinates, 0.0);
   for (const RowGroup& c : rows.group) {
     if (!has_borne(c)) continue;
-    scatter(rows, c, borne.data() + c.row, borne_wrench.data());
-    reports_more = true;
+    scatter(rows, c, forces.borne.data() + c.row, forces.borne_wrench.data());
+    forces.report_more = true;
   }
   const double* acceleration = host::acceleration(d);
-  reported_acceleration.assign(acceleration, acceleration + constraint_force.size());
+  forces.reported_acceleration.assign(acceleration, acceleration + forces.constraint.size());
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& tree = trees[index];
     if (tree.free_body) continue;
     for (int i = 0; i < tree.dof_count; ++i)
-      reported_force[tree.dof_begin + i] += borne_wrench[tree.begin + i] / clock.length;
+      forces.reported[tree.dof_begin + i] += forces.borne_wrench[tree.begin + i] / clock.length;
     if (!motion.is_accurate(index)) find_mean_acceleration(index);
   }
 }
@@ -150,13 +150,13 @@ void Stepper::Impl::find_reported(const mjData_* d) {
 // in the force of equalities is nothing of how they turn in the second half.
 void Stepper::Impl::find_mean_acceleration(int index) {
   const Tree& tree = motion.trees().tree[index];
-  double* mean = reported_acceleration.data() + tree.dof_begin;
+  double* mean = forces.reported_acceleration.data() + tree.dof_begin;
   if (gets_second_half_in_flight(index)) {
     const double* added = trapezoid.added_velocity() + tree.begin;
     for (int i = 0; i < tree.dof_count; ++i) mean[i] += added[i] / clock.length;
-    reports_more = true;
+    forces.report_more = true;
   }
-  if (!held[index] || trapezoid.is_coupled_by_equalities(index)) return;
+  if (!on_trees.held[index] || trapezoid.is_coupled_by_equalities(index)) return;
   if (has_stages(index)) {
     std::copy_n(runge_kutta.mean_acceleration().begin() + tree.dof_begin, tree.dof_count, mean);
   } else if (!motion.integrated()[index]) {
@@ -165,15 +165,15 @@ void Stepper::Impl::find_mean_acceleration(int index) {
       mean[i] = (data.velocity[k] - data.start_motion[k]) / clock.length;
     }
   }
-  reports_more = true;
+  forces.report_more = true;
 }
 
 void Stepper::Impl::report_to_sensors(mjData_* d) {
-  row_force = data.total_impulse;
-  for (size_t row = 0; row < row_force.size(); ++row)
-    row_force[row] = (row_force[row] + borne[row]) / clock.length;
-  if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);
-  host::report_forces(model, d, contacts, constraints, rows, row_force);
+  forces.of_row = data.total_impulse;
+  for (size_t row = 0; row < forces.of_row.size(); ++row)
+    forces.of_row[row] = (forces.of_row[row] + forces.borne[row]) / clock.length;
+  if (forces.report_more) host::exchange_forces(d, forces.reported, forces.reported_acceleration);
+  host::report_forces(model, d, contacts, constraints, rows, forces.of_row);
 }
 
 }  // namespace dashpot

@@ -16,22 +16,19 @@ constexpr int kTreesAtOnce = 16;  // by a thread
 }  // namespace
 
 void Stepper::Impl::find_touched_trees() {
-  touched.assign(motion.tree_count(), 0);
-  joined.assign(motion.tree_count(), 0);
-  carries.assign(motion.tree_count(), 0);
-  held.assign(motion.tree_count(), 0);
+  on_trees.reset(motion.tree_count());
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     const bool recovers = c.kind == RowKind::kBilateral && data.offset[i] != 0.0;
     if (!data.touched[i] && !recovers && !lands_in_next_step(c)) continue;
     for (int tree : c.tree) {
       if (tree < 0) continue;
-      touched[tree] = 1;
+      on_trees.touched[tree] = 1;
       if (c.tree[0] >= 0 && c.tree[1] >= 0) {
-        joined[tree] = 1;
-        carries[tree] |= c.kind == RowKind::kContact;
+        on_trees.joined[tree] = 1;
+        on_trees.carries[tree] |= c.kind == RowKind::kContact;
       }
-      held[tree] |= c.kind != RowKind::kSlider;
+      on_trees.held[tree] |= c.kind != RowKind::kSlider;
     }
   }
 }
@@ -50,18 +47,18 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
 // Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
 // integrator then starts from the velocity with it.
 bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
-  return !touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
+  return !on_trees.touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
 }
 
 RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
   RowsOnTree by_rows;
-  by_rows.touched = touched[tree];
-  by_rows.joined = joined[tree];
-  by_rows.carries = carries[tree];
-  by_rows.held = held[tree];
+  by_rows.touched = on_trees.touched[tree];
+  by_rows.joined = on_trees.joined[tree];
+  by_rows.carries = on_trees.carries[tree];
+  by_rows.held = on_trees.held[tree];
   by_rows.frozen_ahead = geometry_of_middle || tree_ahead[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);
-  by_rows.unpaid = unpaid[tree];
+  by_rows.unpaid = on_trees.unpaid[tree];
   by_rows.added_velocity = trapezoid.added_velocity();
   if (!stages) return by_rows;
   by_rows.stages = &held_stages;
@@ -73,7 +70,7 @@ RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
 // integrator has none to move then.
 bool Stepper::Impl::rows_move_all() const {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (!touched[tree] && !motion.is_accurate(tree)) return false;
+    if (!on_trees.touched[tree] && !motion.is_accurate(tree)) return false;
   return true;
 }
 
@@ -88,7 +85,7 @@ void Stepper::Impl::add_second_halves_in_flight(mjData_* d) {
 void Stepper::Impl::advance_state(mjData_* d) {
   const bool stages = host::is_runge_kutta(model);
   const bool comfree = parameters.options.law == Law::kComFree;
-  if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);
+  if (forces.report_more) host::exchange_forces(d, forces.reported, forces.reported_acceleration);
   if (!stages) add_second_halves_in_flight(d);
   try {
     host::integrate(model, d, comfree || !rows_move_all(), runge_kutta);
@@ -96,11 +93,12 @@ void Stepper::Impl::advance_state(mjData_* d) {
     host::set_velocity(d, motion.start_velocity());
     throw;
   }
-  if (reports_more) host::exchange_forces(d, reported_force, reported_acceleration);
+  if (forces.report_more) host::exchange_forces(d, forces.reported, forces.reported_acceleration);
   if (comfree && !stages) return;
-  lost.resize(motion.tree_count());
+  on_trees.lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
-    lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);
+    on_trees.lost[index] =
+        motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);
   };
   if (!comfree)
     team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
@@ -108,11 +106,11 @@ void Stepper::Impl::advance_state(mjData_* d) {
     });
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (comfree) {
-      if (touched[index]) motion.advance_semi_implicitly(d, index, clock.length);
+      if (on_trees.touched[index]) motion.advance_semi_implicitly(d, index, clock.length);
       continue;
     }
     if (!motion.is_accurate(index)) advance(index);
-    ledger.dissipated_normal += lost[index];
+    ledger.dissipated_normal += on_trees.lost[index];
     if (const double* way = leapfrog.late_way(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, way + tree.begin);

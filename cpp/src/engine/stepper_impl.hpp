@@ -1,6 +1,7 @@
 // What a stepper holds. The step is in engine.cpp; the geometry of its rows in geometry.cpp,
 // what blows bring about in knock_on.cpp, its forces in reports.cpp, the state at its end in
 // state.cpp, the complementarity-free law in comfree.cpp, and the books in books.cpp.
+// step_arrays.hpp has what is found by tree, row or degree of freedom.
 
 #pragma once
 
@@ -39,6 +40,7 @@
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
+#include "step_arrays.hpp"
 
 namespace dashpot {
 
@@ -137,60 +139,48 @@ struct Stepper::Impl {
   Trapezoid trapezoid;
 
   // Found anew in every step or part of one, or kept from one to the next for their arrays.
+
+  // Detection, and where it ends the part.
   StepClock clock;
   Part part;
   FlightContacts flights;
   KnockOn knock_on;
+  MeanMotion mean_motion;
   ProvenApart proven_apart;
   host::Detection detection;
   const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {
     host::find_present_contacts(m, d, detection);
   };
   host::MocapBuffers mocap_buffers;
-  bool geometry_of_middle = false;  // of the part, not of its start
+
+  // Rows, their material and geometry.
   std::vector<ContactInput> contacts;
   std::vector<ConstraintInput> constraints;
-  std::vector<GroupMaterial> materials;  // per group
-  std::vector<Match> matches;            // per group
+  bool geometry_of_middle = false;  // of the part, not of its start
+  std::vector<double> tree_ahead;   // by tree: s, its inertia is of then; 0: the start
   host::RowTurns row_turns;
-  SagTimes sag_times;
-  ContactMatching matching;
   Rows rows;
-  RowData data;
-  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
+  std::vector<GroupMaterial> materials;  // per group
+  ContactMatching matching;
+  std::vector<Match> matches;  // per group
+  SagTimes sag_times;
   PressedTogether pressed_together;
   PressedBetween pressed_between;
+  ComFreeGroups comfree_groups;
+
+  // What they do.
+  std::vector<char> may_be_held;  // by tree: rows that have a position may move it, or have
   Islands islands;
+  RowData data;
+  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   MicrostepLoop microsteps{team.size()};
-  std::vector<double> constraint_force, row_force;
-  // By row, and by motion coordinate: impulses of what rows bore of changes of velocity beside the
-  // micro-steps (holding_rows.hpp).
-  std::vector<double> borne, borne_wrench;
-  // (nv) With them, where anything is reported otherwise than MuJoCo's integrator takes it; those
-  // that it takes, while MuJoCo's fields hold these.
-  bool reports_more = false;
-  std::vector<double> reported_force, reported_acceleration;
-  std::vector<double> gaps, effective_masses;  // per group, of the complementarity-free law
-  std::vector<char> touched;                   // by tree: rows moved it
-  std::vector<char> joined;                    // by tree: so did another one through them
-  std::vector<char> carries;                   // by tree: contacts are some of them
-  std::vector<char> contact_touched;           // by place in d->contact
-  std::vector<char> held;                      // by tree: rows that have a position moved it
-  std::vector<char> may_be_held;               // by tree: such rows may move it, or have moved it
-  std::vector<double> tree_ahead;              // by tree: s, its inertia is of then; 0: the start
-  std::vector<double> unpaid, lost;            // by tree, J
-  std::vector<double> mean_displacement;       // generalized
-  std::vector<double> mean_velocity;           // generalized
-  std::vector<double> added_in_flight;         // generalized, see gets_second_half_in_flight
-  std::vector<double> end_gap;                 // by contact, m
-  std::vector<double> recovery_displacement;   // of equalities, in motion coordinates
-  std::vector<double> recovered;               // the same, generalized
-  // Of RK4: where micro-steps take trees, in motion coordinates, and how much farther than in its
-  // stages they go, generalized.
-  AlignedDoubles microstep_displacement;
-  std::vector<double> beyond_stages;
+  RowsOnTrees on_trees;
+  ForcesOfRows forces;
   HeldStages held_stages;
   host::RungeKutta runge_kutta;
+
+  // The books.
+  WaysOfTrees ways;
   host::StageWork stage_work;
   host::SmoothWork smooth_work;
   EnergyLedger ledger;
