@@ -1,7 +1,7 @@
-// What a stepper holds. The step is in engine.cpp; the geometry of its rows in geometry.cpp,
-// what blows bring about in knock_on.cpp, its forces in reports.cpp, the state at its end in
-// state.cpp, the complementarity-free law in comfree.cpp, and the books in books.cpp.
-// step_arrays.hpp has what is found by tree, row or degree of freedom.
+// What a stepper holds. The step and its parts are in engine.cpp; their rows in part_rows.cpp, the
+// geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, its forces in
+// reports.cpp, the state at its end in state.cpp, the complementarity-free law in comfree.cpp, and
+// the books in books.cpp. step_arrays.hpp has what is found by tree, row or degree of freedom.
 
 #pragma once
 

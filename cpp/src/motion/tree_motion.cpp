@@ -8,32 +8,15 @@
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"
-#include "dashpot/rows/held_stages.hpp"
 
 namespace dashpot {
 
 namespace {
 
-// Turn in a step (rad) below which the inertia of its start is good, and fraction of a body's
-// kinetic energy that contacts may give it because they turn though no spring pays: what rolls gets
-// that back, and elastic hits of less turn give up to all of it.
-constexpr double kFarTurn = 0.2;
-constexpr double kMostUnpaid = 0.01;
-// Turn (rad) up to which its energies differ by rounding alone.
-constexpr double kStillTurn = 1e-5;
 constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
-
-// The coordinates of a free body without their zeros.
-Vector6 of_body(const double* coordinates) {
-  Vector6 body;
-  std::copy_n(coordinates, 3, body.data());
-  std::copy_n(coordinates + 4, 3, body.data() + 3);
-  return body;
-}
 
 }  // namespace
 
@@ -182,7 +165,8 @@ void TreeMotion::to_coordinates(int index, const double* generalized, double* co
 void TreeMotion::to_generalized(int index, const double* coordinates, double* generalized) const {
   const Tree& tree = trees_.tree[index];
   if (tree.free_body)
-    Eigen::Map<Vector6>{generalized} = motion_of_origin(free_motion_[index], of_body(coordinates));
+    Eigen::Map<Vector6>{generalized} =
+        motion_of_origin(free_motion_[index], without_zeros(coordinates));
   else
     std::copy_n(coordinates, tree.dof_count, generalized);
 }
@@ -190,172 +174,9 @@ void TreeMotion::to_generalized(int index, const double* coordinates, double* ge
 void TreeMotion::to_generalized_force(int index, const double* coordinates, double* force) const {
   const Tree& tree = trees_.tree[index];
   if (tree.free_body)
-    Eigen::Map<Vector6>{force} = generalized_force(free_motion_[index], of_body(coordinates));
+    Eigen::Map<Vector6>{force} = generalized_force(free_motion_[index], without_zeros(coordinates));
   else
     std::copy_n(coordinates, tree.dof_count, force);
-}
-
-void TreeMotion::add_velocity(mjData_* d, int index, const double* change) {
-  const Tree& tree = trees_.tree[index];
-  end_velocity_.resize(tree.dof_count);
-  to_generalized(index, change + tree.begin, end_velocity_.data());
-  host::add_velocity(d, tree, end_velocity_.data());
-}
-
-void TreeMotion::find_integrated(const mjData_* d, int index, double length,
-                                 const RowsOnTree& by_rows, const RowData& data) {
-  integrated_[index] = is_integrated(d, index, length, by_rows, data);
-}
-
-double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
-                           RowData& data) {
-  if (is_accurate(index)) integrated_[index] = 0;
-  if (!by_rows.touched && is_sprung(index) && host::is_runge_kutta(model_)) {
-    integrated_[index] = 1;
-    return 0.0;
-  }
-  if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
-  if (!by_rows.touched) return 0.0;
-  const Tree& tree = trees_.tree[index];
-  const double* moved = data.total_displacement.data() + tree.begin;
-  const double* velocity = data.velocity.data() + tree.begin;
-  if (integrated_[index]) {
-    if (!by_rows.held) return 0.0;
-    velocity = host::velocity(d) + tree.dof_begin;
-    end_velocity_.assign(velocity, velocity + tree.dof_count);
-    for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
-      end_velocity_[i] += by_rows.added_velocity[tree.begin + i];
-    velocity = end_velocity_.data();
-    // What it carries, in a hand, goes the way of the micro-steps, and would be left behind.
-    if (by_rows.stages && by_rows.stages->hold(index) && !by_rows.carries)
-      add_way_of_stages(tree, length, by_rows, data);
-  } else if (!by_rows.held) {
-    // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
-    displacement_.assign(velocity, velocity + tree.dof_count);
-    for (double& way : displacement_) way *= length;
-    moved = displacement_.data();
-  }
-  host::write_tree(model_, d, tree, start_position_.data(), moved, velocity);
-  return 0.0;
-}
-
-// What the stages went farther than under the mean acceleration of the micro-steps.
-void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
-                                   RowData& data) const {
-  for (int i = 0; i < tree.dof_count; ++i) {
-    const int k = tree.begin + i;
-    double twice_mean = data.start_motion[k] + data.velocity[k];
-    if (by_rows.added_velocity) twice_mean -= by_rows.added_velocity[k];
-    data.total_displacement[k] +=
-        length * (by_rows.mean_velocity[tree.dof_begin + i] - 0.5 * twice_mean);
-  }
-}
-
-bool TreeMotion::is_integrated(const mjData_* d, int index, double length,
-                               const RowsOnTree& by_rows, const RowData& data) const {
-  if (!by_rows.touched) return true;
-  // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
-  if (by_rows.trapezoidal) return false;
-  if (host::is_runge_kutta(model_)) return resolves_dampers(d, index, length, by_rows, data);
-  return host::adds_to_smooth_motion(model_);
-}
-
-// Whether the dampers of a tree that rows move, of joints and actuators, take less than they could
-// in a step: the stages of RK4, which are explicit, turn round under the mean forces of an impact
-// beyond H C / M of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
-bool TreeMotion::resolves_dampers(const mjData_* d, int index, double length,
-                                  const RowsOnTree& by_rows, const RowData& data) const {
-  const Tree& t = trees_.tree[index];
-  if (t.free_body) return true;
-  constexpr double kMost = 2.0 / 3.0;
-  const double* inverse = trees_.inverse.data() + t.inverse;
-  for (int i = 0; i < t.dof_count; ++i) {
-    const double speed =
-        std::max(std::abs(start_velocity_[t.dof_begin + i]), std::abs(data.velocity[t.begin + i]));
-    const double damping = host::joint_damping(model_, t.dof_begin + i, speed) +
-                           host::actuator_damping(model_, d, t.dof_begin + i);
-    const double mobility = length * damping * inverse[i * (t.count + 1)];
-    if (mobility <= kMost) continue;
-    if (!by_rows.stages || !by_rows.stages->hold(index)) return false;
-    const double free = length * by_rows.stages->free_inverse_mass(index, i);
-    if (damping * free > kMost * (1.0 + trees_.joint_damping[t.dof_begin + i] * free)) return false;
-  }
-  return true;
-}
-
-void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
-  const Tree& tree = trees_.tree[index];
-  const double* velocity = host::velocity(d) + tree.dof_begin;
-  end_velocity_.assign(velocity, velocity + tree.dof_count);
-  displacement_ = end_velocity_;
-  for (double& way : displacement_) way *= length;
-  host::write_tree(model_, d, tree, start_position_.data(), displacement_.data(),
-                   end_velocity_.data());
-}
-
-// Seen from the geometry of the middle, or from the start of a step in which the body turns far,
-// its inertia differs from what it is where contacts act. What this would add to its energy is
-// taken out of its rotation, and what that has not, out of what the ground gave its translation:
-// two bodies keep their momentum. So is what springs did not give, of a body that turns far, or
-// where it is much. Returns what the body lacks of the work of the rows.
-double TreeMotion::advance_free_body(mjData_* d, int index, double length,
-                                     const RowsOnTree& by_rows, const RowData& data) {
-  const Tree& tree = trees_.tree[index];
-  const FreeMotion& motion = free_motion_[index];
-  Vector6 velocity_change = Vector6::Zero(), shift = Vector6::Zero();
-  if (by_rows.touched) {
-    // What contacts added to the smooth motion.
-    double change[kBodyCoordinates], move[kBodyCoordinates];
-    for (int i = 0; i < tree.count; ++i) {
-      const double velocity = data.start_motion[tree.begin + i];
-      const double acceleration = data.smooth_acceleration[tree.begin + i];
-      change[i] = data.velocity[tree.begin + i] - velocity - length * acceleration;
-      move[i] = data.total_displacement[tree.begin + i] -
-                length * (velocity + 0.5 * length * acceleration);
-    }
-    velocity_change = of_body(change);
-    shift = of_body(move);
-    if (!tree.free_body) {
-      velocity_change = motion_of_centre(motion, Eigen::Map<const Vector6>(change));
-      shift = motion_of_centre(motion, Eigen::Map<const Vector6>(move));
-    }
-  }
-  FreeBody end = finish_free_motion(motion, length, velocity_change, shift);
-  double lost = 0.0;
-  const double turn =
-      length * std::max(motion.angular_velocity.norm(), end.velocity.tail<3>().norm());
-  const bool turns_far = turn > kFarTurn, is_braked = by_rows.frozen_ahead || turns_far;
-  if (by_rows.touched && turn > kStillTurn && (is_braked || !by_rows.trapezoidal)) {
-    const bool counts = turns_far || by_rows.unpaid > kMostUnpaid * kinetic_energy(end);
-    const double unpaid = counts ? by_rows.unpaid : 0.0;
-    const double excess = energy_gain(motion, shift, end) - contact_work(index, length, data);
-    const double surplus = is_braked ? excess + unpaid : 0.0;
-    double taken = 0.0;
-    if (surplus > 0.0) taken = brake_rotation(end, surplus);
-    if (taken < surplus && !by_rows.joined)
-      taken += brake_translation(end, velocity_change.head<3>(), surplus - taken);
-    lost = taken - excess;
-    if (by_rows.trapezoidal) lost = std::clamp(lost, 0.0, unpaid);  // it has the rest
-  }
-  host::write_free_body(model_, d, index, end);
-  return lost;
-}
-
-// Work that rows did on a free body, in the frozen geometry: its gain of kinetic energy less the
-// work of the smooth load.
-double TreeMotion::contact_work(int index, double length, const RowData& data) const {
-  const Tree& tree = trees_.tree[index];
-  const auto centre = [&](const AlignedDoubles& coordinates) -> Vector6 {
-    const double* own = coordinates.data() + tree.begin;
-    if (tree.free_body) return of_body(own);
-    return motion_of_centre(free_motion_[index], Eigen::Map<const Vector6>(own));
-  };
-  const Vector6 twice_mean = centre(data.start_motion) + centre(data.velocity);
-  const Vector6 load = wrench_of(free_motion_[index], centre(data.smooth_acceleration));
-  double work = load.dot(0.5 * length * twice_mean - centre(data.total_displacement));
-  for (int i = tree.begin; i < tree.begin + tree.count; ++i)
-    work += 0.5 * data.coordinate_impulse[i] * (data.start_motion[i] + data.velocity[i]);
-  return work;
 }
 
 }  // namespace dashpot

@@ -150,6 +150,13 @@ double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double e
   return taken;
 }
 
+Vector6 without_zeros(const double* coordinates) {
+  Vector6 body;
+  std::copy_n(coordinates, 3, body.data());
+  std::copy_n(coordinates + 4, 3, body.data() + 3);
+  return body;
+}
+
 Vector6 motion_of_centre(const FreeMotion& motion, const Vector6& generalized) {
   const Eigen::Vector3d angular = motion.frame * generalized.tail<3>();
   Vector6 centre;

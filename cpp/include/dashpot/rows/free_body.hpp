@@ -72,6 +72,9 @@ double brake_rotation(FreeBody& body, double energy);
 // velocity they changed by `change` (m/s, world), as far as they gave it any. Returns what it took.
 double brake_translation(FreeBody& body, const Eigen::Vector3d& change, double energy);
 
+// The coordinates of a free body (trees.hpp) without their zeros.
+Vector6 without_zeros(const double* coordinates);
+
 // The same between generalized coordinates (origin, rotation in the body frame) and the centre of
 // mass (world axes), in the frozen frame: velocities and accelerations go to the centre, forces
 // come from there.

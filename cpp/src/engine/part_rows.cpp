@@ -1,0 +1,151 @@
+// The rows of a part of a step: how they are built, planned and solved.
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "dashpot/engine/row_assembly.hpp"
+#include "dashpot/islands/solref_load.hpp"
+#include "dashpot/microsteps/position_recovery.hpp"
+#include "dashpot/mujoco/data_checks.hpp"
+#include "dashpot/mujoco/properties.hpp"
+#include "dashpot/rows/recall.hpp"
+#include "stepper_impl.hpp"
+
+namespace dashpot {
+
+// Builds the rows of the part, and finishes the last step once they are known.
+void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
+  geometry_of_middle = !part.impact.empty();
+  if (parameters.options.law != Law::kComFree) leapfrog.find_leads(model, memory(d), motion);
+  tree_ahead.assign(motion.tree_count(), 0.0);
+  if (geometry_of_middle) {
+    build_rows_in_the_middle(d, part.apart, mocap);
+    give_rigid_impacts_springs(memory(d), part.impact, contacts, rows, clock.length, materials);
+  } else {
+    freeze_turning_contacts(d);
+    find_row_turns(d);
+    build_rows(d);
+  }
+  if (parameters.options.law == Law::kComFree) return;
+  matching.find(memory(d), contacts, rows, matches, team);
+  finish_last_step(d);
+}
+
+// Builds the rows of the part, and finds what they do in it.
+void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
+  find_rows(d, mocap);
+  if (parameters.options.law == Law::kComFree) {
+    update_complementarity_free(d);
+  } else {
+    plan_and_recall(d);
+    run_islands();
+  }
+}
+
+void Stepper::Impl::find_row_turns(mjData_* d) {
+  row_turns.forget();
+  if (parameters.options.law != Law::kComFree)
+    row_turns.find(model, d, clock.length, motion.trees(), data.velocity.data(), constraints);
+}
+
+void Stepper::Impl::build_rows(mjData_* d) {
+  damp_held_trees(d);
+  assemble_rows(model, d, parameters, constraints, contacts, row_turns, motion, rows, materials,
+                team);
+}
+
+// Lets dampers act in the micro-steps of trees that rows may hold. Dry friction has no position to
+// keep, and leaves a tree the dampers of MuJoCo's integrator. What the last step left over was
+// found with those of its micro-steps.
+void Stepper::Impl::damp_held_trees(mjData_* d) {
+  if (parameters.options.law == Law::kComFree) return;
+  const HeldMotion before = memory(d).held_motion();
+  if (!before.length) return;
+  may_be_held.resize(motion.tree_count());
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    may_be_held[tree] = before.length[tree] > 0.0;
+  const auto hold = [&](const std::array<int, 2>& trees) {
+    for (int tree : trees)
+      if (tree >= 0) may_be_held[tree] = 1;
+  };
+  for (const ContactInput& contact : contacts) hold(contact.tree);
+  for (const ConstraintInput& constraint : constraints)
+    if (constraint.kind != RowKind::kSlider) hold(constraint.tree);
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (may_be_held[tree]) motion.damp_in_microsteps(d, tree);
+}
+
+void Stepper::Impl::finish_last_step(mjData_* d) {
+  const StepView step = view(d);
+  ledger = step.memory.ledger();
+  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, ledger);
+}
+
+void Stepper::Impl::plan_and_recall(mjData_* d) {
+  data.reset_rows(rows);
+  islands.find(rows, motion.trees());
+  const StepView step = view(d);
+  const double recovery_speed = parameters.options.recovery_speed;
+  read_solref_at_load(step, data.velocity.data(), rows, materials);
+  pressed_between.find(model, contacts, rows, materials);
+  sag_times.find(model, step, rows, data.velocity.data(), team);
+  find_hits(step, rows, islands.all(), hit_frequency(), data);
+  pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
+  islands.plan(
+      rows, motion.trees(),
+      {materials, sag_times.of_group(), data, clock.length, resolved_length(), parameters.options},
+      team);
+  recall(step, rows, recovery_speed, data, team);
+  if (!part.impact.empty() && !std::isinf(recovery_speed))
+    limit_compression(step, part.impact, rows, data);
+  leapfrog.fall_back(step.memory, motion, rows, data);
+}
+
+void Stepper::Impl::run_islands() {
+  const EnergyShares before = elastic_energy(rows, data, team);
+  velocity_before = data.velocity;
+  microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed,
+                 clock.length, data, team);
+  check_velocities();
+  check_memory();
+  find_touched_trees();
+  leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
+  book_rows(data, before, elastic_energy(rows, data, team), ledger);
+  if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;
+  ways.recovery.assign(motion.trees().coordinates, 0.0);
+  for (const Island& island : islands.all()) {
+    const double strained =
+        recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
+                          clock.length, data, ways.recovery);
+    ledger.dissipated_recovery -= strained;
+    ledger.elastic += strained;
+  }
+  for (int i = 0; i < motion.trees().coordinates; ++i)
+    data.total_displacement[i] += ways.recovery[i];
+}
+
+void Stepper::Impl::check_velocities() const {
+  for (const Tree& tree : motion.trees().tree)
+    check_bounded(tree, data.velocity.data(), host::kLargestValue);
+}
+
+// Throws before anything is changed: what is compressed has to be remembered.
+void Stepper::Impl::check_memory() const {
+  const auto compressed =
+      std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {
+        return c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
+      });
+  if (compressed > memory_layout.contacts)
+    throw std::runtime_error(std::to_string(compressed) + " contacts exceed the memory for " +
+                             std::to_string(memory_layout.contacts) +
+                             " contacts that data reserve: make the engine of a model whose geoms "
+                             "may touch as they do now");
+}
+
+StepView Stepper::Impl::view(mjData_* d) const {
+  return {clock.length, contacts, constraints, memory(d), matches};
+}
+
+}  // namespace dashpot
