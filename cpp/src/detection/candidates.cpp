@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numeric>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
 
 #include "dashpot/detection/narrowing.hpp"
@@ -31,26 +30,6 @@ constexpr size_t kMostKept = 8;
 // Pairs and geoms that a thread takes at once.
 constexpr int kPairsAtOnce = 256, kGeomsAtOnce = 64;
 
-unsigned signature_of(int body1, int body2) {
-  return (static_cast<unsigned>(std::min(body1, body2)) << 16) +
-         static_cast<unsigned>(std::max(body1, body2));
-}
-
-bool is_excluded(const mjModel* m, int body1, int body2) {
-  int* const end = m->exclude_signature + m->nexclude;
-  return std::find(m->exclude_signature, end, static_cast<int>(signature_of(body1, body2))) != end;
-}
-
-CandidatePair pair_of(const mjModel* m, int geom1, int geom2, int defined) {
-  const unsigned bodies = signature_of(m->geom_bodyid[geom1], m->geom_bodyid[geom2]);
-  if (m->geom_type[geom1] > m->geom_type[geom2]) std::swap(geom1, geom2);
-  return {{geom1, geom2}, defined, bodies};
-}
-
-bool collides(const mjModel* m, const CandidatePair& pair) {
-  return mjCOLLISIONFUNC[m->geom_type[pair.geom[0]]][m->geom_type[pair.geom[1]]] != nullptr;
-}
-
 std::array<double, 12> pose_of(const mjData* d, int geom) {
   std::array<double, 12> pose;
   std::copy_n(d->geom_xpos + 3 * geom, 3, pose.begin());
@@ -60,10 +39,6 @@ std::array<double, 12> pose_of(const mjData* d, int geom) {
 
 // How far from a geom its contacts are detected, of its share.
 double around(const mjModel* m, int geom) { return m->geom_margin[geom] + m->geom_gap[geom]; }
-
-bool have_common_bits(const int* contype, const int* conaffinity, int a, int b) {
-  return (contype[a] & conaffinity[b]) || (contype[b] & conaffinity[a]);
-}
 
 BoundingBox box_of(const Room& room) {
   BoundingBox box{{}, {}, {1, 0, 0, 0, 1, 0, 0, 0, 1}};
@@ -81,36 +56,6 @@ bool overlap(const Room& a, const Room& b) {
 }
 
 }  // namespace
-
-bool comes_before(const CandidatePair& a, const CandidatePair& b) {
-  if (a.bodies != b.bodies) return a.bodies < b.bodies;
-  if ((a.defined < 0) != (b.defined < 0)) return b.defined < 0;
-  return std::tie(a.defined, a.geom) < std::tie(b.defined, b.geom);
-}
-
-bool may_meet(const mjModel_* m, int geom1, int geom2) {
-  const int body1 = m->geom_bodyid[geom1], body2 = m->geom_bodyid[geom2];
-  if (!have_common_bits(m->geom_contype, m->geom_conaffinity, geom1, geom2) ||
-      !have_common_bits(m->body_contype, m->body_conaffinity, body1, body2))
-    return false;
-  const int weld1 = m->body_weldid[body1], weld2 = m->body_weldid[body2];
-  if (m->body_treeid[body1] < 0 && m->body_treeid[body2] < 0) return false;
-  if (weld1 == weld2 || is_excluded(m, body1, body2)) return false;
-  if (m->opt.disableflags & mjDSBL_FILTERPARENT || weld1 == 0 || weld2 == 0) return true;
-  const int parent1 = m->body_weldid[m->body_parentid[weld1]];
-  const int parent2 = m->body_weldid[m->body_parentid[weld2]];
-  return weld1 != parent2 && weld2 != parent1;
-}
-
-double margin_of(const mjModel_* m, const CandidatePair& pair) {
-  return pair.defined >= 0 ? m->pair_margin[pair.defined]
-                           : m->geom_margin[pair.geom[0]] + m->geom_margin[pair.geom[1]];
-}
-
-double gap_of(const mjModel_* m, const CandidatePair& pair) {
-  return pair.defined >= 0 ? m->pair_gap[pair.defined]
-                           : m->geom_gap[pair.geom[0]] + m->geom_gap[pair.geom[1]];
-}
 
 bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
   return m->nflex == 0 && !(m->opt.disableflags & mjDSBL_MIDPHASE) && !mjcb_contactfilter &&
@@ -227,7 +172,7 @@ void CandidatePairs::gather(const mjModel_* m, const mjData_* d, const std::vect
   all_.clear();
   for (int defined = 0; defined < m->npair; ++defined) {
     const CandidatePair pair = pair_of(m, m->pair_geom1[defined], m->pair_geom2[defined], defined);
-    if (collides(m, pair)) all_.push_back(pair);
+    if (have_collision(m, pair)) all_.push_back(pair);
   }
   gather_of_planes(m, d);
   gather_of_rooms(m);
@@ -291,7 +236,7 @@ void CandidatePairs::gather_of_rooms(const mjModel_* m) {
 
 void CandidatePairs::add(const mjModel_* m, int geom1, int geom2) {
   const CandidatePair pair = pair_of(m, std::min(geom1, geom2), std::max(geom1, geom2), -1);
-  if (may_meet(m, geom1, geom2) && collides(m, pair) && defining_pair(m, geom1, geom2) < 0)
+  if (may_meet(m, geom1, geom2) && have_collision(m, pair) && defining_pair(m, geom1, geom2) < 0)
     all_.push_back(pair);
 }
 

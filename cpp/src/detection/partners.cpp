@@ -7,8 +7,9 @@
 #include <limits>
 #include <utility>
 
-#include "dashpot/detection/candidates.hpp"
+#include "dashpot/detection/bounds.hpp"
 #include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detection/pair_filters.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot::host {

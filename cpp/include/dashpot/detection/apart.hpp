@@ -19,7 +19,7 @@
 #include <optional>
 #include <unordered_map>
 
-#include "dashpot/detection/candidates.hpp"
+#include "dashpot/detection/pair_filters.hpp"
 
 struct mjModel_;
 struct mjData_;

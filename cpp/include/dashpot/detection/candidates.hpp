@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "dashpot/detection/bounds.hpp"
+#include "dashpot/detection/pair_filters.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;
@@ -21,31 +22,12 @@ namespace dashpot::host {
 
 class Narrowing;
 
-// Two geoms in the order in which MuJoCo's collisions take their types.
-struct CandidatePair {
-  std::array<int, 2> geom;
-  int defined = -1;     // index of the <pair> that defines it, -1 for none
-  unsigned bodies = 0;  // by which MuJoCo orders pairs
-  double within = 0.0;  // m, how far apart its contacts are looked for
-};
-
 // A pair whose contacts are looked for less far, see detection/narrowing.hpp.
 struct NarrowedPair {
   std::array<int, 2> geom;
   double margin = 0.0;
   double reach = 0.0;  // beyond the margin, m
 };
-
-// MuJoCo's order: by bodies; of two bodies, what <pair>s define first.
-bool comes_before(const CandidatePair& a, const CandidatePair& b);
-
-// Whether MuJoCo lets two geoms collide that no <pair> names: by their bits, by bodies that are
-// welded or next to each other, and by exclusions. Filters that callbacks add are not asked.
-bool may_meet(const mjModel_* m, int geom1, int geom2);
-
-// Distance (m) at which contact of a pair starts, and how far beyond it contacts are detected.
-double margin_of(const mjModel_* m, const CandidatePair& pair);
-double gap_of(const mjModel_* m, const CandidatePair& pair);
 
 // An interval along each of the world's axes, m.
 struct Room {
