@@ -2,12 +2,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <stdexcept>
 
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/geometry/pair_motion.hpp"
-#include "dashpot/geometry/query.hpp"
 #include "dashpot/impacts/impact.hpp"
 #include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/trees.hpp"
@@ -26,9 +23,6 @@ constexpr double kFarWay = 0.1;
 // The same of two round shapes, whose normal turns all the way: by half of this (rad), while what
 // lies below the tangent plane is a few hundredths of what they compress in a blow along the way.
 constexpr double kFarWayOfRound = 0.01;
-// Clearance, relative to the same, that counts as touch: a graze must not be lost to what the mean
-// motion leaves out of the true one, and a miss by so little may as well touch.
-constexpr double kClearance = 1e-3;
 // Departure of bodies from their smooth motion, relative to the same, up to which round ones are
 // followed though something holds them.
 constexpr double kGentle = 0.05;
@@ -48,7 +42,8 @@ class FlightSearch {
         length_(length),
         shapes_(shapes),
         flights_(flights),
-        disturbance_(disturbance) {}
+        disturbance_(disturbance),
+        paths_(model, data, reach, length, shapes) {}
 
   bool find_flights() {
     flights_.clear();
@@ -76,7 +71,10 @@ class FlightSearch {
       disturb(memory, contacts_[i]);
     }
     for (Flight& flight : flights_)
-      if (!is_disturbed(flight)) follow(flight);
+      if (!is_disturbed(flight)) {
+        const ContactInput& contact = contacts_[flight.first];
+        paths_.follow(contact, disturbance_.departure(contact.tree), flight);
+      }
     for (const Flight& flight : flights_)
       if (!flight.misses) disturbance_.shake(contacts_[flight.first].tree);
     disturbance_.spread(contacts_);
@@ -113,7 +111,7 @@ class FlightSearch {
       if (contacts_[i].gap < contacts_[nearest].gap) nearest = i;
     }
     const ContactInput& contact = contacts_[nearest];
-    const double far = (are_round(contact) ? kFarWayOfRound : kFarWay) * half_width(contact);
+    const double far = (are_round(contact) ? kFarWayOfRound : kFarWay) * paths_.half_width(contact);
     if (reach_.reach[contact.geom[0]] + reach_.reach[contact.geom[1]] <= far) return false;
     return can_be_followed(contact.geom[0]) && can_be_followed(contact.geom[1]) &&
            moves_along(contact, far);
@@ -127,7 +125,7 @@ class FlightSearch {
     double turning = 0.0, closing = 0.0, turn = 0.0;
     for (int side = 0; side < 2; ++side) {
       const int geom = contact.geom[side], body = geom_body(model_, geom);
-      const Motion motion = mean_motion(body);
+      const Motion motion = paths_.mean(body);
       const double reach =
           geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, motion.centre);
       relative += (side ? 1.0 : -1.0) * motion.linear;
@@ -137,7 +135,7 @@ class FlightSearch {
     }
     closing -= normal.dot(relative);
     const bool nearest = is_nearest(contact.geom[0]) && is_nearest(contact.geom[1]);
-    const double slack = kClearance * half_width(contact);
+    const double slack = kClearance * paths_.half_width(contact);
     if (contact.gap > length_ * (nearest ? closing : relative.norm() + turning) + slack)
       return false;
     const double along = (relative - normal.dot(relative) * normal).norm() + turning;
@@ -160,11 +158,6 @@ class FlightSearch {
     return has_shape(model_, geom) && has_core(shapes_.of(model_, geom));
   }
 
-  double half_width(const ContactInput& contact) const {
-    return std::min(geom_bounds(model_, contact.geom[0]).half_width,
-                    geom_bounds(model_, contact.geom[1]).half_width);
-  }
-
   // Touches, or closes within the step.
   bool acts(const ContactInput& contact) const {
     return contact.gap <= 0.0 || contact.gap + length_ * mean_rate(contact) <= 0.0;
@@ -172,7 +165,7 @@ class FlightSearch {
 
   // Rate of a contact's gap over the step.
   double mean_rate(const ContactInput& contact) const {
-    return rate(contact, [&](int body) { return mean_motion(body); });
+    return rate(contact, [&](int body) { return paths_.mean(body); });
   }
 
   template <typename MotionOf>
@@ -189,81 +182,18 @@ class FlightSearch {
     return rate;
   }
 
-  Motion motion_at_start(int body) const {
-    return body_motion(model_, data_, body, reach_.now.data() + 6 * body);
-  }
-  Motion motion_at_end(int body) const {
-    return body_motion(model_, data_, body, reach_.later.data() + 6 * body);
-  }
-  Motion mean_motion(int body) const {
-    double mean[6];
-    for (int i = 0; i < 6; ++i)
-      mean[i] = 0.5 * (reach_.now[6 * body + i] + reach_.later[6 * body + i]);
-    return body_motion(model_, data_, body, mean);
-  }
-
   void disturb(const Memory& memory, const ContactInput& contact) {
     if (!disturbance_.may_be_held(contact)) return disturbance_.shake(contact.tree);
     const std::array<double, 2> rates = {
-        rate(contact, [&](int body) { return motion_at_start(body); }),
-        rate(contact, [&](int body) { return motion_at_end(body); })};
-    disturbance_.hold(memory, contact, rates, kGentle * half_width(contact));
+        rate(contact, [&](int body) { return paths_.at_start(body); }),
+        rate(contact, [&](int body) { return paths_.at_end(body); })};
+    disturbance_.hold(memory, contact, rates, kGentle * paths_.half_width(contact));
   }
   // Round bodies roll and slide up to each other.
   bool is_disturbed(const Flight& flight) const {
     const ContactInput& contact = contacts_[flight.first];
     return are_round(contact) ? disturbance_.is_shaken(contact.tree)
                               : disturbance_.is_disturbed(contact.tree);
-  }
-
-  void follow(Flight& flight) const {
-    const ContactInput& contact = contacts_[flight.first];
-    Shape shape[2];
-    Pose pose[2];
-    Motion motion[2];
-    Vector3d acceleration[2];
-    double departure = 0.0;  // m/s^2, of points from the mean motion
-    for (int side = 0; side < 2; ++side) {
-      const int geom = contact.geom[side], body = geom_body(model_, geom);
-      shape[side] = shapes_.of(model_, geom);
-      pose[side] = geom_pose(model_, data_, geom);
-      const Motion start = motion_at_start(body), end = motion_at_end(body);
-      motion[side] = mean_motion(body);
-      acceleration[side] = (end.linear - start.linear) / length_;
-      const double arm =
-          geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, start.centre);
-      departure += (end.angular - start.angular).norm() / length_ * arm;
-    }
-    departure += (acceleration[1] - acceleration[0]).norm();
-    const double clearance = kClearance * half_width(contact) + departure * length_ * length_ / 8.0;
-    const double departs = disturbance_.departure(contact.tree);
-    const auto impact_within = [&](double distance) {
-      return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
-                            std::max(0.0, contact.margin) + distance);
-    };
-    TimeOfImpact impact;
-    try {
-      impact = impact_within(clearance);
-      // Which what holds them may bring about: the row tells whether they come on from there.
-      if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
-    } catch (const UndecidedImpact&) {
-      return;  // undecided: contacts stay as they were found
-    }
-    flight.misses = !impact.hit;
-    flight.normal = impact.at.normal;
-    Vector3d way = Vector3d::Zero();
-    for (int side = 0; side < 2; ++side) {
-      const Pose then = advance(pose[side], motion[side], impact.time);
-      const Vector3d& point = side ? impact.at.point2 : impact.at.point1;
-      const Vector3d arm = point - motion[side].centre - impact.time * motion[side].linear;
-      const Vector3d rate = motion[side].linear + motion[side].angular.cross(arm);
-      way += (side ? 1.0 : -1.0) * impact.time * rate;
-      flight.point[side] = motion[side].centre + arm;
-      flight.local[side] = then.rotation.transpose() * (point - then.position);
-    }
-    flight.gap = impact.at.distance - contact.margin - flight.normal.dot(way);
-    // What is about to touch at the start has the right normals already.
-    flight.meets = impact.hit && impact.time > 0.0 && flight.gap > 0.0;
   }
 
   const mjModel_* model_;
@@ -274,6 +204,7 @@ class FlightSearch {
   GeomShapes& shapes_;
   std::vector<Flight>& flights_;  // in the order of their contacts
   FlightDisturbance& disturbance_;
+  FlightPaths paths_;
 };
 
 }  // namespace

@@ -19,11 +19,10 @@
 
 #pragma once
 
-#include <Eigen/Core>
-#include <cstddef>
 #include <vector>
 
 #include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/impacts/flight.hpp"
 #include "dashpot/impacts/flight_disturbance.hpp"
 #include "dashpot/impacts/proven_apart.hpp"
 #include "dashpot/rows/rows.hpp"
@@ -32,23 +31,6 @@ struct mjModel_;
 struct mjData_;
 
 namespace dashpot {
-
-namespace host {
-struct ReachBuffers;
-}
-
-// A pair whose contacts, from `first` to `last`, are all apart, and where its motion leads.
-struct Flight {
-  size_t first = 0, last = 0;
-  bool misses = false, meets = false;  // neither: not followed
-  // Of the impact: the normal; the points that meet, from the bodies' centres of mass at the start
-  // on with the arms that they have then, and in the frames of their geoms; the gap at the start
-  // from which the rates at those points lead to the impact.
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  Eigen::Vector3d point[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
-  Eigen::Vector3d local[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
-  double gap = 0.0;
-};
 
 // Keeps its arrays from step to step.
 class FlightContacts {

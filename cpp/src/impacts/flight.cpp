@@ -1,0 +1,82 @@
+#include "dashpot/impacts/flight.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "dashpot/detection/reach.hpp"
+#include "dashpot/geometry/pair_motion.hpp"
+#include "dashpot/geometry/query.hpp"
+
+namespace dashpot {
+
+using Eigen::Vector3d;
+
+Motion FlightPaths::at_start(int body) const {
+  return body_motion(model_, data_, body, reach_.now.data() + 6 * body);
+}
+
+Motion FlightPaths::at_end(int body) const {
+  return body_motion(model_, data_, body, reach_.later.data() + 6 * body);
+}
+
+Motion FlightPaths::mean(int body) const {
+  double mean[6];
+  for (int i = 0; i < 6; ++i)
+    mean[i] = 0.5 * (reach_.now[6 * body + i] + reach_.later[6 * body + i]);
+  return body_motion(model_, data_, body, mean);
+}
+
+double FlightPaths::half_width(const ContactInput& contact) const {
+  return std::min(geom_bounds(model_, contact.geom[0]).half_width,
+                  geom_bounds(model_, contact.geom[1]).half_width);
+}
+
+void FlightPaths::follow(const ContactInput& contact, double departs, Flight& flight) const {
+  Shape shape[2];
+  Pose pose[2];
+  Motion motion[2];
+  Vector3d acceleration[2];
+  double departure = 0.0;  // m/s^2, of points from the mean motion
+  for (int side = 0; side < 2; ++side) {
+    const int geom = contact.geom[side], body = geom_body(model_, geom);
+    shape[side] = shapes_.of(model_, geom);
+    pose[side] = geom_pose(model_, data_, geom);
+    const Motion start = at_start(body), end = at_end(body);
+    motion[side] = mean(body);
+    acceleration[side] = (end.linear - start.linear) / length_;
+    const double arm =
+        geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, start.centre);
+    departure += (end.angular - start.angular).norm() / length_ * arm;
+  }
+  departure += (acceleration[1] - acceleration[0]).norm();
+  const double clearance = kClearance * half_width(contact) + departure * length_ * length_ / 8.0;
+  const auto impact_within = [&](double distance) {
+    return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
+                          std::max(0.0, contact.margin) + distance);
+  };
+  TimeOfImpact impact;
+  try {
+    impact = impact_within(clearance);
+    // Which what holds them may bring about: the row tells whether they come on from there.
+    if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
+  } catch (const UndecidedImpact&) {
+    return;  // undecided: contacts stay as they were found
+  }
+  flight.misses = !impact.hit;
+  flight.normal = impact.at.normal;
+  Vector3d way = Vector3d::Zero();
+  for (int side = 0; side < 2; ++side) {
+    const Pose then = advance(pose[side], motion[side], impact.time);
+    const Vector3d& point = side ? impact.at.point2 : impact.at.point1;
+    const Vector3d arm = point - motion[side].centre - impact.time * motion[side].linear;
+    const Vector3d rate = motion[side].linear + motion[side].angular.cross(arm);
+    way += (side ? 1.0 : -1.0) * impact.time * rate;
+    flight.point[side] = motion[side].centre + arm;
+    flight.local[side] = then.rotation.transpose() * (point - then.position);
+  }
+  flight.gap = impact.at.distance - contact.margin - flight.normal.dot(way);
+  // What is about to touch at the start has the right normals already.
+  flight.meets = impact.hit && impact.time > 0.0 && flight.gap > 0.0;
+}
+
+}  // namespace dashpot
