@@ -19,16 +19,11 @@
 #include <vector>
 
 #include "compiled_scene.hpp"
-#include "dashpot/detection/detection.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/engine/contacts.hpp"
 #include "dashpot/engine/engine.hpp"
 #include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
-#include "dashpot/islands/islands.hpp"
-#include "dashpot/microsteps/microstep.hpp"
-#include "dashpot/mujoco/errors.hpp"
-#include "dashpot/mujoco/state.hpp"
 #include "dashpot/simulations/rollout.hpp"
 
 namespace {
@@ -217,117 +212,6 @@ void check_queries(const mjModel* m) {
   mj_deleteData(d);
 }
 
-// Shapes over, beside and falling onto a height field of more than one block of cells.
-void check_height_field() {
-  std::vector<float> heights(40 * 30);
-  for (float& height : heights) height = static_cast<float>(0.5 + 0.5 * random());
-  dashpot::Shape field;
-  field.type = dashpot::ShapeType::kHeightField;
-  field.field.rows = 40;
-  field.field.columns = 30;
-  field.field.half_x = field.field.half_y = 1.0;
-  field.field.elevation = 0.1;
-  field.field.base = 0.2;
-  field.field.heights = heights.data();
-  dashpot::Shape box;
-  box.type = dashpot::ShapeType::kBox;
-  box.size << 0.1, 0.2, 0.3;
-  for (int trial = 0; trial < 100; ++trial) {
-    dashpot::Pose pose;
-    pose.position << 2.0 * random(), 2.0 * random(), 0.8 + 0.2 * random();
-    dashpot::Motion fall;
-    fall.centre = pose.position;
-    fall.linear.z() = -1.0;
-    fall.angular << 0.0, 3.0 * random(), random();
-    const double apart = dashpot::distance(field, {}, box, pose).distance;
-    const auto impact = dashpot::time_of_impact(field, {}, {}, box, pose, fall, 1.0);
-    const double then =
-        dashpot::distance(field, {}, box, dashpot::advance(pose, fall, impact.time)).distance;
-    check(apart > 0.0 && then > -1e-12, "a height field is not met late");
-    check(!impact.hit || then < 1e-8, "a height field is met where it is");
-    pose.position.z() = -0.2;
-    const bool above = pose.position.head<2>().cwiseAbs().maxCoeff() < 1.0;
-    check(!above || dashpot::distance(field, {}, box, pose).distance < 0.0,
-          "what is in a height field overlaps it");
-  }
-}
-
-// 30 boxes that will lie on a floor in the middle of the step, where MuJoCo's rows of their
-// contacts take more than the memory of the model.
-void check_restored_middle() {
-  std::string boxes;
-  for (int i = 0; i < 30; ++i)
-    boxes += "<body pos='" + std::to_string(0.25 * i) +
-             " 0 .101'><freejoint/><geom type='box' size='.1 .1 .1'/></body>";
-  mjModel* m = compile(
-      "<mujoco><size memory='110000'/><option timestep='.004' cone='elliptic'/><worldbody>"
-      "<geom type='plane' size='9 9 .1'/>" +
-          boxes + "</worldbody></mujoco>",
-      kContactCapacity);
-  mjData* d = mj_makeData(m);
-  mj_fwdKinematics(m, d);
-  const std::vector<double> qpos(d->qpos, d->qpos + m->nq), xpos(d->xpos, d->xpos + 3 * m->nbody);
-  std::vector<double> fall(m->nv, 0.0);
-  const double half = 0.5 * m->opt.timestep;
-  for (int i = 2; i < m->nv; i += 6) fall[i] = -0.001 / (0.5 * half * half);
-  dashpot::host::Detection detection;
-  dashpot::Team team(1);
-  std::vector<dashpot::ContactInput> contacts;
-  std::vector<dashpot::ConstraintInput> constraints;
-  bool thrown = false;
-  try {
-    const dashpot::host::MiddleGeometry middle(m, d, fall, detection, contacts, constraints, team);
-  } catch (const std::runtime_error&) {
-    thrown = true;
-  }
-  check(thrown, "rows that do not fit in the middle of a step are an error");
-  check(std::equal(qpos.begin(), qpos.end(), d->qpos), "an error in the middle keeps positions");
-  check(std::equal(xpos.begin(), xpos.end(), d->xpos), "an error in the middle keeps kinematics");
-  mj_deleteData(d);
-  mj_deleteModel(m);
-}
-
-// MuJoCo needs its stack for the kinematics of a spatial tendon. Where contacts and rows of the
-// middle have left none, coming back to the start is an error that can be caught, also while
-// another one is on its way.
-void check_return_from_the_middle_without_room() {
-  mjModel* m = compile(
-      "<mujoco><worldbody><site name='anchor'/><body pos='0 0 1'><freejoint/>"
-      "<geom size='.1'/><site name='end'/></body></worldbody>"
-      "<tendon><spatial><site site='anchor'/><site site='end'/></spatial></tendon></mujoco>",
-      kContactCapacity);
-  mjData* d = mj_makeData(m);
-  mj_forward(m, d);
-  const std::vector<double> qpos(d->qpos, d->qpos + m->nq), still(m->nv, 0.0);
-  d->qvel[2] = 1.0;
-  dashpot::host::Detection detection;
-  dashpot::Team team(1);
-  std::vector<dashpot::ContactInput> contacts;
-  std::vector<dashpot::ConstraintInput> constraints;
-  bool leaving_throws = false, first_error_is_told = false;
-  for (const bool leaves : {true, false}) {
-    const dashpot::host::ErrorGuard guard(d);
-    try {
-      dashpot::host::MiddleGeometry middle(m, d, still, detection, contacts, constraints, team);
-      d->parena = d->narena - d->pstack;
-      if (leaves) middle.leave();
-      throw std::runtime_error("first");
-    } catch (const dashpot::host::StackOverflow&) {
-      leaving_throws = leaves;
-    } catch (const std::runtime_error&) {
-      first_error_is_told = !leaves;
-    }
-    check(std::equal(qpos.begin(), qpos.end(), d->qpos), "positions come back without room");
-    mj_resetData(m, d);
-    mj_forward(m, d);
-    d->qvel[2] = 1.0;
-  }
-  check(leaving_throws, "kinematics without room are an error");
-  check(first_error_is_told, "an error within the middle outlives the way back");
-  mj_deleteData(d);
-  mj_deleteModel(m);
-}
-
 // Prisms on top of each other: with more sides than faces keep corners, or with more points than
 // MuJoCo has room for.
 std::string stack_of_prisms(int sides, const std::string& memory) {
@@ -392,43 +276,6 @@ void check_prisms() {
   mj_deleteModel(m);
 }
 
-// A contact whose stiffness is no number pushes nothing and says nothing by itself.
-void check_forces_that_are_no_numbers() {
-  dashpot::Trees trees;
-  const int above[6] = {-1, 0, 1, 2, 3, 4};
-  trees.append(0, 6, true, above);
-  std::fill_n(trees.inverse.begin(), 3, 1.0);
-  dashpot::Rows rows;
-  rows.reset(1);
-  dashpot::RowGroup& c = rows.append(dashpot::RowKind::kContact, 0, 1, {0, -1});
-  c.pair = 0;
-  dashpot::PairGeometry geometry;
-  geometry.begin = {trees.tree[0].begin, 0};
-  geometry.frame = {0, 0, 1, 1, 0, 0, 0, 1, 0};
-  rows.pair.push_back(geometry);
-  dashpot::find_inverse_mass(rows, c, trees);
-  const int first = 0;
-  dashpot::Island island;
-  island.tree = island.group = {&first, &first + 1};
-  island.microsteps = 16;
-  island.duration = 1e-4;
-  for (const double stiffness : {1e3, std::numeric_limits<double>::quiet_NaN()}) {
-    dashpot::RowData data;
-    data.reset_motion(trees.coordinates);
-    data.reset_rows(rows);
-    rows.stiffness[0] = stiffness;
-    data.deformation[0] = -1e-3;
-    bool thrown = false;
-    try {
-      dashpot::Team team(1);
-      dashpot::MicrostepLoop(1).run(rows, trees, {island}, 0.1, 16e-4, data, team);
-    } catch (const std::runtime_error&) {
-      thrown = true;
-    }
-    check(thrown == std::isnan(stiffness), "forces that are no numbers are an error");
-  }
-}
-
 }  // namespace
 
 int main() {
@@ -441,11 +288,7 @@ int main() {
     check_rollouts(m, p);
   }
   check_queries(m);
-  check_height_field();
-  check_restored_middle();
-  check_return_from_the_middle_without_room();
   check_prisms();
-  check_forces_that_are_no_numbers();
   mj_deleteModel(m);
   if (failures) std::printf("%d checks failed\n", failures);
   return failures ? EXIT_FAILURE : EXIT_SUCCESS;
