@@ -7,10 +7,11 @@
 // energy at the rate W^2 H / 2, and a coin on its edge spins up. Frozen where the velocities of the
 // start bring the bodies in the middle, the errors before and after it cancel: neither gains.
 //
-// Collision of the pair alone is asked again, with its geoms in the poses of the middle. Gaps stay
-// those of the start: from there the rates in the middle lead to those of the end. Rates and slip
-// in the middle are not those of the start and the end: what their change, dJ/dt xi, adds is
-// ContactInput::turning, without which dampers would take from every turn what the next step finds.
+// Collision of the pair alone is asked again (pair_ahead.hpp), with its geoms in the poses of the
+// middle. Gaps stay those of the start: from there the rates in the middle lead to those of the
+// end. Rates and slip in the middle are not those of the start and the end: what their change,
+// dJ/dt xi, adds is ContactInput::turning, without which dampers would take from every turn what
+// the next step finds.
 //
 // What is left out of the gap is of third order: with T = dJ/dt xi of the normal, which bodies that
 // speed up change by dT/dt, the gap grows by
