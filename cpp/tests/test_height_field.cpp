@@ -41,6 +41,7 @@ void check_height_field() {
   Shape box;
   box.type = ShapeType::kBox;
   box.size << 0.1, 0.2, 0.3;
+  int met = 0;
   for (int trial = 0; trial < 100; ++trial) {
     Pose pose;
     pose.position << uniform(-2.0, 2.0), uniform(-2.0, 2.0), uniform(0.6, 1.0);
@@ -51,6 +52,7 @@ void check_height_field() {
     const double apart = distance(field, {}, box, pose).distance;
     const auto impact = time_of_impact(field, {}, {}, box, pose, fall, 1.0);
     const double then = distance(field, {}, box, advance(pose, fall, impact.time)).distance;
+    met += impact.hit;
     check(apart > 0.0 && then > -1e-12, "a height field is not met late");
     check(!impact.hit || then < 1e-8, "a height field is met where it is");
     pose.position.z() = -0.2;
@@ -58,6 +60,7 @@ void check_height_field() {
     check(!above || distance(field, {}, box, pose).distance < 0.0,
           "what is in a height field overlaps it");
   }
+  check(met > 10, "what falls on a height field meets it");
 }
 
 }  // namespace
