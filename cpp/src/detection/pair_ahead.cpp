@@ -18,16 +18,16 @@ constexpr double kMostTurnOfNormal = 0.15;
 
 }  // namespace
 
-void PairAhead::look(double time, FaceBuffers& faces) {
+void PairAhead::look(double time, FaceBuffers& faces, double apart) {
   time_ = time;
   way_ = motion_.way_in(std::abs(time));
-  seen_.find(model_, data_, time, first_->margin + way_, faces);
+  seen_.find(model_, data_, time, first_->margin + way_ + apart, faces);
   motion_.find_twists(time);
 }
 
 ContactInput* PairAhead::find(const ContactInput& contact, bool is_round_hit) {
-  const SeenContact* const same = seen_.continuation(contact);
-  if (!same || seen_.start_of(*same, first_, last_) != &contact) return nullptr;
+  const SeenContact* const same = continuation(contact);
+  if (!same) return nullptr;
   const bool corners = has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
   const double part = is_round_hit ? 1.0 : std::min(1.0, std::abs(time_) / (0.5 * length_));
   const double far = corners ? 2.0 * way_ : part * kFarPoint * motion_.size();
@@ -37,6 +37,19 @@ ContactInput* PairAhead::find(const ContactInput& contact, bool is_round_hit) {
   if (!is_round_hit && !far_.follows(data_, contact, *same, pairs_, length_)) return nullptr;
   then_ = seen_in(*same, contact);
   return &then_;
+}
+
+ContactInput* PairAhead::find_coming(const ContactInput& contact) {
+  const SeenContact* const same = continuation(contact);
+  if (!same) return nullptr;
+  then_ = seen_in(*same, contact);
+  then_.gap = same->distance - contact.margin;
+  return &then_;
+}
+
+const SeenContact* PairAhead::continuation(const ContactInput& contact) const {
+  const SeenContact* const same = seen_.continuation(contact);
+  return same && seen_.start_of(*same, first_, last_) == &contact ? same : nullptr;
 }
 
 ContactInput PairAhead::seen_in(const SeenContact& seen, ContactInput contact) const {

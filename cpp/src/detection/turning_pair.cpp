@@ -23,6 +23,13 @@ constexpr double kEarly = 0.25;
 constexpr double kSameTime = 0.03;
 // Most of the speed of a hit that the turn of its normal adds in the time 1 / omega.
 constexpr double kMostOfTurn = 1.0;
+// What comes on: within how much of its way in the step, as other contacts may change its speed;
+// which fraction of its closing speed it loses up to where the plane of the start is met where its
+// way bends; the gap, relative to the size of the smaller geom, at which it has arrived, and the
+// closing speed, relative to that of hits, at which it passes.
+constexpr double kMayMeet = 2.0, kBent = 0.1, kMet = 1e-6, kPasses = 0.25;
+// A way that only grazes takes half of what is left of its closing speed at each.
+constexpr int kMostLooks = 10;
 // Fraction of the step in which the turn of a normal is lost in rounding.
 constexpr double kSliver = 1e-6;
 
@@ -43,7 +50,8 @@ bool TurningPair::moves() {
   if (first_->frozen == Frozen::kAtImpact) return is_round_hit_;
   goes_far_ = !far_.find(data_, *first_);
   if (is_round_hit_) return true;
-  if (goes_far_ || (motion_.are_round() && parts_early() && frequency == 0.0)) return false;
+  stays_ = goes_far_ || (motion_.are_round() && parts_early() && frequency == 0.0);
+  if (stays_) return std::any_of(first_, last_, [&](const ContactInput& c) { return comes(c); });
   const double to_middle = motion_.way_in(middle());
   return std::any_of(first_, last_, [&](const ContactInput& c) {
     return c.gap <= to_middle || hits_.frequency(c) > 0.0;
@@ -81,10 +89,46 @@ void TurningPair::turn_axes() {
 void TurningPair::freeze(FaceBuffers& faces) {
   if (first_->frozen == Frozen::kAtImpact) return freeze_after_impact(faces, *first_);
   for (ContactInput* contact = first_; contact != last_; ++contact) {
+    if (comes(*contact) && freeze_where_it_is_met(faces, *contact)) continue;
     // At a seam the middle may be beyond the edge, where the other geom's face goes on.
-    if (contact->is_at_seam()) continue;
+    if (stays_ || contact->is_at_seam()) continue;
     if (const ContactInput* then = in_its_time(faces, *contact)) take_geometry(*then, *contact);
   }
+}
+
+// Whether a contact is apart, and may be met at the plane that it has at the start; planes and the
+// sides of height fields are there wherever they are met.
+bool TurningPair::comes(const ContactInput& contact) const {
+  const int type = motion_.geom_type(0);
+  if (contact.gap <= 0.0 || is_round_hit_ || type == mjGEOM_PLANE || type == mjGEOM_HFIELD)
+    return false;
+  const double closing = -motion_.gap_rate(contact);
+  return closing > hit_speed_ && contact.gap < kMayMeet * step_.length * closing;
+}
+
+// Freezes a contact that comes on where it is met, or where it passes, with the gap that leads
+// there. Returns whether the way there bends; else it stays as it is.
+bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact) {
+  double time = 0.0, gap = contact.gap, closing = -motion_.gap_rate(contact);
+  ContactInput met;
+  for (int looks = 0; looks < kMostLooks && time < step_.length; ++looks) {
+    const double next = std::min(step_.length, time + gap / closing);
+    ahead_.look(next, faces, contact.gap);
+    const ContactInput* const then = ahead_.find_coming(contact);
+    if (!then) break;
+    const double closing_then = -motion_.point_rate(*then, When::kThen)[0];
+    if (looks == 0 && closing_then > (1.0 - kBent) * closing) return false;
+    met = *then;
+    time = next;
+    gap = then->gap;
+    closing = closing_then;
+    if (gap <= kMet * size_ || closing <= kPasses * hit_speed_) break;
+  }
+  if (time == 0.0) return false;
+  met.turning = {};
+  take_geometry(met, contact);
+  contact.gap = gap + closing * time;
+  return true;
 }
 
 // Gives a contact the geometry that it has then; threads read its geoms meanwhile.

@@ -11,7 +11,7 @@
 
 namespace dashpot {
 
-// Ends this part of the step where trees have tree_ahead as far as MuJoCo's integrators follow, or
+// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
 // equalities, at their rate in the part before, as far as their rows do; returns whether that is
 // earlier.
 bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {

@@ -11,6 +11,15 @@ namespace dashpot {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// Distance, relative to the half-width of the thinner geom, at which what is round meets what is
+// not. From as far as a clearance c its normal is off by sqrt(2 c / r): what passes over an edge at
+// that height is left to where contacts that come on are frozen (detection/turning.hpp).
+constexpr double kTouch = 1e-6;
+
+}  // namespace
+
 Motion FlightPaths::at_start(int body) const {
   return body_motion(model_, data_, body, reach_.now.data() + 6 * body);
 }
@@ -29,6 +38,11 @@ Motion FlightPaths::mean(int body) const {
 double FlightPaths::half_width(const ContactInput& contact) const {
   return std::min(geom_bounds(model_, contact.geom[0]).half_width,
                   geom_bounds(model_, contact.geom[1]).half_width);
+}
+
+bool FlightPaths::one_is_round(const ContactInput& contact) const {
+  return geom_bounds(model_, contact.geom[0]).is_round !=
+         geom_bounds(model_, contact.geom[1]).is_round;
 }
 
 void FlightPaths::follow(const ContactInput& contact, double departs, Flight& flight) const {
@@ -59,6 +73,10 @@ void FlightPaths::follow(const ContactInput& contact, double departs, Flight& fl
     impact = impact_within(clearance);
     // Which what holds them may bring about: the row tells whether they come on from there.
     if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
+    if (impact.hit && one_is_round(contact)) {
+      impact = impact_within(kTouch * half_width(contact));
+      if (!impact.hit) return;
+    }
   } catch (const UndecidedImpact&) {
     return;  // undecided: contacts stay as they were found
   }

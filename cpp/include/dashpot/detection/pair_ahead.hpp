@@ -39,16 +39,20 @@ class PairAhead {
         last_(last),
         seen_(motion, length) {}
 
-  // Collides the geoms where they are after a time (s).
-  void look(double time, FaceBuffers& faces);
+  // Collides the geoms where they are after a time (s), out to `apart` (m) beyond how far they move
+  // up to then.
+  void look(double time, FaceBuffers& faces, double apart = 0.0);
   // That time, 0 before.
   double time() const { return time_; }
 
   // What a contact is then, null if it is not there. `is_round_hit`: of two round bodies that hit
   // each other alone, which may go far, but turn evenly.
   ContactInput* find(const ContactInput& contact, bool is_round_hit);
+  // The same of one that comes on, wherever it goes, with its gap (m) then.
+  ContactInput* find_coming(const ContactInput& contact);
 
  private:
+  const SeenContact* continuation(const ContactInput& contact) const;
   ContactInput seen_in(const SeenContact& seen, ContactInput contact) const;
 
   mjModel* model_;

@@ -35,6 +35,16 @@
 // 0.08 rad, which normals of the impact lacked. It is taken on to the centre of its force, its gap
 // closing when it did.
 //
+// What is apart at the start and comes on is frozen where it is met. Found ahead, an edge has the
+// plane through its nearest point: of a tile 10 um higher, at which a ball of radius r arrives in a
+// step at the speed v, one that rises by v H / r, though the ball has its lowest point there when it
+// arrives. At 2 m/s and 5 ms it jumped by 25 mm, on a cart's wheels as alone, and was stopped by a
+// bar that it passes under. As gaps of convex geoms that pass close ever slower, the planes at
+//
+//     t+ = t + g(t) / -g'(t)
+//
+// come to where they meet from below, or to where they pass.
+//
 // Of links the axes of the joints go to the middle (mujoco/moved_axes.hpp), also where they turn
 // above a foot that stands: of its own motion the floor sees none, but a trunk that swung above it
 // gained energy as what rolls does. Their inertia stays that of the start, where smooth forces are:

@@ -48,6 +48,8 @@ class TurningPair {
   ContactInput* seen_at(FaceBuffers& faces, const ContactInput& contact, double time);
   const ContactInput* in_its_time(FaceBuffers& faces, ContactInput& contact);
   void freeze_after_impact(FaceBuffers& faces, ContactInput& contact);
+  bool comes(const ContactInput& contact) const;
+  bool freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact);
   void take_geometry(const ContactInput& then, ContactInput& contact);
 
   mjData* data_;
@@ -62,6 +64,7 @@ class TurningPair {
   double same_time_ = 0.0;  // s, by which two times may differ that see one geometry
   bool at_rest_ = false;    // its geoms, on each other
   bool is_round_hit_ = false, goes_far_ = false;
+  bool stays_ = false;  // but for contacts that come
 };
 
 }  // namespace dashpot::host

@@ -59,6 +59,8 @@ class FlightPaths {
   void follow(const ContactInput& contact, double departs, Flight& flight) const;
 
  private:
+  bool one_is_round(const ContactInput& contact) const;
+
   const mjModel_* model_;
   const mjData_* data_;
   const host::ReachBuffers& reach_;

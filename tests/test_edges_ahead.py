@@ -1,0 +1,175 @@
+"""What moves far in a step meets edges ahead of it where they are, and passes those that it clears.
+
+A ball of radius r touches an edge that stands h above its lowest point where its normal is turned
+by sqrt(2 h / r); at the speed v it leaves with v sqrt(2 h / r) upwards at most, and hops by
+
+    v^2 h / (g r) .
+"""
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+
+GRAVITY = 9.81
+TIMESTEPS = pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+# Of the tiles' heights, and so of all that rolls over them.
+UNEVEN = 1e-5
+TILE = 0.1
+
+
+def engine_of(world, timestep):
+    xml = f'<mujoco><option timestep="{timestep}"/><worldbody>{world}</worldbody></mujoco>'
+    return dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+
+
+def tiles(length, *, count=14):
+    heights = UNEVEN * np.random.default_rng(1).uniform(-1, 1, count)
+    boxes = "".join(
+        f'<geom type="box" size="{length / 2} 0.2 0.02" pos="{i * length} 0 {height - 0.02}"/>'
+        for i, height in enumerate(heights)
+    )
+    return boxes, heights
+
+
+def hop_over(heights, *, speed, radius):
+    """Height (m) of a hop over the highest of the steps between tiles, from the highest tile."""
+    step = np.diff(heights).max()
+    return heights.max() + speed**2 * step / (GRAVITY * radius)
+
+
+@TIMESTEPS
+@pytest.mark.parametrize(("radius", "speed"), [(0.03, 2.0), (0.03, 4.0), (0.1, 2.0), (0.01, 1.0)])
+def test_ball_rolls_over_tiles_that_are_not_quite_level(radius, speed, timestep):
+    boxes, heights = tiles(TILE)
+    engine = engine_of(
+        f'{boxes}<body pos="0 0 {radius + heights[0]}"><freejoint/>'
+        f'<geom size="{radius}" mass="1"/></body>',
+        timestep,
+    )
+    data = engine.make_data()
+    data.qvel[[0, 4]] = speed, speed / radius
+    top = 0.0
+    for _ in range(round(10 * TILE / speed / timestep)):
+        engine.step(data)
+        top = max(top, data.qpos[2] - radius)
+    # A hop may begin in another; steps of 0.2 ms hop by 1.2 of one.
+    assert top < 2.5 * hop_over(heights, speed=speed, radius=radius)
+    # Every edge takes the speed normal to it, 2 h / r of its square; tiles are 2 h = 20 um apart.
+    assert 1.0 - data.qvel[0] / speed < 10 * 2.0 * UNEVEN / radius
+
+
+@TIMESTEPS
+@pytest.mark.parametrize(
+    "wheel", ['type="sphere" size="0.05"', 'type="cylinder" size="0.05 0.02" euler="90 0 0"']
+)
+def test_wheel_of_a_vehicle_rolls_over_tiles_that_are_not_quite_level(wheel, timestep):
+    speed, radius = 3.0, 0.05
+    boxes, heights = tiles(0.05, count=60)
+    engine = engine_of(
+        f'<body><joint type="slide" axis="-1 0 0" armature="1e6"/>{boxes}</body>'
+        f'<body pos="0 0 {radius + heights[0]}"><joint type="slide" axis="0 0 1"/>'
+        '<inertial pos="0 0 0" mass="4" diaginertia="0.01 0.01 0.01"/>'
+        f'<body><joint axis="0 1 0"/><geom {wheel} mass="0.5"/></body></body>',
+        timestep,
+    )
+    data = engine.make_data()
+    data.qvel[[0, 2]] = speed, speed / radius
+    top = 0.0
+    for _ in range(round(57 * 0.05 / speed / timestep)):
+        engine.step(data)
+        top = max(top, data.qpos[1])
+    assert top < 2.5 * hop_over(heights, speed=speed, radius=radius)
+
+
+@TIMESTEPS
+@pytest.mark.parametrize(
+    "obstacle",
+    [
+        'type="box" size="0.3 0.02 0.02" pos="0.1 0.0502 0.02"',
+        'type="box" size="0.05 0.02 0.02" pos="0.1 0.05005 0.02"',
+        'type="box" size="0.05 0.1 0.01" pos="0.1 0 0.0702"',
+        'type="capsule" size="0.01" fromto="0.1 -0.1 0.0702 0.1 0.1 0.0702"',
+        'size="0.03" pos="0.1 0.0602 0.03"',
+    ],
+    ids=["wall", "near wall", "bar", "rod", "ball"],
+)
+@pytest.mark.parametrize("shape", ["sphere", "box", "cylinder"])
+def test_body_passes_what_it_clears(shape, obstacle, timestep):
+    # By 0.2 or 0.05 mm. What slides does so almost without friction.
+    friction = 1.0 if shape == "sphere" else 1e-5
+    size = {"sphere": "0.03", "box": "0.03 0.03 0.03", "cylinder": "0.03 0.03"}[shape]
+
+    def end_with(world):
+        engine = engine_of(
+            f'<geom type="plane" size="3 3 0.1" friction="{friction}"/>{world}'
+            '<body pos="-0.4 0 0.03"><freejoint/>'
+            f'<geom type="{shape}" size="{size}" mass="1" friction="{friction}"/></body>',
+            timestep,
+        )
+        data = engine.make_data()
+        data.qvel[0] = 2.0
+        if shape == "sphere":
+            data.qvel[4] = 2.0 / 0.03
+        engine.step(data, nstep=round(0.5 / timestep))
+        return data
+
+    passed = end_with(f'<geom {obstacle} friction="{friction}"/>')
+    alone = end_with("")
+    assert passed.qpos[0] > 0.5
+    np.testing.assert_allclose(passed.qpos, alone.qpos, atol=1e-9)
+    np.testing.assert_allclose(passed.qvel, alone.qvel, atol=1e-9)
+
+
+def valley(facet, *, radius=1.0, half_angle=0.8):
+    """Boxes along an arc, by a fiftieth too long, and the angle between them."""
+    count = round(2 * half_angle * radius / facet)
+    kink = 2 * half_angle / count
+    out = radius * np.cos(kink / 2) + 0.01
+    boxes = ""
+    for i in range(count):
+        angle = -half_angle + (i + 0.5) * kink
+        boxes += (
+            f'<geom type="box" size="{1.02 * radius * np.sin(kink / 2)} 0.1 0.01"'
+            f' pos="{out * np.sin(angle)} 0 {radius - out * np.cos(angle)}"'
+            f' euler="0 {-np.degrees(angle)} 0"/>'
+        )
+    return boxes, kink
+
+
+def height_regained(facet, *, timestep):
+    boxes, kink = valley(facet)
+    angle = 0.68 // kink * kink + 0.5 * kink  # above the middle of a facet
+    centre = np.cos(kink / 2) - 0.03
+    engine = engine_of(
+        f'{boxes}<body pos="{centre * np.sin(angle)} 0 {1 - centre * np.cos(angle)}"><freejoint/>'
+        '<geom size="0.03" mass="1"/></body>',
+        timestep,
+    )
+    data = engine.make_data()
+    heights = []
+    for _ in range(round(1.2 / timestep)):
+        engine.step(data)
+        heights.append(data.qpos[2])
+    lowest = int(np.argmin(heights))
+    return (max(heights[lowest:]) - heights[lowest]) / (heights[0] - heights[lowest])
+
+
+@pytest.mark.parametrize(
+    ("facet", "timestep", "tolerance"),
+    [
+        # Several steps on every facet: what is left is where in a step it comes to the next.
+        (0.05, 0.001, 0.003),
+        (0.05, 0.002, 0.003),
+        (0.05, 0.005, 0.003),
+        (0.02, 0.002, 0.01),
+        # Two to four facets in every three steps.
+        (0.02, 0.005, 0.04),
+        (0.005, 0.001, 0.02),
+        (0.005, 0.002, 0.05),
+    ],
+)
+def test_ball_regains_its_height_in_a_valley_of_boxes(facet, timestep, tolerance):
+    converged = height_regained(facet, timestep=2e-4)
+    assert height_regained(facet, timestep=timestep) == pytest.approx(converged, abs=tolerance)
