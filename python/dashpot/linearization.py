@@ -59,6 +59,8 @@ def linearize(
     Velocities at its end are those that the next step starts from, with the second half of the step
     that `Engine.step` adds there to what contacts, limits and equalities hold, once it knows the
     forces at the end (docs/method.md, section 6): so powers of A follow the motion of many steps.
+    What sticks by rigid friction gives way anew in each of these, as on a stiff damper: an upright
+    pendulum of two links on a foot of 3 kg falls at 11.4/s by powers of A, at 11.1/s by steps.
 
     Parameters
     ----------
