@@ -37,9 +37,9 @@
 //
 // What is apart at the start and comes on is frozen where it is met. Found ahead, an edge has the
 // plane through its nearest point: of a tile 10 um higher, at which a ball of radius r arrives in a
-// step at the speed v, one that rises by v H / r, though the ball has its lowest point there when it
-// arrives. At 2 m/s and 5 ms it jumped by 25 mm, on a cart's wheels as alone, and was stopped by a
-// bar that it passes under. As gaps of convex geoms that pass close ever slower, the planes at
+// step at the speed v, one that rises by v H / r, though the ball has its lowest point there when
+// it arrives. At 2 m/s and 5 ms it jumped by 25 mm, on a cart's wheels as alone, and was stopped by
+// a bar that it passes under. As gaps of convex geoms that pass close ever slower, the planes at
 //
 //     t+ = t + g(t) / -g'(t)
 //
