@@ -84,6 +84,10 @@ bool ContactMotion::are_round() const {
   return is_round_all_over(geom_type(0)) && is_round_all_over(geom_type(1));
 }
 
+bool ContactMotion::have_corners() const {
+  return has_corners(model_, side_[0].geom) && has_corners(model_, side_[1].geom);
+}
+
 bool ContactMotion::is_round_along(int side, const mjtNum* local) const {
   const int type = geom_type(side);
   return is_round_all_over(type) || (type == mjGEOM_CYLINDER && std::abs(local[2]) < kOnSide);

@@ -28,9 +28,8 @@ void PairAhead::look(double time, FaceBuffers& faces, double apart) {
 ContactInput* PairAhead::find(const ContactInput& contact, bool is_round_hit) {
   const SeenContact* const same = continuation(contact);
   if (!same) return nullptr;
-  const bool corners = has_corners(model_, motion_.geom(0)) && has_corners(model_, motion_.geom(1));
   const double part = is_round_hit ? 1.0 : std::min(1.0, std::abs(time_) / (0.5 * length_));
-  const double far = corners ? 2.0 * way_ : part * kFarPoint * motion_.size();
+  const double far = motion_.have_corners() ? 2.0 * way_ : part * kFarPoint * motion_.size();
   if (squared_distance_on_geoms(contact, *same) > far * far) return nullptr;
   if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
     return nullptr;

@@ -107,7 +107,8 @@ bool TurningPair::comes(const ContactInput& contact) const {
 }
 
 // Freezes a contact that comes on where it is met, or where it passes, with the gap that leads
-// there. Returns whether the way there bends; else it stays as it is.
+// there. Returns whether the way there bends; else it stays as it is. So does a corner that is met:
+// another one may come to be the nearest.
 bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact) {
   double time = 0.0, gap = contact.gap, closing = -motion_.gap_rate(contact);
   ContactInput met;
@@ -124,7 +125,7 @@ bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& conta
     closing = closing_then;
     if (gap <= kMet * size_ || closing <= kPasses * hit_speed_) break;
   }
-  if (time == 0.0) return false;
+  if (time == 0.0 || (gap <= kMet * size_ && motion_.have_corners())) return false;
   met.turning = {};
   take_geometry(met, contact);
   contact.gap = gap + closing * time;

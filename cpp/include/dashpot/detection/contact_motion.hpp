@@ -47,6 +47,8 @@ class ContactMotion {
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;
+  // Whether both geoms touch in points that are fixed to them.
+  bool have_corners() const;
   // Whether a geom is round where it touches along a unit direction of its own frame: also the side
   // of a cylinder.
   bool is_round_along(int side, const mjtNum* local) const;
