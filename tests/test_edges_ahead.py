@@ -122,6 +122,39 @@ def test_body_passes_what_it_clears(shape, obstacle, timestep):
     np.testing.assert_allclose(passed.qvel, alone.qvel, atol=1e-9)
 
 
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+@pytest.mark.parametrize("radius", [0.005, 0.02])
+@pytest.mark.parametrize(
+    "joints",
+    [
+        "<freejoint/>",
+        '<joint type="slide" axis="1 0 0"/><joint axis="0 1 0" type="slide"/>'
+        '<joint type="slide" axis="0 0 1"/>',
+    ],
+    ids=["free", "on slides"],
+)
+def test_floor_of_tiles_stops_what_moves_by_more_than_a_tile_in_a_step(joints, radius, timestep):
+    # It flies past the end of the tile beneath it, which the next one continues.
+    speed, drop = 20.0, 0.1
+    floor = "".join(
+        f'<geom type="box" size="0.025 0.5 0.02" pos="{0.05 * i - 0.5} 0 -0.02"/>'
+        for i in range(21)
+    )
+    engine = engine_of(f'{floor}<body><geom size="{radius}"/>{joints}</body>', timestep)
+    for angle in (0.0, 0.3, 0.8):
+        for phase in np.arange(0.0, 1.0, 0.15):
+            data = engine.make_data()
+            data.qpos[0] = -0.1 - drop * np.tan(angle)
+            data.qpos[2] = drop + phase * speed * timestep * np.cos(angle)
+            data.qvel[[0, 2]] = speed * np.sin(angle), -speed * np.cos(angle)
+            for _ in range(round(0.25 / speed / np.cos(angle) / timestep) + 2):
+                engine.step(data)
+                if abs(data.qpos[0]) > 0.45:
+                    break
+                # Its centre stays above the floor: overlap begins at a radius.
+                assert data.qpos[2] > 0.0
+
+
 def valley(facet, *, radius=1.0, half_angle=0.8):
     """Boxes along an arc, by a fiftieth too long, and the angle between them."""
     count = round(2 * half_angle * radius / facet)

@@ -101,6 +101,19 @@ double ContactMotion::size() const {
   return least;
 }
 
+double ContactMotion::thickness() const {
+  double least = std::numeric_limits<double>::infinity();
+  for (const Side& side : side_) {
+    const mjtNum* half = model_->geom_aabb + 6 * side.geom + 3;
+    const int type = model_->geom_type[side.geom];
+    if (type == mjGEOM_CYLINDER)
+      least = std::min<double>(least, half[0]);
+    else if (is_round_all_over(type) || have_corners())
+      least = std::min<double>(least, std::min({half[0], half[1], half[2]}));
+  }
+  return least;
+}
+
 double ContactMotion::turn() const {
   return length_ * std::max(mju_norm3(side_[0].angular), mju_norm3(side_[1].angular));
 }

@@ -28,6 +28,10 @@ constexpr double kMostOfTurn = 1.0;
 // way bends; the gap, relative to the size of the smaller geom, at which it has arrived, and the
 // closing speed, relative to that of hits, at which it passes.
 constexpr double kMayMeet = 2.0, kBent = 0.1, kMet = 1e-6, kPasses = 0.25;
+// Way in a step, relative to the radius of the thinner geom, up to which what comes on is followed.
+// Farther on it leads through what stops it before, to the side of the next tile, and what is
+// thrown off it within the step is stopped by nothing: thin rods left bins by their walls.
+constexpr double kFollowed = 1.25;
 // A way that only grazes takes half of what is left of its closing speed at each.
 constexpr int kMostLooks = 10;
 // Fraction of the step in which the turn of a normal is lost in rounding.
@@ -102,6 +106,7 @@ bool TurningPair::comes(const ContactInput& contact) const {
   const int type = motion_.geom_type(0);
   if (contact.gap <= 0.0 || is_round_hit_ || type == mjGEOM_PLANE || type == mjGEOM_HFIELD)
     return false;
+  if (motion_.way() > kFollowed * motion_.thickness()) return false;
   const double closing = -motion_.gap_rate(contact);
   return closing > hit_speed_ && contact.gap < kMayMeet * step_.length * closing;
 }

@@ -107,7 +107,7 @@ class FlightSearch {
     if (!flies(contacts_[first].tree[0]) || !flies(contacts_[first].tree[1])) return false;
     size_t nearest = first;
     for (size_t i = first; i < last; ++i) {
-      if (contacts_[i].gap <= 0.0) return false;
+      if (contacts_[i].gap <= 0.0 || contacts_[i].continued >= 0) return false;
       if (contacts_[i].gap < contacts_[nearest].gap) nearest = i;
     }
     const ContactInput& contact = contacts_[nearest];

@@ -54,6 +54,9 @@ class ContactMotion {
   bool is_round_along(int side, const mjtNum* local) const;
   // Radius (m) about the smaller geom; planes have none.
   double size() const;
+  // Radius (m) of the thinner of the sides that are round; of geoms with corners the least
+  // half-width.
+  double thickness() const;
 
   // By how much (rad) the faster of the two turns in the step.
   double turn() const;
