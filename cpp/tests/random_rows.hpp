@@ -1,27 +1,15 @@
-// Random rows in lanes, for tests of these, and what such a test checks by.
+// Random rows in lanes, for tests of these.
 
 #pragma once
 
 #include <cmath>
-#include <cstdio>
 #include <random>
 
 #include "dashpot/microsteps/sweep_kernels.hpp"
 
 namespace dashpot {
 
-inline int failures = 0;
 inline std::mt19937_64 generator(7);
-
-inline void check(bool passed, const char* claim, double got, double expected) {
-  if (passed) return;
-  if (++failures <= 20) std::printf("failed: %s: %.17g against %.17g\n", claim, got, expected);
-}
-
-inline void check_close(double got, double expected, double scale, double tolerance,
-                        const char* claim) {
-  check(std::fabs(got - expected) <= tolerance * scale, claim, got, expected);
-}
 
 inline double uniform(double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(generator);

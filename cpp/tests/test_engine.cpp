@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -18,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "checks.hpp"
 #include "compiled_scene.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/engine/contacts.hpp"
@@ -52,14 +52,6 @@ void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std
 namespace {
 
 constexpr int kContactCapacity = 400;
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  ++failures;
-  std::printf("failed: %s\n", claim);
-}
 
 std::string scene() {
   const char* geoms[] = {"type='sphere' size='.05'",
@@ -290,6 +282,5 @@ int main() {
   check_queries(m);
   check_prisms();
   mj_deleteModel(m);
-  if (failures) std::printf("%d checks failed\n", failures);
-  return failures ? EXIT_FAILURE : EXIT_SUCCESS;
+  return exit_status();
 }

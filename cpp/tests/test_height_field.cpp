@@ -1,10 +1,9 @@
 // Distances and times of impact of a height field.
 
-#include <cstdio>
-#include <cstdlib>
 #include <random>
 #include <vector>
 
+#include "checks.hpp"
 #include "dashpot/geometry/pair_motion.hpp"
 #include "dashpot/geometry/query.hpp"
 
@@ -16,14 +15,6 @@ std::mt19937 generator(3);
 
 double uniform(double low, double high) {
   return std::uniform_real_distribution<double>(low, high)(generator);
-}
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  ++failures;
-  std::printf("failed: %s\n", claim);
 }
 
 // Shapes over, beside and falling onto a height field of more than one block of cells.
@@ -67,6 +58,5 @@ void check_height_field() {
 
 int main() {
   check_height_field();
-  if (failures) std::printf("%d checks failed\n", failures);
-  return failures ? EXIT_FAILURE : EXIT_SUCCESS;
+  return exit_status();
 }

@@ -4,10 +4,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 #include <random>
 
+#include "checks.hpp"
 #include "dashpot/geometry/hull.hpp"
 #include "dashpot/geometry/query.hpp"
 
@@ -16,14 +16,6 @@ namespace {
 using namespace dashpot;
 using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
-
-int failures = 0;
-
-void check(bool holds, const char* claim) {
-  if (holds) return;
-  std::printf("%s\n", claim);
-  ++failures;
-}
 
 std::mt19937 generator(5);
 double uniform(double low, double high) {
@@ -116,5 +108,5 @@ int main() {
   test_first_of_equals();
   test_fewer_corners_than_before();
   test_bounds_on_the_distance();
-  return failures > 0;
+  return exit_status();
 }

@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <random>
 #include <stdexcept>
 
+#include "checks.hpp"
 #include "dashpot/law/friction.hpp"
 #include "dashpot/law/kelvin_voigt.hpp"
 #include "dashpot/law/material.hpp"
@@ -20,13 +20,6 @@ namespace {
 
 using dashpot::Flow;
 using dashpot::KelvinVoigt;
-
-int failures = 0;
-
-void check(bool passed, const char* claim, double got, double bound) {
-  if (passed) return;
-  if (++failures <= 20) std::printf("failed: %s: %.17g against %.17g\n", claim, got, bound);
-}
 
 void check_at_most(double got, double bound, const char* claim) {
   check(got <= bound, claim, got, bound);
@@ -287,6 +280,5 @@ int main() {
   check_return_to_limit();
   check_materials();
   check_centres_of_hits();
-  if (failures > 0) std::printf("%d checks failed\n", failures);
-  return failures > 0 ? 1 : 0;
+  return exit_status();
 }

@@ -2,23 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <stdexcept>
 
+#include "checks.hpp"
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/microsteps/microstep.hpp"
 
 namespace {
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  ++failures;
-  std::printf("failed: %s\n", claim);
-}
 
 // A contact whose stiffness is no number pushes nothing and says nothing by itself.
 void check_forces_that_are_no_numbers() {
@@ -61,6 +52,5 @@ void check_forces_that_are_no_numbers() {
 
 int main() {
   check_forces_that_are_no_numbers();
-  if (failures) std::printf("%d checks failed\n", failures);
-  return failures ? EXIT_FAILURE : EXIT_SUCCESS;
+  return exit_status();
 }

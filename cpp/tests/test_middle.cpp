@@ -4,12 +4,11 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "checks.hpp"
 #include "compiled_scene.hpp"
 #include "dashpot/detection/detection.hpp"
 #include "dashpot/mujoco/errors.hpp"
@@ -18,14 +17,6 @@
 namespace {
 
 constexpr int kContactCapacity = 400;
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  ++failures;
-  std::printf("failed: %s\n", claim);
-}
 
 // 30 boxes that will lie on a floor in the middle of the step, where MuJoCo's rows of their
 // contacts take more than the memory of the model.
@@ -108,6 +99,5 @@ void check_return_from_the_middle_without_room() {
 int main() {
   check_restored_middle();
   check_return_from_the_middle_without_room();
-  if (failures) std::printf("%d checks failed\n", failures);
-  return failures ? EXIT_FAILURE : EXIT_SUCCESS;
+  return exit_status();
 }

@@ -3,10 +3,10 @@
 
 #include <mujoco/mujoco.h>
 
-#include <cstdio>
 #include <cstring>
 #include <string>
 
+#include "checks.hpp"
 #include "compiled_scene.hpp"
 #include "dashpot/engine/engine.hpp"
 
@@ -14,14 +14,6 @@ namespace {
 
 constexpr int kContactCapacity = 2000;
 constexpr int kBodies = 125;
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  ++failures;
-  std::printf("failed: %s\n", claim);
-}
 
 // Bodies of every convex shape in stacks `spacing` (m) apart, one layer upon the other; every tenth
 // on a joint.
@@ -83,6 +75,5 @@ void check_steps(double spacing) {
 int main() {
   check_steps(0.095);
   check_steps(0.3);
-  if (failures) std::printf("%d checks failed\n", failures);
-  return failures ? EXIT_FAILURE : EXIT_SUCCESS;
+  return exit_status();
 }

@@ -4,25 +4,18 @@
 #include <atomic>
 #include <cfenv>
 #include <chrono>
-#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "checks.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
 
 namespace {
 
 using namespace dashpot;
-
-int failures = 0;
-
-void check(bool passed, const char* claim) {
-  if (passed) return;
-  if (++failures <= 20) std::printf("failed: %s\n", claim);
-}
 
 // A pass writes without any lock: one that is not over when share() returns shows in the next.
 void check_every_item_once(Team& team, int count, int grain) {
@@ -162,6 +155,5 @@ int main() {
       check(std::this_thread::get_id() == own, "a pass that is not shared stays with its thread");
     });
   }
-  if (failures == 0) std::printf("passes of teams of 1 to 8 threads: as they should be\n");
-  return failures > 0;
+  return exit_status();
 }

@@ -2,24 +2,16 @@
 // and how the surface bends there.
 
 #include <cmath>
-#include <cstdio>
 #include <random>
 #include <vector>
 
+#include "checks.hpp"
 #include "dashpot/geometry/terrain.hpp"
 
 namespace {
 
 using namespace dashpot;
 using Eigen::Vector3d;
-
-int failures = 0;
-
-void check(bool holds, const char* claim) {
-  if (holds) return;
-  std::printf("%s\n", claim);
-  ++failures;
-}
 
 constexpr int kRows = 7, kColumns = 5;
 constexpr double kHalfX = 0.8, kHalfY = 1.2, kElevation = 0.3;
@@ -149,6 +141,5 @@ int main() {
   test_triangle_beneath_a_point();
   test_triangle_across_an_edge();
   test_flat_about();
-  if (failures == 0) std::printf("terrain: all hold\n");
-  return failures == 0 ? 0 : 1;
+  return exit_status();
 }

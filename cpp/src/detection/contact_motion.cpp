@@ -30,12 +30,13 @@ bool is_round_all_over(int type) {
   return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID;
 }
 
-}  // namespace
-
+// Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
 bool has_corners(const mjModel* m, int geom) {
   const int type = m->geom_type[geom];
   return type == mjGEOM_PLANE || type == mjGEOM_BOX || type == mjGEOM_MESH;
 }
+
+}  // namespace
 
 bool ContactMotion::find(const ContactInput& contact, const Trees& trees, const double* motion) {
   for (int i = 0; i < 2; ++i) {

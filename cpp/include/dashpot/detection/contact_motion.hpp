@@ -15,9 +15,6 @@ namespace dashpot::host {
 // curves there is a height of 1e-10 of that size.
 inline constexpr double kStillWay = 1e-5;
 
-// Whether the points in which a geom touches are fixed to it: corners, not places on a rim.
-bool has_corners(const mjModel* m, int geom);
-
 // The velocities that a pair of geoms has at the start of a step of `length` (s), and what they
 // lead to. World frame, SI units.
 class ContactMotion {
