@@ -24,6 +24,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from nonholonomic import nonholonomic
 from piles import BINS, balls_666, many_body, pile
 from scene import Scene
 from scenes import few_body, gripper, slope, spin, wall_press
@@ -43,7 +44,7 @@ def smoke_scenes() -> list[Scene]:
     }
     return [
         dataclasses.replace(short.get(s.name, s), timesteps=(s.timesteps[len(s.timesteps) // 2],))
-        for s in (*few_body(), *many_body())
+        for s in (*few_body(), *nonholonomic(), *many_body())
     ]
 
 
@@ -170,7 +171,7 @@ def speed_table(timings: list[dict[str, Any]], ratios: dict[str, dict[str, float
 def main() -> None:
     """Parse the command line, run, print and write."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    known = {s.name: s for s in (*few_body(), *many_body())}
+    known = {s.name: s for s in (*few_body(), *nonholonomic(), *many_body())}
     names = [*known, *BINS]
     parser.add_argument("--scene", nargs="+", choices=names, metavar="NAME", help=", ".join(names))
     parser.add_argument("--smoke", action="store_true", help="short form, less than a minute")

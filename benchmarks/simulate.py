@@ -20,6 +20,7 @@ DIRECT_IMPEDANCE = 1e-4  # MuJoCo's smallest: its load-dependent part of the con
 class Setting:
     """A way to step: dashpot, or MuJoCo with options set on `model.opt`.
 
+    `stiff`: contacts have the smallest time constant that MuJoCo steps stably, of two time steps.
     `threads` share a step of dashpot's, and the islands of MuJoCo's, which has a pool of those
     beside the calling one.
     """
@@ -27,6 +28,7 @@ class Setting:
     name: str
     dashpot: bool = False
     direct: bool = False
+    stiff: bool = False
     option: Mapping[str, Any] = field(default_factory=dict)
     threads: int = 1
 
@@ -40,17 +42,16 @@ class Setting:
 
 
 DASHPOT = Setting("dashpot", dashpot=True)
+IMPRATIO_100 = {
+    "cone": mujoco.mjtCone.mjCONE_ELLIPTIC,
+    "impratio": 100.0,
+    "integrator": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+}
 MUJOCO = (
     Setting("mujoco default"),
     Setting("mujoco elliptic", option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC}),
-    Setting(
-        "mujoco elliptic impratio 100",
-        option={
-            "cone": mujoco.mjtCone.mjCONE_ELLIPTIC,
-            "impratio": 100.0,
-            "integrator": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
-        },
-    ),
+    Setting("mujoco elliptic impratio 100", option=IMPRATIO_100),
+    Setting("mujoco stiff", stiff=True, option=IMPRATIO_100),
     Setting(
         "mujoco elliptic noslip",
         option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "noslip_iterations": 20},
@@ -67,6 +68,8 @@ def prepare(
     model = scene.model(timestep)
     for name, value in setting.option.items():
         setattr(model.opt, name, value)
+    if setting.stiff:
+        model.geom_solref[:] = 2 * timestep, 1.0
     if setting.direct:
         model.geom_solref[:] = scene.direct_solref
         model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
