@@ -1,4 +1,4 @@
-"""Scenes of rolling without slip whose motion mechanics knows in closed form.
+"""Scenes of rolling without slip whose motion mechanics knows.
 
 Discs are flat ellipsoids, near the knife edges of theory. Friction is 1, none of spin or roll.
 """
@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from bicycle import bicycle
+from rattleback import rattleback
 from scene import GRAVITY, Array, Run, Scene, mjcf, set_velocity
 
 FLOOR = 'friction="1 0 0"'
@@ -133,4 +134,4 @@ def turntable(*, rate: float = 3.0, speed: float = 0.2, radius: float = 0.05) ->
 
 def nonholonomic() -> list[Scene]:
     """Return the scenes of rolling without slip."""
-    return [bicycle(), wobble(), tilted_disc(), turntable()]
+    return [bicycle(), rattleback(), wobble(), tilted_disc(), turntable()]
