@@ -103,7 +103,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool new_control = !parts.cut();
   start_part(d, new_control, host::Sensors::kForCallbacks, is_rough(parts), mocap);
-  if (shorten_for_turns(parts))
+  if (shorten_for_turns(d, parts))
     motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
   detect_and_solve(d, parts, mocap);
   while (shorten_for_throws(parts) || shorten_for_rows(parts)) {

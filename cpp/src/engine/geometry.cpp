@@ -14,9 +14,9 @@ namespace dashpot {
 // Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
 // equalities, at their rate in the part before, as far as their rows do; returns whether that is
 // earlier.
-bool Stepper::Impl::shorten_for_turns(host::StepParts& parts) {
+bool Stepper::Impl::shorten_for_turns(const mjData_* d, host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(std::min(part_of_smooth_turn(model, motion, clock),
+  return shorten(std::min(part_of_smooth_turn(model, d, motion, clock),
                           part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
                  parts);
 }

@@ -6,6 +6,7 @@
 
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
+#include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/state.hpp"
@@ -117,6 +118,23 @@ void TreeMotion::freeze_ahead(int index, double time) {
   Inverse inverse(trees_.inverse.data() + trees_.tree[index].inverse + 4);
   const Eigen::Matrix3d rotation = turn.toRotationMatrix();
   inverse = (rotation * inverse * rotation.transpose()).eval();
+}
+
+double TreeMotion::translation_by_turning(const mjData_* d, int index) {
+  const Tree& tree = trees_.tree[index];
+  const double* velocity = start_velocity_.data() + tree.dof_begin;
+  const double* factor = trees_.factor.data() + tree.inverse;
+  std::vector<double>& acceleration = displacement_;
+  acceleration.resize(tree.dof_count);
+  for (int i = 0; i < tree.dof_count; ++i) {
+    const int dof = tree.dof_begin + i;
+    acceleration[i] = host::positional_force(d, dof) - host::potential_force(model_, d, dof);
+  }
+  solve_inertia(trees_, index, factor, acceleration.data());
+  for (int i = 0; i < tree.dof_count; ++i)
+    if (host::is_rotational(model_, tree.dof_begin + i)) acceleration[i] = 0.0;
+  return std::sqrt(inertia_form(trees_, index, factor, acceleration.data()) /
+                   inertia_form(trees_, index, factor, velocity));
 }
 
 void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {

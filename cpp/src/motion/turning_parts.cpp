@@ -38,7 +38,8 @@ double parts_of_spin(double rest, double whole, const double* velocity,
 
 }  // namespace
 
-double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, const StepClock& clock) {
+double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
+                           const StepClock& clock) {
   const double rest = clock.length, whole = clock.whole;
   const double share = followed(m);
   double parts = 1.0;
@@ -46,16 +47,24 @@ double part_of_smooth_turn(const mjModel_* m, const TreeMotion& motion, const St
     const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
     if (motion.is_accurate(index) && !by_stages) continue;
     const Tree& tree = motion.trees().tree[index];
+    double fastest = 0.0;
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {
       const double turn = share * rest * std::abs(motion.start_velocity()[dof]);
       const double bend = share * rest * rest * std::abs(motion.smooth_acceleration()[dof]);
-      if (is_far(turn, bend) && host::is_rotational(m, dof))
-        parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
+      if (host::is_rotational(m, dof)) {
+        fastest = std::max(fastest, turn);
+        if (is_far(turn, bend))
+          parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
+      }
       if (host::begins_spin(m, dof))
         parts = std::max(
             parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
                                  motion.smooth_acceleration().data() + dof));
     }
+    const double turn = fastest * whole / rest;
+    if (turn > kFollowedTurn && !tree.free_body &&
+        turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)
+      parts = std::max(parts, fastest / kPartTurn);
   }
   return equal_part(parts, rest, whole);
 }

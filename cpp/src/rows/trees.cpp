@@ -173,6 +173,19 @@ void solve_inertia(const Trees& trees, int tree, const double* factor, double* x
   }
 }
 
+double inertia_form(const Trees& trees, int tree, const double* factor, const double* x) {
+  const Tree& t = trees.tree[tree];
+  const int n = t.dof_count;
+  const Above above(trees, t);
+  double sum = 0.0;
+  for (int k = 0; k < n; ++k) {
+    double y = x[k];
+    for (int i : above.of(k)) y += factor[k * n + i] * x[i];
+    sum += factor[k * n + k] * y * y;
+  }
+  return sum;
+}
+
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
   invert(factor, Above(trees, t), t.dof_count, t.count, trees.inverse.data() + t.inverse);

@@ -72,6 +72,9 @@ class TreeMotion {
   void freeze_ahead(int tree, double time);
   // Whether it is a free body in the coordinates of one, and moves accurately.
   bool can_freeze_ahead(int tree) const { return trees_.tree[tree].free_body && is_accurate(tree); }
+  // What translations have of a tree's acceleration by Coriolis and centrifugal forces, over its
+  // velocity, both at the start and in the norm of the inertia, 1/s. Not of free bodies.
+  double translation_by_turning(const mjData_* d, int tree);
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
   void damp_in_microsteps(const mjData_* d, int tree);
   // Takes the dampers of a tree out of the factor of its inertia, after the micro-steps of RK4.

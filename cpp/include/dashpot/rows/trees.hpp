@@ -93,6 +93,8 @@ void check_bounded(const Tree& tree, const double* motion, double largest);
 void factor_inertia(const Trees& trees, int tree, double* inertia);
 // Solution of H x = f; x is f before.
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
+// x' H x.
+double inertia_form(const Trees& trees, int tree, const double* factor, const double* x);
 // Fills in inv(H) and 1 / sqrt(D) of a tree that is not a free body.
 void invert_inertia(Trees& trees, int tree, const double* factor);
 
