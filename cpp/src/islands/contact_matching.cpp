@@ -22,8 +22,6 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     const auto [geom1, geom2] = memory.geoms(i);
     slots_.add(pair_key(geom1, geom2), i);
   }
-  // By remembered point: the group that is nearest to it. Another one near it is a new point: a
-  // compression that two inherit would be two springs as deep.
   heir_.assign(slots, -1);
   away_.assign(slots, std::numeric_limits<double>::infinity());
   nearest_.resize(groups);
@@ -47,20 +45,16 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
     if (c.kind != RowKind::kContact) continue;
     const ContactInput& input = contacts[c.input];
     any_at_seam = any_at_seam || input.is_at_seam();
-    const auto [nearest, away] = nearest_[index];
-    if (nearest < 0 || !(away < away_[nearest])) continue;
+    const int nearest = nearest_[index].slot;
+    if (nearest < 0) continue;
     if (input.gap >= 0.0 && input.gap >= memory.parted_hit(nearest)) continue;
-    if (heir_[nearest] >= 0) matches[heir_[nearest]].nearest = -1;
-    heir_[nearest] = index;
-    away_[nearest] = away;
-    matches[index].nearest = nearest;
-    matches[index].parted = input.gap >= 0.0;
+    inherit(memory, contacts, rows, index, matches);
   }
   if (any_at_seam) match_at_seams(memory, contacts, rows, matches);
 }
 
-// The nearest remembered point of the pair, -1 if there is none; a point fixed to either geom is
-// recognised by that geom.
+// The nearest remembered point of the pair to which no other contact is nearer, -1 if there is none;
+// a point fixed to either geom is recognised by that geom.
 ContactMatching::Nearest ContactMatching::nearest_contact(const Memory& memory,
                                                           const ContactInput& input) const {
   Nearest nearest;
@@ -68,9 +62,30 @@ ContactMatching::Nearest ContactMatching::nearest_contact(const Memory& memory,
     const double distance =
         std::min(squared_distance(memory.position(slot, 0), input.local_position[0].data()),
                  squared_distance(memory.position(slot, 1), input.local_position[1].data()));
-    if (distance < nearest.squared_distance) nearest = {slot, distance};
+    if (distance < std::min(nearest.squared_distance, away_[slot])) nearest = {slot, distance};
   });
   return nearest;
+}
+
+// Gives a group the nearest point that it may have; a group to which that is not as near looks for
+// another in its place.
+void ContactMatching::inherit(const Memory& memory, const std::vector<ContactInput>& contacts,
+                              const Rows& rows, int group, std::vector<Match>& matches) {
+  while (group >= 0) {
+    const ContactInput& input = contacts[rows.group[group].input];
+    Nearest& nearest = nearest_[group];
+    if (nearest.slot >= 0 && nearest.squared_distance >= away_[nearest.slot])
+      nearest = input.gap < 0.0 ? nearest_contact(memory, input) : Nearest();
+    const int slot = nearest.slot;
+    if (slot < 0) return;
+    const int former = heir_[slot];
+    heir_[slot] = group;
+    away_[slot] = nearest.squared_distance;
+    matches[group].nearest = slot;
+    matches[group].parted = input.gap >= 0.0;
+    if (former >= 0) matches[former] = {-1, false, matches[former].load};
+    group = former;
+  }
 }
 
 // What a geom rolls on to remembers what it left, by the place on that geom, geom 1 of both.

@@ -1,4 +1,8 @@
-// Which remembered contact each contact of a step goes on from.
+// Which remembered contact each contact of a step goes on from: the nearest of its pair. Of those
+// that are nearest to the same one the nearest has it, since a compression that two inherit would
+// be two springs as deep, and the others have the nearest that is left. Points that move along
+// both geoms, as those of crossing rods, may have passed half of their spacing in a step: what is
+// nearest to one of them then is where another was.
 
 #pragma once
 
@@ -25,6 +29,8 @@ class ContactMatching {
     double squared_distance = std::numeric_limits<double>::infinity();  // m^2
   };
   Nearest nearest_contact(const Memory& memory, const ContactInput& input) const;
+  void inherit(const Memory& memory, const std::vector<ContactInput>& contacts, const Rows& rows,
+               int group, std::vector<Match>& matches);
   void match_at_seams(const Memory& memory, const std::vector<ContactInput>& contacts,
                       const Rows& rows, std::vector<Match>& matches);
 

@@ -45,9 +45,9 @@ struct RememberedConstraint {
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
-// What memory has of a contact: the nearest remembered point of its pair, where it overlaps, or
-// goes on as a hit, and is itself the nearest to that point, else -1; and the force (N) that all
-// points of its pair bore at the end of the last step.
+// What memory has of a contact: the remembered point of its pair that it goes on from
+// (islands/contact_matching.hpp), where it overlaps, or goes on as a hit, else -1; and the force (N)
+// that all points of its pair bore at the end of the last step.
 struct Match {
   int nearest = -1;
   bool parted = false;  // was hit, and has a gap now, see Memory::parted_hit

@@ -1,7 +1,7 @@
 // What rows take from memory at the start of a step.
 //
 // A contact takes the smaller of the overlap that collision reports and the compression remembered
-// at the nearest point of the same geom pair, unless another contact is nearer to that point; what
+// at the point of the same geom pair that it goes on from (islands/contact_matching.hpp); what
 // geometry reports beyond that is an unstressed offset. Where two bodies hit each other alone, in
 // less than a step, it keeps all of its compression, also across a gap that is smaller than that:
 // frozen rows lead too deep there. Limits and equalities do the same with their position. In the
