@@ -53,8 +53,8 @@ void ContactMatching::find(const Memory& memory, const std::vector<ContactInput>
   if (any_at_seam) match_at_seams(memory, contacts, rows, matches);
 }
 
-// The nearest remembered point of the pair to which no other contact is nearer, -1 if there is none;
-// a point fixed to either geom is recognised by that geom.
+// The nearest remembered point of the pair to which no other contact is nearer, -1 if there is
+// none; a point fixed to either geom is recognised by that geom.
 ContactMatching::Nearest ContactMatching::nearest_contact(const Memory& memory,
                                                           const ContactInput& input) const {
   Nearest nearest;

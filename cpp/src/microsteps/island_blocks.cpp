@@ -59,7 +59,7 @@ struct LanePacker {
       law.deformation[i][lane] = data.deformation[c.row + i];
     }
     law.bearable[lane] = bearable_compression(rows, c, recovery_speed);
-    law.recovery_speed[lane] = recovery_speed_along(rows, c, recovery_speed);
+    law.recovery_speed[lane] = recovery_speed_of(rows, data, index, recovery_speed);
     law.offset[lane] = data.offset[index];
     law.sticking[lane] = -1;
   }

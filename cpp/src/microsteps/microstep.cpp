@@ -37,10 +37,11 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   const double time = island.microsteps * island.duration, offset = data.offset[index];
-  const double speed = std::min(offset / recovery_over(time).time, recovery_speed);
+  const double speed = std::min(offset / recovery_over(time).time,
+                                recovery_speed_of(rows, data, index, recovery_speed));
   return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
          c.turning[0] == 0.0 &&
-         (offset <= 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
+         (offset <= 0.0 || speed == 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
 }
 
 // What a thread takes at once: trees of a large island, or groups of small ones.

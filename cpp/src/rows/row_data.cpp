@@ -1,6 +1,7 @@
 #include "dashpot/rows/row_data.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 namespace dashpot {
@@ -9,6 +10,22 @@ namespace {
 
 // Groups that are summed up one by one: sums over ranges of them do not depend on threads.
 constexpr int kGroupsOfSum = 128;
+// Gap rate, in parts of omega x, from which on a compressed spring swings rather than rests.
+constexpr double kSwinging = 0.01;
+
+// Whether the spring of a contact swings, or what comes will have it swing, with a force of more
+// than kHitLoads times the load of smooth forces.
+bool is_hit_on(const Rows& rows, const RowData& data, const RowGroup& c) {
+  if (c.kind != RowKind::kContact) return false;
+  double rate[kMaxRows], load[kMaxRows];
+  gather(rows, c, data.velocity.data(), rate);
+  gather(rows, c, data.smooth_acceleration.data(), load);
+  const double square = rows.stiffness[c.row] * rows.inverse_mass[c.row];  // omega^2
+  const double x = data.deformation[c.row], coming = std::min(rate[0], 0.0);
+  const double swing = square * (square * x * x + coming * coming);
+  return swing > kHitLoads * kHitLoads * load[0] * load[0] &&
+         rate[0] * rate[0] > kSwinging * kSwinging * square * x * x;
+}
 
 }  // namespace
 
@@ -34,6 +51,13 @@ void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&touched, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
   hit.assign(rows.group.size(), Hit::kNone);
   work = recovery_input = EnergyShares{};
+}
+
+double recovery_speed_of(const Rows& rows, const RowData& data, int index, double recovery_speed) {
+  const RowGroup& c = rows.group[index];
+  const bool waits = c.soft_load > 0.0 && data.offset[index] > 0.0 && !std::isinf(recovery_speed) &&
+                     is_hit_on(rows, data, c);
+  return waits ? 0.0 : recovery_speed_along(rows, c, recovery_speed);
 }
 
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,

@@ -75,6 +75,12 @@ struct RowData {
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
                               const double* velocity, const double* acceleration, double time);
 
+// How fast (m/s) the overlap of a group recovers at most: as recovery_speed_along says, but not
+// while a contact of SI stiffness throws back what hit it, with more than kHitLoads times the load
+// of smooth forces. What takes milliseconds there takes a corner to the next one, which is deep
+// already; to push that out under the force of a hit added half of its energy.
+double recovery_speed_of(const Rows& rows, const RowData& data, int index, double recovery_speed);
+
 // Elastic energy stored in the springs, of all groups or of some, J.
 EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team);
 double elastic_energy(const Rows& rows, const RowData& data, const std::vector<int>& groups);
