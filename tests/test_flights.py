@@ -112,3 +112,60 @@ def test_a_spinning_bar_touches_the_post_that_it_grazes(clearance, touches, time
 def test_bodies_of_any_shape_touch_where_they_meet_and_only_there(seed, timestep):
     flight, clearance = random_fly_by(seed)
     assert flight.is_disturbed(timestep) == (clearance < 0.0)
+
+
+GRAVITY = 9.81
+HALF_WIDTH = 0.02
+FALLING = {
+    "box": f'type="box" size="{HALF_WIDTH} {HALF_WIDTH} 0.04"',
+    "cylinder": f'type="cylinder" size="{HALF_WIDTH} 0.04"',
+}
+
+
+def walls_apart(clearances):
+    """Return an engine's world: walls along x, below z = 0, as far from a body at the origin."""
+    return "".join(
+        f'<geom type="box" size="0.03 0.1 0.05" pos="{side * (HALF_WIDTH + c + 0.03)} 0 -0.05"/>'
+        for side, c in clearances.items()
+    )
+
+
+def change_beside_gravity(engine, height, speed, steps):
+    """Largest change (m/s, rad/s) of the velocity of a body thrown down, but for its fall."""
+    data = engine.make_data()
+    data.qpos[2] = 0.04 + height
+    data.qvel[2] = -speed
+    largest = 0.0
+    for _ in range(steps):
+        engine.step(data)
+        fall = [0.0, 0.0, -speed - GRAVITY * data.time, 0.0, 0.0, 0.0]
+        largest = max(largest, np.abs(data.qvel - fall).max())
+    return largest
+
+
+def engine_of_fall(shape, clearances, timestep, impact="none"):
+    xml = f"""<mujoco><option timestep="{timestep}" gravity="0 0 {-GRAVITY}"/><worldbody>
+      {walls_apart(clearances)}
+      <body><freejoint/><geom {FALLING[shape]} mass="0.1"/></body></worldbody></mujoco>"""
+    return Engine(mujoco.MjModel.from_xml_string(xml), impact=impact)
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("shape", FALLING)
+def test_body_falls_past_an_edge_that_it_clears(shape, timestep, impact):
+    # In steps of a few percent of its half-width gravity adds enough for the plane across the edge
+    # that is nearest at their start to be crossed.
+    for clearance in (5e-5, 2e-4, 5e-4, 1e-3):
+        engine = engine_of_fall(shape, {1: clearance}, timestep, impact)
+        for way in (5e-4, 1e-3, 1.9e-3, 4e-3):
+            for height in np.linspace(0.3, 1.5, 25) * way:
+                assert change_beside_gravity(engine, height, way / timestep, 4) < 1e-9
+
+
+@pytest.mark.parametrize("timestep", [1e-3, 2e-3, 5e-3])
+@pytest.mark.parametrize("shape", FALLING)
+def test_body_released_over_a_slot_falls_into_it(shape, timestep):
+    engine = engine_of_fall(shape, {1: 5e-4, -1: 1.5e-3}, timestep)
+    for height in np.linspace(0.0005, 0.005, 40):
+        assert change_beside_gravity(engine, height, 0.0, round(0.08 / timestep)) < 1e-9

@@ -60,7 +60,7 @@ Pose advance(const Pose& pose, const Motion& motion, double time) {
   const Matrix3d turn =
       angle == 0.0 ? Matrix3d::Identity()
                    : Eigen::AngleAxisd(angle, motion.angular.normalized()).toRotationMatrix();
-  return {motion.centre + motion.linear * time + turn * (pose.position - motion.centre),
+  return {motion.centre + motion.way(time) + turn * (pose.position - motion.centre),
           turn * pose.rotation};
 }
 

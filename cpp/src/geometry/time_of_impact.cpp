@@ -3,7 +3,8 @@
 // At time t let n be the direction between the closest points. From the bounds of moving_shape.hpp,
 // the gap along n is, tau later, at least
 //
-//     G(tau) = min_b b.(n + tau n x w2) - max_a a.(n + tau n x w1) + tau (...) - K tau^2 / 2 ,
+//     G(tau) = min_b b.(n + tau n x w2) - max_a a.(n + tau n x w1) + tau (...) - K tau^2 / 2
+//              + min(0, n.(a2 - a1)) tau^2 / 2 ,
 //
 // a concave function that costs two support points to evaluate. The bodies stay apart up to its
 // root, to which time advances, and n is found again. Near contact each advance leaves a gap
@@ -41,10 +42,12 @@ double turning_clearance(const MovingShape& body1, const MovingShape& body2, con
                          const Vector3d& rate, double longest, double tau) {
   const Vector3d offset = body2.motion.centre - body1.motion.centre;
   const Vector3d velocity = body2.motion.linear - body1.motion.linear;
+  const double acceleration = (body2.motion.acceleration - body1.motion.acceleration).norm();
+  const double speed = velocity.norm() + longest * acceleration;
   const Vector3d turned = rate.cross(normal);
   const double curvature =
-      turned.norm() *
-      (rate.norm() * (offset.norm() + longest * velocity.norm()) + 2.0 * velocity.norm());
+      turned.norm() * (rate.norm() * (offset.norm() + longest * speed) + 2.0 * speed) +
+      acceleration;
   return normal.dot(offset) + tau * (turned.dot(offset) + normal.dot(velocity)) -
          0.5 * curvature * tau * tau + body2.turning_height(normal, rate, -1.0, tau) -
          body1.turning_height(normal, rate, 1.0, tau);
@@ -105,6 +108,9 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
     found.at = swapped(found.at);
     return found;
   }
+  if (is_field1 && !(motion1.acceleration.isZero(0.0) && motion2.acceleration.isZero(0.0)))
+    throw std::invalid_argument(
+        "time of impact with a height field along a parabola is not defined");
   if (is_field1 && shape2.type == ShapeType::kPlane) {
     return time_of_impact(height_field_hull(shape1.field), pose1, motion1, shape2, pose2, motion2,
                           horizon, margin);
@@ -123,16 +129,19 @@ TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion
   for (; result.evaluations < kMostDistances;) {
     const auto place = [&](MovingShape& body, const Pose& pose, const Motion& motion) {
       body.pose = advance(pose, motion, result.time);
-      body.motion.centre = motion.centre + result.time * motion.linear;
+      body.motion.centre = motion.centre + motion.way(result.time);
+      body.motion.linear = motion.linear + result.time * motion.acceleration;
     };
     place(body1, pose1, motion1);
     place(body2, pose2, motion2);
     result.at = distance(shape1, body1.pose, shape2, body2.pose);
     ++result.evaluations;
     const Vector3d& normal = result.at.normal;
+    const double coming =
+        std::min(0.0, normal.dot(body2.motion.acceleration - body1.motion.acceleration));
     const auto clearance = [&](double tau) {
-      return body2.height(normal, -1.0, tau) - body1.height(normal, 1.0, tau) - margin -
-             0.5 * touching;
+      return body2.height(normal, -1.0, tau) - body1.height(normal, 1.0, tau) +
+             0.5 * coming * tau * tau - margin - 0.5 * touching;
     };
     if (std::min(clearance(0.0) + 0.5 * touching, result.at.distance - margin) <= touching) {
       result.hit = true;

@@ -13,9 +13,10 @@ using Eigen::Vector3d;
 
 namespace {
 
-// Distance, relative to the half-width of the thinner geom, at which what is round meets what is
-// not. From as far as a clearance c its normal is off by sqrt(2 c / r): what passes over an edge at
-// that height is left to where contacts that come on are frozen (detection/turning.hpp).
+// The same of all others, which have edges: from as far as a clearance c the normal of what is
+// round is off by sqrt(2 c / r) there, and that of an edge which passes by c is across its way.
+// What is round and comes nearer than the clearance, but not as near, is left to where contacts
+// that come on are frozen (detection/turning.hpp).
 constexpr double kTouch = 1e-6;
 
 }  // namespace
@@ -45,25 +46,30 @@ bool FlightPaths::one_is_round(const ContactInput& contact) const {
          geom_bounds(model_, contact.geom[1]).is_round;
 }
 
+bool FlightPaths::are_round(const ContactInput& contact) const {
+  return geom_bounds(model_, contact.geom[0]).is_round &&
+         geom_bounds(model_, contact.geom[1]).is_round;
+}
+
 void FlightPaths::follow(const ContactInput& contact, double departs, Flight& flight) const {
   Shape shape[2];
   Pose pose[2];
   Motion motion[2];
-  Vector3d acceleration[2];
-  double departure = 0.0;  // m/s^2, of points from the mean motion
+  double departure = 0.0;  // m/s^2, of points from turning at the mean rate
   for (int side = 0; side < 2; ++side) {
     const int geom = contact.geom[side], body = geom_body(model_, geom);
     shape[side] = shapes_.of(model_, geom);
     pose[side] = geom_pose(model_, data_, geom);
     const Motion start = at_start(body), end = at_end(body);
     motion[side] = mean(body);
-    acceleration[side] = (end.linear - start.linear) / length_;
+    motion[side].linear = start.linear;
+    motion[side].acceleration = (end.linear - start.linear) / length_;
     const double arm =
         geom_bounds(model_, geom).core_radius + geom_offset(data_, geom, start.centre);
     departure += (end.angular - start.angular).norm() / length_ * arm;
   }
-  departure += (acceleration[1] - acceleration[0]).norm();
-  const double clearance = kClearance * half_width(contact) + departure * length_ * length_ / 8.0;
+  const double touch = (are_round(contact) ? kClearance : kTouch) * half_width(contact);
+  const double clearance = touch + departure * length_ * length_ / 8.0;
   const auto impact_within = [&](double distance) {
     return time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1], length_,
                           std::max(0.0, contact.margin) + distance);
@@ -73,8 +79,8 @@ void FlightPaths::follow(const ContactInput& contact, double departs, Flight& fl
     impact = impact_within(clearance);
     // Which what holds them may bring about: the row tells whether they come on from there.
     if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
-    if (impact.hit && one_is_round(contact)) {
-      impact = impact_within(kTouch * half_width(contact));
+    if (impact.hit && one_is_round(contact) && clearance > touch) {
+      impact = impact_within(touch);
       if (!impact.hit) return;
     }
   } catch (const UndecidedImpact&) {
@@ -86,9 +92,9 @@ void FlightPaths::follow(const ContactInput& contact, double departs, Flight& fl
   for (int side = 0; side < 2; ++side) {
     const Pose then = advance(pose[side], motion[side], impact.time);
     const Vector3d& point = side ? impact.at.point2 : impact.at.point1;
-    const Vector3d arm = point - motion[side].centre - impact.time * motion[side].linear;
-    const Vector3d rate = motion[side].linear + motion[side].angular.cross(arm);
-    way += (side ? 1.0 : -1.0) * impact.time * rate;
+    const Vector3d moved = motion[side].way(impact.time);
+    const Vector3d arm = point - motion[side].centre - moved;
+    way += (side ? 1.0 : -1.0) * (moved + impact.time * motion[side].angular.cross(arm));
     flight.point[side] = motion[side].centre + arm;
     flight.local[side] = then.rotation.transpose() * (point - then.position);
   }

@@ -17,8 +17,8 @@ using Eigen::Vector3d;
 namespace {
 
 // Ways of the two geoms in the step, relative to the half-width of the thinner one, up to which
-// normals at the start are good: past a ball of radius r, a way x leads below its tangent plane by
-// x^2 / (4 r) at most.
+// normals of faces at the start are good: past a ball of radius r, a way x leads below its tangent
+// plane by x^2 / (4 r) at most.
 constexpr double kFarWay = 0.1;
 // The same of two round shapes, whose normal turns all the way: by half of this (rad), while what
 // lies below the tangent plane is a few hundredths of what they compress in a blow along the way.
@@ -62,7 +62,8 @@ class FlightSearch {
     disturbance_.reset(model_, length_);
     for (const ConstraintInput& constraint : constraints) disturbance_.shake(constraint.tree);
     for (const Flight& flight : flights_)
-      if (are_round(contacts_[flight.first])) disturbance_.look_at(contacts_[flight.first].tree);
+      if (paths_.are_round(contacts_[flight.first]))
+        disturbance_.look_at(contacts_[flight.first].tree);
     size_t next = 0;
     for (size_t i = 0; i < contacts_.size(); ++i) {
       while (next < flights_.size() && flights_[next].last <= i) ++next;
@@ -91,7 +92,7 @@ class FlightSearch {
   void redirected(std::vector<Flight>& redirected) const {
     for (const Flight& flight : flights_) {
       const auto begin = contacts_.begin() + flight.first, end = contacts_.begin() + flight.last;
-      const bool alone = flight.last - flight.first == 1 && are_round(*begin);
+      const bool alone = flight.last - flight.first == 1 && paths_.are_round(*begin);
       const auto stands_for_it = [&](const ContactInput& contact) {
         const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
         return !alone && normal.dot(flight.normal) > kNormalHolds && acts(contact);
@@ -111,10 +112,24 @@ class FlightSearch {
       if (contacts_[i].gap < contacts_[nearest].gap) nearest = i;
     }
     const ContactInput& contact = contacts_[nearest];
-    const double far = (are_round(contact) ? kFarWayOfRound : kFarWay) * paths_.half_width(contact);
-    if (reach_.reach[contact.geom[0]] + reach_.reach[contact.geom[1]] <= far) return false;
     return can_be_followed(contact.geom[0]) && can_be_followed(contact.geom[1]) &&
+           (goes_far(contact) || may_pass_an_edge(first, last));
+  }
+
+  bool goes_far(const ContactInput& contact) const {
+    const bool round = paths_.are_round(contact);
+    const double far = (round ? kFarWayOfRound : kFarWay) * paths_.half_width(contact);
+    return reach_.reach[contact.geom[0]] + reach_.reach[contact.geom[1]] > far &&
            moves_along(contact, far);
+  }
+
+  // Whether the plane of a contact is crossed in the step. An edge that is nearer than the way
+  // turns it on a way of any length: what is released 0.5 to 5 mm above a rim that it clears by up
+  // to a millimetre crossed that of the start in one of eight falls at 5 ms.
+  bool may_pass_an_edge(size_t first, size_t last) const {
+    if (paths_.are_round(contacts_[first])) return false;
+    return std::any_of(contacts_.begin() + first, contacts_.begin() + last,
+                       [&](const ContactInput& contact) { return acts(contact); });
   }
 
   // Whether a pair may meet in the step after it has moved along the contact's plane by more than
@@ -147,11 +162,6 @@ class FlightSearch {
   bool is_nearest(int geom) const {
     const ShapeType type = shapes_.of(model_, geom).type;
     return type == ShapeType::kSphere || type == ShapeType::kCapsule || type == ShapeType::kBox;
-  }
-
-  bool are_round(const ContactInput& contact) const {
-    return geom_bounds(model_, contact.geom[0]).is_round &&
-           geom_bounds(model_, contact.geom[1]).is_round;
   }
 
   bool can_be_followed(int geom) const {
@@ -192,8 +202,8 @@ class FlightSearch {
   // Round bodies roll and slide up to each other.
   bool is_disturbed(const Flight& flight) const {
     const ContactInput& contact = contacts_[flight.first];
-    return are_round(contact) ? disturbance_.is_shaken(contact.tree)
-                              : disturbance_.is_disturbed(contact.tree);
+    return paths_.are_round(contact) ? disturbance_.is_shaken(contact.tree)
+                                     : disturbance_.is_disturbed(contact.tree);
   }
 
   const mjModel_* model_;

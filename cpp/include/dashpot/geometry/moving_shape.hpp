@@ -1,9 +1,9 @@
 // Bounds on where a moving shape reaches.
 //
-// A point x of a body that moves at v about c and turns at w has, tau later, the height n.x(tau)
-// within w_n r tau^2 / 2 of n.x + tau (n.v + (x - c).(n x w)), where w_n = |w| |n x w| and r is its
-// distance from the axis of rotation. Balls swept about the core turn with nothing, so that only
-// the core enters r.
+// A point x of a body that moves at the constant v about c and turns at w has, tau later, the
+// height n.x(tau) within w_n r tau^2 / 2 of n.x + tau (n.v + (x - c).(n x w)), where w_n = |w| |n x
+// w| and r is its distance from the axis of rotation. Balls swept about the core turn with nothing,
+// so that only the core enters r.
 //
 // Along a direction that turns too, n(tau) = R(tau) n at the rate w', the offset of x from c has
 // the height n(tau).(x - c)(tau) = m(tau).(x - c) with m = inv(R_body) R n, which starts at n with
@@ -17,7 +17,7 @@ namespace dashpot {
 
 struct MovingShape {
   const Shape& shape;
-  Motion motion;  // `centre` where `pose` is
+  Motion motion;  // `centre` and `linear` where `pose` is; heights leave out the acceleration
   Pose pose;
   double axis_radius = 0.0;    // m, of the core, about the axis of rotation
   double centre_radius = 0.0;  // m, of the core, about the centre; planes: unused

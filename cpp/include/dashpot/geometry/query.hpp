@@ -54,7 +54,7 @@ struct TimeOfImpact {
 // Conservative advancement: `time` is never after the first contact, and precedes it by no more
 // than the shapes need to close kTouchingGap. Shapes that touch or
 // overlap at the start have time 0. `horizon` (s) > 0. Throws std::invalid_argument as distance(),
-// and for a plane that turns; UndecidedImpact.
+// for a plane that turns and for height fields where anything accelerates; UndecidedImpact.
 // With `margin` (m, >= 0), the time at which the distance has fallen to it takes the place of the
 // first contact.
 TimeOfImpact time_of_impact(const Shape& shape1, const Pose& pose1, const Motion& motion1,

@@ -60,12 +60,16 @@ struct Pose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  // columns: the shape's axes in the world
 };
 
-// Rigid motion at constant velocity: `centre` moves at `linear`, the body turns about it at the
+// Rigid motion: `centre` follows a parabola, at first at `linear`, the body turns about it at the
 // constant world vector `angular`.
 struct Motion {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();   // m, world
-  Eigen::Vector3d linear = Eigen::Vector3d::Zero();   // m/s
-  Eigen::Vector3d angular = Eigen::Vector3d::Zero();  // rad/s
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();        // m, world
+  Eigen::Vector3d linear = Eigen::Vector3d::Zero();        // m/s
+  Eigen::Vector3d angular = Eigen::Vector3d::Zero();       // rad/s
+  Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  // m/s^2, constant
+
+  // How far (m) the centre is after `time` (s).
+  Eigen::Vector3d way(double time) const { return time * (linear + 0.5 * time * acceleration); }
 };
 
 // `pose` carried along `motion` for `time` seconds.

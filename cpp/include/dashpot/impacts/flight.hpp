@@ -1,10 +1,11 @@
 // A pair of geoms that fly towards or past each other, and where their motion leads.
 //
-// The pair is followed along its mean motion over the step to its time of impact (query.hpp), by a
-// clearance that covers what the mean motion leaves out of the true one: with the accelerations a
-// of the bodies and the angular ones alpha, arms r about their centres, over the step H
+// The pair is followed along the parabolas of the centres of mass to its time of impact
+// (query.hpp), turning at the mean rates of the step, by a clearance that covers what those leave
+// out: with the angular accelerations alpha of the bodies and arms r about their centres, over the
+// step H
 //
-//     (|a_2 - a_1| + |alpha_1| r_1 + |alpha_2| r_2) H^2 / 8 .
+//     (|alpha_1| r_1 + |alpha_2| r_2) H^2 / 8 .
 
 #pragma once
 
@@ -36,9 +37,8 @@ struct Flight {
   double gap = 0.0;
 };
 
-// Clearance, relative to the half-width of the thinner geom, that counts as touch: a graze must not
-// be lost to what the mean motion leaves out of the true one, and a miss by so little may as well
-// touch.
+// Clearance, relative to the half-width of the thinner geom, that counts as touch of round ones: a
+// miss by so little may as well touch.
 inline constexpr double kClearance = 1e-3;
 
 // Where bodies go in a step of `length` (s) by their smooth motion, which `reach` has.
@@ -53,6 +53,7 @@ class FlightPaths {
   Motion mean(int body) const;
   // m, of the thinner geom of a contact.
   double half_width(const ContactInput& contact) const;
+  bool are_round(const ContactInput& contact) const;
 
   // Follows the geoms of a contact to where they meet or pass by. `departs` (m): how far what holds
   // them may take them from their smooth motion.

@@ -5,15 +5,16 @@
 // another crosses the plane without touching anything. Of a pair of geoms that
 //
 // - is apart, and whose geoms move farther in the step than a fraction of the thinner one's
-//   half-width, a smaller one where both are round: theirs turn the normal all the way,
+//   half-width, a smaller one where both are round: theirs turn the normal all the way; or which
+//   closes in the step, and may pass an edge,
 // - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
 //   constraint, no contact that touches or closes, none that what it acts on may come to;
 //   round ones may be held gently, as by a table (flight_disturbance.hpp),
 //
-// the time of impact along their mean motion (query.hpp) is found. A pair without one in the step
-// is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces meet
-// along a normal that the contacts found do not have, or where none of these closes, the nearest
-// becomes the one of the impact, in the place that its two points have at the start.
+// the time of impact along their smooth motion (flight.hpp) is found. A pair without one in the
+// step is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces
+// meet along a normal that the contacts found do not have, or where none of these closes, the
+// nearest becomes the one of the impact, in the place that its two points have at the start.
 //
 // Planes have the same normal everywhere, and are left as found. So is the face of a tile for those
 // that it goes on in, whose own contacts are left out (detection/seams.hpp): a ball may fly past
