@@ -14,9 +14,10 @@
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
 // being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it
 // until they separate: otherwise every change of stiffness would drop force, and the jolt change
-// the stiffness again. Of what is hit it is the energy that goes on, not the force. Contacts of SI
-// stiffness, which users change, and of a model's own solref, whose load changes, recover it like
-// offsets.
+// the stiffness again. Of what is hit it is the energy that goes on, not the force, in a cluster
+// where an elastic contact stiffens: the energy that a force which went on would lose is what it is
+// about to give back, a third of a ball's that hits two in a row. Contacts of SI stiffness, which
+// users change, and of a model's own solref, whose load changes, recover it like offsets.
 
 #pragma once
 
