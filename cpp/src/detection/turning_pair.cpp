@@ -52,7 +52,7 @@ bool TurningPair::moves() {
   same_time_ = kSameTime * step_.length;
   if (is_round_hit_) same_time_ = std::min(same_time_, kSameTime / frequency);
   if (first_->frozen == Frozen::kAtImpact) return is_round_hit_;
-  goes_far_ = !far_.find(data_, *first_);
+  goes_far_ = !are_soft_balls() && !far_.find(data_, *first_);
   if (is_round_hit_) return true;
   stays_ = goes_far_ || (motion_.are_round() && parts_early() && frequency == 0.0);
   if (stays_) return std::any_of(first_, last_, [&](const ContactInput& c) { return comes(c); });
@@ -60,6 +60,13 @@ bool TurningPair::moves() {
   return std::any_of(first_, last_, [&](const ContactInput& c) {
     return c.gap <= to_middle || hits_.frequency(c) > 0.0;
   });
+}
+
+// Whether two balls hit each other for as long as their springs swing: they have no edge to be past
+// by the middle, and their normal turns all the while, also where others touch them.
+bool TurningPair::are_soft_balls() const {
+  return motion_.geom_type(0) == mjGEOM_SPHERE && motion_.geom_type(1) == mjGEOM_SPHERE &&
+         hits_.is_soft(*first_);
 }
 
 // Whether a ball comes or goes in a step that does not hold all of its hit.
