@@ -215,8 +215,9 @@ def test_soft_balls_turn_on_as_they_glance_also_beside_a_third(angle, timestep, 
     radius, mass, speed, stiffness = 0.0286, 0.17, 6.0, 1e5
     normal = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle)), 0.0])
     for phase in np.linspace(0.0, 1.0, 5):
-        hit = 2 * radius * normal + [0.05 + phase * speed * timestep, 0.0, 0.0]
-        places = [np.zeros(3), hit, hit + [0.0, 2 * radius, 0.0]]
+        hit = 2 * radius * normal
+        hit[0] += 0.05 + phase * speed * timestep
+        places = [np.zeros(3), hit, hit + np.array([0.0, 2 * radius, 0.0])]
         balls = "".join(
             f'<body pos="{x} {y} {z}"><freejoint/><geom size="{radius}" mass="{mass}"/></body>'
             for x, y, z in places

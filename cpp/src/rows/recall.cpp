@@ -212,10 +212,11 @@ void recall_contacts(const StepView& step, const Rows& rows, double recovery_spe
     const bool alone = data.is_of_lone_pair[index];
     const bool hit_now = alone && data.hit[index] != Hit::kNone;
     const bool hit_before = old.was_hit() && (alone || is_elastic(rows, c));
-    // In a cluster a neighbour that is hit, too, or a part of a step that is short, makes it stiffer.
+    // In a cluster a neighbour that is hit, too, or a part of a step that is short, makes it
+    // stiffer.
     const bool stiffens = is_elastic(rows, c) && rows.stiffness[c.row] > old.stiffness;
-    const bool hit = (hit_now || hit_before || stiffens) &&
-                     goes_on_as_hit(force, rows, c, step.length, data);
+    const bool hit =
+        (hit_now || hit_before || stiffens) && goes_on_as_hit(force, rows, c, step.length, data);
     if (input.gap >= 0.0 && !hit) return;
     double& credit = data.credit[index];
     credit = old.credit;

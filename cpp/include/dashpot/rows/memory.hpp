@@ -46,8 +46,8 @@ struct RememberedConstraint {
 };
 
 // What memory has of a contact: the remembered point of its pair that it goes on from
-// (islands/contact_matching.hpp), where it overlaps, or goes on as a hit, else -1; and the force (N)
-// that all points of its pair bore at the end of the last step.
+// (islands/contact_matching.hpp), where it overlaps, or goes on as a hit, else -1; and the force
+// (N) that all points of its pair bore at the end of the last step.
 struct Match {
   int nearest = -1;
   bool parted = false;  // was hit, and has a gap now, see Memory::parted_hit
