@@ -27,16 +27,16 @@ from simulate import DASHPOT, SETTINGS, Setting, make_engine, prepare
 
 Modes = NDArray[np.complex128]
 
-# Equations (5.5) to (5.8) of the paper, SI units.
+# The coefficients that the paper gives for its benchmark bicycle, SI units.
 M = np.array([[80.81722, 2.31941332208709], [2.31941332208709, 0.29784188199686]])
 C1 = np.array([[0.0, 33.86641391492494], [-0.85035641456978, 1.68540397397560]])
 K0 = np.array([[-80.95, -2.59951685249872], [-2.59951685249872, -0.80329488458618]])
 K2 = np.array([[0.0, 76.59734589573222], [0.0, 2.65431523794604]])
 
-RADII = {"rear wheel": 0.3, "front wheel": 0.35}  # m
+WHEELS = ("rear wheel", "front wheel")
 SETTLED = 0.1  # s after which the wheels have sunk in
 PUSH = 0.02  # rad/s of lean
-FLOW = 0.02  # s
+FLOW = 0.02  # s over which modes of a motion are fitted: whole steps of 1, 2 and 5 ms
 
 
 def published_modes(speed: float) -> Modes:
@@ -49,7 +49,7 @@ def published_modes(speed: float) -> Modes:
 def modes_of_motion(angles: Array, timestep: float) -> Modes:
     """Return the four modes (1/s) of the linear flow that fits lean and steer (steps, 2) best.
 
-    Over 20 ms, with rates by central differences.
+    Over `FLOW`, with rates by central differences.
     """
     rates = np.gradient(angles, timestep, axis=0)
     state = np.hstack([angles, rates])[1:-1]
@@ -90,8 +90,8 @@ def bicycle(*, speed: float = 5.0) -> Scene:
 
     def roll(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qvel[0] = speed
-        for wheel, radius in RADII.items():
-            data.qvel[model.joint(wheel).dofadr[0]] = speed / radius
+        for wheel in WHEELS:
+            data.qvel[model.joint(wheel).dofadr[0]] = speed / model.geom(wheel).size[0]
 
     def push(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qvel[3] += PUSH
@@ -131,11 +131,11 @@ def written(modes: Modes) -> str:
 
 def main() -> None:
     """Print one line a way of stepping."""
-    stiff = SETTINGS["mujoco stiff"]
+    settings = (DASHPOT, SETTINGS["mujoco default"], SETTINGS["mujoco stiff"])
     for speed in (1.0, 3.0, 5.0, 8.0):
         print(f"{speed:g} m/s, published: {written(published_modes(speed))} 1/s")
         for timestep in (0.001, 0.005):
-            for setting in (DASHPOT, SETTINGS["mujoco default"], stiff):
+            for setting in settings:
                 modes = modes_of_step(setting, speed, timestep)
                 print(f"  {1e3 * timestep:g} ms {setting.name:14} {written(modes)}")
 

@@ -52,13 +52,13 @@ def wobble(*, radius: float = 0.2, speed: float = 2.0, push: float = 0.05) -> Sc
         }
 
     # The axis points along x: the disc rolls along y, about -x, and is pushed about y.
-    rolling = (0.0, speed, 0.0, 0.0, 0.0, -speed / radius)
+    rolling = (radius * push, speed, 0.0, 0.0, push, -speed / radius)
     return Scene(
         name="wobble",
         title=f"disc rolling at {speed:g} m/s, period of its wobble",
         xml=mjcf(disc(radius, pi / 2), floor=FLOOR),
         duration=6.0,
-        start=set_velocity("disc", (radius * push, *rolling[1:4], push, rolling[5])),
+        start=set_velocity("disc", rolling),
         measure=measure,
         targets={"period error": 1e-3, "growth": 2e-3},
         timesteps=TIMESTEPS,

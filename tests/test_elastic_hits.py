@@ -169,7 +169,7 @@ def test_soft_hits_whose_points_jump_give_no_energy(edge, timestep):
         attitude, beside, spin = (
             random.uniform(-180, 180, 3),
             random.uniform(-0.02, 0.02, 2),
-            (random.uniform(-3, 3, 3)),
+            random.uniform(-3, 3, 3),
         )
         engine = dashpot.Engine(
             mujoco.MjModel.from_xml_string(f"""<mujoco>

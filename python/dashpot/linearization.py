@@ -54,9 +54,9 @@ def linearize(
     the bodies are, contacts of a given stiffness are compressed by their overlap, as in the first
     step of data. So the result is a function of the state alone, and what sticks has no stiffness
     against a displacement, but keeps its place. Where contact begins, ends or starts to slip within
-    the step, the derivative jumps, and differences are of either side. Where a
-    rigid contact is hit with friction within it, even the step jumps, by 1 to 3 % of the speed with
-    where in the step that is, and differences are noise: a material with a stiffness is smooth.
+    the step, the derivative jumps, and differences are of either side. Where a rigid contact is hit
+    with friction within it, even the step jumps, by 1 to 3 % of the speed with where in the step
+    that is, and differences are noise: a material with a stiffness is smooth.
 
     Velocities at its end are those that the next step starts from, with the second half of the step
     that `Engine.step` adds there to what contacts, limits and equalities hold, once it knows the

@@ -10,7 +10,8 @@ namespace {
 
 // Groups that are summed up one by one: sums over ranges of them do not depend on threads.
 constexpr int kGroupsOfSum = 128;
-// Gap rate, in parts of omega x, from which on a compressed spring swings rather than rests.
+// Gap rate, in parts of omega x, from which on a compressed spring swings rather than rests. With
+// 0.1 overlap recovered where hits turn, and one of a cylinder on a rod gained 7 %.
 constexpr double kSwinging = 0.01;
 
 // Whether the spring of a contact swings, or what comes will have it swing, with a force of more
