@@ -49,12 +49,13 @@ def rebound(engine: dashpot.Engine, throw: tuple, heading: float) -> np.ndarray:
 # How a contact is given, and by how much of the speed, and of the spin, headings may differ.
 # Friction solves tangents one by one, in micro-steps: to first order in these, which are some 10 us
 # in the 5 to 10 ms of the hits of a material in SI units, and a tenth of a hit of rigid ones. What
-# damps more than these resolve is limited by how the two tangents are coupled.
+# damps more than these resolve is limited by how the two tangents are coupled; not with restitution
+# 0.
 CONTACTS = {
     "SI": (dashpot.Material(stiffness=1e5, friction=(1.0, 0.01, 0.01)), "", 2e-3, 2e-3),
     "solref": (None, 'solref=".01 1"', 0.02, 0.1),
     "rigid": (None, "", 0.02, 0.12),
-    "inelastic": (dashpot.Material(restitution=0.0), "", 0.04, 0.12),
+    "inelastic": (dashpot.Material(restitution=0.0), "", 0.01, 0.12),
 }
 
 

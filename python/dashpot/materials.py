@@ -59,7 +59,8 @@ class Material:
         when its force reaches zero; a body that lands flat rebounds with it to what micro-steps
         resolve (rigid boxes at 0.48 to 0.5 for 0.5, at 0.46 with steps of 10 ms). 0 means as much
         damping as the micro-step resolves, of rigid contacts a damping ratio of 3 (they rebound
-        at 0.02, flat ones with steps of 10 ms at up to 0.1).
+        at 0.02, flat ones with steps of 10 ms at up to 0.1), and of 5 along the surface while they
+        are hit, so that what lands off-centre stays where it lands.
         With a stiffness, 0 is not the limit of small restitution where there is friction, whose
         springs are then damped as much as the normal (see `tangential_damping_ratio`), so that
         friction acts within the impact: what slides loses as much speed as with 0.02 to 0.03. With
@@ -84,7 +85,8 @@ class Material:
     tangential_damping_ratio : float
         Damping ratio of the friction springs, >= 0, at the mean inverse mass along the surface.
         With a stiffness and restitution 0 they have fifty times as much, as the normal has, whose
-        force is over as soon.
+        force is over as soon; rigid contacts with less than 0.135, while they are hit, up to five
+        times.
 
     Raises
     ------
