@@ -208,9 +208,17 @@ bool has_faces(int type) {
 
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,
                     double cosine, FaceBuffers& buffers) {
+  return face_normal_along(m, d, geom, direction, cosine, buffers).has_value();
+}
+
+std::optional<Vector3d> face_normal_along(const mjModel_* m, const mjData_* d, int geom,
+                                          const Vector3d& direction, double cosine,
+                                          FaceBuffers& buffers) {
   Side side(m, d, geom);
-  return has_faces(side.type) && side.find(m, direction, buffers) &&
-         side.normal.dot(direction) >= cosine;
+  if (!has_faces(side.type) || !side.find(m, direction, buffers) ||
+      side.normal.dot(direction) < cosine)
+    return std::nullopt;
+  return side.normal;
 }
 
 std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pose& pose,

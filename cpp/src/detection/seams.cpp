@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -20,6 +21,11 @@ constexpr double kTolerance = 1e-4;
 constexpr double kMotion = 1e-5;
 // Depths: those of one body under its load differ by less.
 constexpr double kDepths = 1.5;
+// Largest sag of what bears a geom, by the radius of the smaller geom: more is overlap that geoms
+// were put in. And how many layers, one on another, are each looked at for being pressed into the
+// next.
+constexpr double kLargestSag = 0.05;
+constexpr int kLayers = 4;
 // Cosine between normals that are the same.
 constexpr double kSameNormal = 0.9999;
 
@@ -225,6 +231,25 @@ class Seams {
     return direction.dot(velocity);
   }
 
+  // How deep a body is pressed into what bears it along a direction, and that into the next, layer
+  // by layer: its face lies so far beneath those beside it that bear nothing.
+  double sag_along(int body, const Eigen::Vector3d& up, int layers) const {
+    if (layers == 0 || m_->body_weldid[body] == 0) return 0.0;
+    double sag = 0.0;
+    const int root = m_->body_rootid[body];  // wheels and legs bear what they are jointed to
+    for (int part = root; part < m_->nbody && m_->body_rootid[part] == root; ++part)
+      for (int at = buffers_.first[part]; at >= 0; at = buffers_.next[at]) {
+        const ContactInput& rest = contacts_[at / 2];
+        if (rest.gap >= 0.0) continue;
+        const Eigen::Vector3d into =
+            (at % 2 ? 1.0 : -1.0) * Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
+        if (into.dot(up) < kSameNormal) continue;
+        sag = std::max(sag,
+                       kDepths * -rest.gap + sag_along(body_of(rest, 1 - at % 2), up, layers - 1));
+      }
+    return sag;
+  }
+
   // Whether the geom on `side` passes over the other one, its body resting on what is across
   // `rest_side` of `rest`.
   bool passes(const ContactInput& contact, int side, const ContactInput& rest, int rest_side) {
@@ -236,19 +261,30 @@ class Seams {
     if ((side ? 1.0 : -1.0) * normal.dot(up) > kSameNormal) return false;
     const double depth =
         rest.gap > tolerance(rest) ? -rest.gap : kDepths * std::max(0.0, -rest.gap);
-    const double allowed = depth + tolerance(contact);
-    if (-contact.gap > allowed) return false;
+    const int tile = body_of(rest, 1 - rest_side);
+    const double most_sag =
+        m_->body_weldid[tile] == 0 ? 0.0 : kLargestSag * contact_radius(m_, contact);
+    const double without_sag = depth + tolerance(contact), most = without_sag + most_sag;
+    if (-contact.gap > most) return false;
     // Most pairs overlap by more, as their centres tell.
     const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
                                     Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom);
-    if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > allowed) return false;
+    if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > most) return false;
     const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
-    if (!lies_beneath(highest, up, rest, tolerance(contact)) &&
-        !has_face_along(m_, d_, other, up, kSameNormal, faces_))
-      return false;
-    const double overlap = up.dot(highest - lowest);
+    const std::optional<Eigen::Vector3d> face =
+        face_normal_along(m_, d_, other, up, kSameNormal, faces_);
+    if (!face && !lies_beneath(highest, up, rest, tolerance(contact))) return false;
+    // Of a tilted tile the face counts where the geom comes to it, not at its far end.
+    double overlap = up.dot(highest - lowest);
+    if (face) {
+      const Eigen::Map<const Eigen::Vector3d> at(contact.position.data());
+      overlap = face->dot(support(other, *face) - at) + up.dot(at - lowest);
+    }
     const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
-    return overlap + m_->opt.timestep * std::max(0.0, rate - closing(rest)) <= allowed;
+    const double then = overlap + m_->opt.timestep * std::max(0.0, rate - closing(rest));
+    if (std::max(then, -contact.gap) <= without_sag) return true;
+    const double sag = most_sag > 0.0 ? std::min(most_sag, sag_along(tile, up, kLayers)) : 0.0;
+    return std::max(then, -contact.gap) <= without_sag + sag;
   }
 
   const mjModel* m_;

@@ -52,6 +52,10 @@ bool has_faces(int type);
 // Whether a geom has a face along a unit direction (world), its normal within `cosine` of it.
 bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Eigen::Vector3d& direction,
                     double cosine, FaceBuffers& buffers);
+// The normal of that face; none where there is none.
+std::optional<Eigen::Vector3d> face_normal_along(const mjModel_* m, const mjData_* d, int geom,
+                                                 const Eigen::Vector3d& direction, double cosine,
+                                                 FaceBuffers& buffers);
 // The face of a mesh that lies flat along a direction, within `tilt` (rad), placed as `pose` says:
 // the corners that stand for all. None where there is none.
 std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pose& pose,

@@ -11,9 +11,12 @@
 // more than the body is pressed in, or keep apart as far:
 //
 //     o = max of m x over the other - min of m x over the geom,
-//     o + H max(0, rate at which o grows - rate at which s does) <= s + s+ / 2 + tolerance ,
+//     o + H max(0, rate at which o grows - rate at which s does) <= s + s+ / 2 + b + tolerance ,
 //
-// s+ = max(0, s): what it touches ends its fall. What the other one continues is not seen in the
+// s+ = max(0, s): what it touches ends its fall. Of a face along m the height where the geom comes
+// to it counts, not that of its far end. b is the sag of a tile that is a body itself: how deep it
+// is pressed into what bears it, and that into the next. A plank under a box lies some 10 um deeper
+// than the next one, which caught the box dead. What the other one continues is not seen in the
 // middle of the step past its end (detection/far_pair.hpp).
 //
 // What rolls over a seam is for a while in touch with the face of one tile and the edge of the
