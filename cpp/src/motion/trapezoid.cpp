@@ -29,13 +29,15 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   recall_equalities(step, rows, trees);
   translations_.find(model_, d, rows, trees, first_);
   holding_rows_.find_at_start(step, rows, trees);
-  if (!find_scales(d, length, whole, memory, motion)) return;
-  if (!whole) correct_speeds();
-  book_second_half(ledger);
-  add_second_half(trees, data);
-  count_followed_changes(trees);
-  load_drives(length, memory, trees, data);
-  stop_fast_turns(length, rows);
+  if (find_scales(d, length, whole, memory, motion)) {
+    if (!whole) correct_speeds();
+    book_second_half(ledger);
+    add_second_half(trees, data);
+    count_followed_changes(trees);
+    load_drives(length, memory, trees, data);
+    stop_fast_turns(length, rows);
+  }
+  load_gravity(d, step, motion, data);
 }
 
 void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, int tree_count) {
@@ -66,6 +68,11 @@ void Trapezoid::find_potential_forces(const mjData_* d, const TreeMotion& motion
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       potential_[i] = host::potential_force(model_, d, i);
   }
+}
+
+double Trapezoid::changing_potential(const mjData_* d, const HeldMotion& before, int tree,
+                                     int dof) const {
+  return before.gravity_ahead[tree] != 0.0 ? host::spring_force(d, dof) : potential_[dof];
 }
 
 void Trapezoid::recall_equalities(const StepView& step, const Rows& rows, const Trees& trees) {
@@ -115,8 +122,8 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
     for (int i = 0; i < t.dof_count && !host::is_free_body(model_, index); ++i) {
       const int dof = t.dof_begin + i;
-      const double potential = potential_[dof];
-      const double turning = potential - host::positional_force(d, dof);
+      const double turning = potential_[dof] - host::positional_force(d, dof);
+      const double potential = changing_potential(d, before, index, dof);
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted +=
           weight * potential * before.displacement[dof] + lead[index] * velocity[dof] * turning;

@@ -43,7 +43,6 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
-  std::copy_n(potential_.begin() + t.dof_begin, t.dof_count, now.potential + t.dof_begin);
   drives_.keep(t, now);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
@@ -56,6 +55,8 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
+  const bool in_middle = has_gravity_load_[tree] != 0;
+  now.gravity_ahead[tree] = in_middle;
   const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
   weight = (half - back) / (end.length + lead - back);
   for (int i = 0; i < t.count; ++i)
@@ -64,9 +65,10 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
   double* seen = generalized_.data() + t.dof_begin;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
-    const double potential = potential_[dof];
-    const double turning = potential - host::positional_force(d, dof);
-    force[i] += host::smooth_force(d, dof) + turning;
+    const double turning = potential_[dof] - host::positional_force(d, dof);
+    const double potential = in_middle ? host::spring_force(d, dof) : potential_[dof];
+    now.potential[dof] = potential;
+    force[i] += host::smooth_force(d, dof) + turning + gravity_load_[dof];
     energy += 0.5 * velocity[dof] * momentum_[dof] +
               (turning - weight * potential) * displacement[dof] +
               end.way_back[t.begin + i] * turning;

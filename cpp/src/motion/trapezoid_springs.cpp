@@ -11,8 +11,8 @@ namespace dashpot {
 void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
   const int trees = motion.tree_count();
-  const auto change_of = [&](const CoupledEnergy& coupled, int dof) {
-    const double change = potential_[dof] - before.potential[dof];
+  const auto change_of = [&](const CoupledEnergy& coupled, int tree, int dof) {
+    const double change = changing_potential(d, before, tree, dof) - before.potential[dof];
     return coupled.follows_drives ? change + drives_.servo_change(dof) : change;
   };
   for (int index = 0; index < trees; ++index) {
@@ -22,7 +22,7 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
     if (host::is_free_body(model_, index)) continue;
     double work = 0.0;
     for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof)
-      work += change_of(coupled, dof) * before.displacement[dof];
+      work += change_of(coupled, index, dof) * before.displacement[dof];
     coupled.restoring -= work * before.length[index] * before.length[index];
   }
   const auto asks = [&](int index) {
@@ -43,7 +43,8 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
     if (host::is_free_body(model_, index)) continue;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
-      force[i] = before.length[index] * before.weight[index] * change_of(coupled, t.dof_begin + i);
+      force[i] =
+          before.length[index] * before.weight[index] * change_of(coupled, index, t.dof_begin + i);
     springs_.half.assign(t.count, 0.0);
     add_response(motion.trees(), index, force, springs_.half.data());
     if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, springs_.half.data(), 0.0);

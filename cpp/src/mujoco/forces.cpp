@@ -60,6 +60,8 @@ double positional_force(const mjData_* d, int dof) {
   return d->qfrc_spring[dof] + d->qfrc_gravcomp[dof] - d->qfrc_bias[dof];
 }
 
+double spring_force(const mjData_* d, int dof) { return d->qfrc_spring[dof]; }
+
 double potential_force(const mjModel_* m, const mjData_* d, int dof) {
   const double force = d->qfrc_spring[dof] + d->qfrc_gravcomp[dof];
   if (m->opt.disableflags & mjDSBL_GRAVITY) return force;

@@ -47,7 +47,7 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 3 * held_trees + 6 * held_dofs + 2 * held_coordinates;
+  return 4 * held_trees + 6 * held_dofs + 2 * held_coordinates;
 }
 
 int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
@@ -75,7 +75,8 @@ HeldMotion Memory::held_motion() const {
   HeldMotion motion;
   motion.length = storage_ + kHeader;
   motion.weight = motion.length + layout_.held_trees;
-  motion.energy = motion.weight + layout_.held_trees;
+  motion.gravity_ahead = motion.weight + layout_.held_trees;
+  motion.energy = motion.gravity_ahead + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
   motion.potential = motion.displacement + layout_.held_dofs;
   motion.drive = motion.potential + layout_.held_dofs;

@@ -16,6 +16,8 @@ namespace dashpot::host {
 double smooth_force(const mjData_* d, int dof);
 double positional_force(const mjData_* d, int dof);
 double potential_force(const mjModel_* m, const mjData_* d, int dof);
+// Of that, what springs have.
+double spring_force(const mjData_* d, int dof);
 // Those of all degrees of freedom (nv): of dampers and fluids; of actuators, applied forces and
 // gravity compensation.
 void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);

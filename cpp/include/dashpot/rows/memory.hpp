@@ -57,13 +57,14 @@ struct Match {
 // What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
 // models of free bodies alone.
 struct HeldMotion {
-  double* length = nullptr;        // by tree: of the step, s; 0 where there is nothing to remember
-  double* weight = nullptr;        // by tree: w
-  double* energy = nullptr;        // by tree, J
-  double* displacement = nullptr;  // over the step, by degree of freedom
-  double* potential = nullptr;     // p, by degree of freedom
-  double* drive = nullptr;         // e, by degree of freedom
-  double* drive_change = nullptr;  // what e had changed by since the step before, by the same
+  double* length = nullptr;         // by tree: of the step, s; 0 where there is nothing to remember
+  double* weight = nullptr;         // by tree: w
+  double* gravity_ahead = nullptr;  // by tree: 1 where it had the gravity of the middle, else 0
+  double* energy = nullptr;         // by tree, J
+  double* displacement = nullptr;   // over the step, by degree of freedom
+  double* potential = nullptr;      // p, by degree of freedom
+  double* drive = nullptr;          // e, by degree of freedom
+  double* drive_change = nullptr;   // what e had changed by since the step before, by the same
   double* commanded_change = nullptr;  // of it, what servos do not have because joints move
   double* followed = nullptr;          // and of all such changes, what was followed
   double* acceleration = nullptr;      // a, by motion coordinate

@@ -1,0 +1,56 @@
+// Gravity of light parts, which goes to the middle of a step with the contacts.
+
+#include <algorithm>
+
+#include "dashpot/motion/trapezoid.hpp"
+#include "dashpot/mujoco/gravity_ahead.hpp"
+#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+namespace dashpot {
+
+namespace {
+
+// H^2 m g l / 2 I from which on gravity is that of the middle. From 1 on its second half, a step
+// late, feeds on itself; the others keep the energy of gravity better by it.
+constexpr double kLightPart = 0.1;
+
+}  // namespace
+
+void Trapezoid::load_gravity(const mjData_* d, const StepView& step, TreeMotion& motion,
+                             RowData& data) {
+  const Trees& trees = motion.trees();
+  gravity_load_.assign(potential_.size(), 0.0);
+  has_gravity_load_.assign(trees.tree.size(), 0);
+  if (host::is_runge_kutta(model_)) return;
+  frozen_at_.assign(trees.tree.size(), 0.0);
+  for (const ContactInput& contact : step.contacts) {
+    if (contact.ahead == 0.0) continue;
+    for (int tree : contact.tree) {
+      if (tree < 0) continue;
+      double& at = frozen_at_[tree];
+      at = at == 0.0 || at == contact.ahead ? contact.ahead : 0.5 * step.length;
+    }
+  }
+  for (size_t index = 0; index < trees.tree.size(); ++index) {
+    const Tree& t = trees.tree[index];
+    if (frozen_at_[index] == 0.0 || !holds(index) || host::is_free_body(model_, index)) continue;
+    motion.invert_inertia(static_cast<int>(index));
+    if (host::turn_by_gravity(model_, d, trees, static_cast<int>(index), step.length) < kLightPart)
+      continue;
+    has_gravity_load_[index] = 1;
+    host::add_gravity_ahead(model_, d, index, frozen_at_[index], gravity_room_,
+                            gravity_load_.data());
+    force_.resize(trees.coordinates);
+    generalized_.resize(trees.coordinates);
+    std::copy_n(gravity_load_.begin() + t.dof_begin, t.dof_count, force_.begin() + t.begin);
+    std::fill_n(generalized_.begin(), t.count, 0.0);
+    add_response(trees, index, force_.data() + t.begin, generalized_.data());
+    for (int i = 0; i < t.dof_count; ++i) {
+      data.added_acceleration[t.begin + i] += generalized_[i];
+      data.smooth_acceleration[t.begin + i] += generalized_[i];
+    }
+  }
+}
+
+}  // namespace dashpot

@@ -1,0 +1,106 @@
+"""Ropes of light links on a floor: what they weigh does not turn the links about their own axes."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dashpot import Engine, Material
+
+GRAVITY = 9.81
+MASS, RADIUS, LENGTH = 0.05, 0.01, 0.04  # of a link
+BALL = '<joint type="ball" damping="1e-4"/>'
+HINGES = "".join(f'<joint axis="{axis}" damping="1e-4"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
+
+
+def rope(links, timestep, *, friction=0.0, joints=BALL, towed="", integrator="Euler"):
+    """Return a model of links laid along -x on a floor; `towed`: an equality with a carriage."""
+    bodies = ""
+    for i in range(links):
+        bodies += f"""<body name="link{i}" pos="{-LENGTH if i else 0} 0 {0 if i else RADIUS}">
+        {joints if i else "<freejoint/>"}<geom name="link{i}" type="capsule" mass="{MASS}"
+        fromto="0 0 0 {-LENGTH} 0 0" size="{RADIUS}" friction="{friction}"/>"""
+    carriage = f"""<body name="carriage" pos="0 0 {RADIUS}"><joint name="way" type="slide"
+      axis="1 0 0"/><geom size=".005" mass="1" contype="0" conaffinity="0"/></body>"""
+    drive = '<actuator><velocity joint="way" kv="500"/></actuator>'
+    return mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="{timestep}" integrator="{integrator}"/><worldbody>
+      <geom name="floor" type="plane" size="50 5 .1" friction="{friction}"/>
+      {carriage if towed else ""}{bodies}{"</body>" * links}</worldbody>
+      {f'<equality><{towed} body1="carriage" body2="link0"/></equality>{drive}' if towed else ""}
+      </mujoco>""")
+
+
+def disturb(data, first):
+    """Turn all links by a little, about all axes."""
+    data.qvel[first:] += 1e-6 * np.random.default_rng(0).normal(size=len(data.qvel) - first)
+
+
+def velocity_of_centre(model, data):
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    return data.subtree_linvel[model.body("link0").id].copy()
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("links", [12, 24])
+@pytest.mark.parametrize("joints", [BALL, HINGES], ids=["ball", "hinges"])
+@pytest.mark.parametrize("material", [None, Material(1e5)], ids=["rigid", "soft"])
+def test_a_rope_coasts_on_a_floor_without_friction(material, joints, links, timestep):
+    """Gravity of the start beside contacts of the middle turned its links: it whirled and stopped.
+
+    24 links of ball joints at 2 ms, 12 at 5 ms, and half as many of hinges.
+    """
+    engine = Engine(rope(links, timestep, joints=joints))
+    if material:
+        for geom in range(engine.model.ngeom):
+            engine.set_material(geom, material)
+    data = engine.make_data()
+    data.qvel[0] = 1.0
+    engine.step(data, nstep=10)
+    disturb(data, 6)
+    engine.step(data, nstep=round(1.0 / timestep))
+    # MuJoCo has no friction below 1e-5: that brakes by 1e-4 m/s in the second.
+    velocity = velocity_of_centre(engine.model, data)
+    np.testing.assert_allclose(velocity[:2], [1.0, 0.0], atol=1.1e-4)
+    assert np.abs(data.qvel[6:]).max() < 1e-4
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
+def test_a_rope_that_is_thrown_along_itself_slides_as_far_as_a_block(integrator, timestep):
+    friction, speed = 0.3, 2.0
+    engine = Engine(rope(24, timestep, friction=friction, integrator=integrator))
+    model, data = engine.model, engine.make_data()
+    mujoco.mj_forward(model, data)
+    start = data.subtree_com[1, 0]
+    data.qvel[0] = speed
+    engine.step(data, nstep=round(1.0 / timestep))
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    way = speed**2 / (2 * friction * GRAVITY)
+    # What it slides in the step in which it stops is of the order of friction * g * timestep^2.
+    assert data.subtree_com[1, 0] - start == pytest.approx(way, abs=1e-4 + GRAVITY * timestep**2)
+
+
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("links", [12, 24])
+@pytest.mark.parametrize("towed", ["connect", "weld"])
+def test_a_rope_follows_what_tows_it(towed, links, timestep):
+    """It whirled at 20 rad/s and pushed the carriage, from 2 ms on with 24 links."""
+    friction = 0.3
+    towed = 'connect anchor="0 0 0"' if towed == "connect" else towed
+    engine = Engine(rope(links, timestep, friction=friction, towed=towed))
+    data = engine.make_data()
+    for _ in range(round(1.0 / timestep)):
+        data.ctrl[0] = min(1.0, 5.0 * data.time)
+        if data.time == pytest.approx(10 * timestep):
+            disturb(data, 7)
+        engine.step(data)
+    assert np.abs(data.qvel[7:]).max() < 1e-3
+    # The carriage bears a part of the weight of the first link.
+    friction_of_all = friction * GRAVITY * MASS * links
+    assert data.actuator_force[0] == pytest.approx(
+        friction_of_all, abs=0.5 * friction * GRAVITY * MASS
+    )
