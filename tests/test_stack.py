@@ -61,6 +61,32 @@ def test_inelastic_boxes_do_not_sink(timestep):
     assert np.abs(data.qvel).max() < 1e-9
 
 
+@pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("heavy", [5.0, 20.0, 100.0])
+def test_an_inelastic_plate_does_not_sink_under_what_is_heavier(heavy, timestep):
+    """The plate's own weight alone told how stiff the floor has to be: up to 3 mm at 2 ms."""
+    half, thick, mass = 0.1, 0.01, 0.5
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{timestep}"/><worldbody>
+        <geom name="floor" type="plane" size="0 0 1"/>
+        <body pos="0 0 {thick}"><freejoint/>
+          <geom name="plate" type="box" size="{half} {half} {thick}" mass="{mass}"/></body>
+        <body pos="0 0 {2 * thick + half}"><freejoint/>
+          <geom name="block" type="box" size="{half} {half} {half}" mass="{heavy}"/></body>
+        </worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    for geom in ("floor", "plate", "block"):
+        engine.set_material(geom, dashpot.Material(restitution=0.0))
+    data = engine.make_data()
+    engine.step(data, nstep=round(1.0 / timestep))
+    # A weight presses a contact in by 1e-4 of its body's radius if it bears that alone. Here four
+    # corners share it, with a seventh of the mass each: 7/4 of that, and some for the plate's own.
+    radius = np.sqrt(2 * half**2 + thick**2)
+    assert 0.0 < thick - data.qpos[2] <= 2.2e-4 * radius
+    assert np.abs(data.qvel).max() < 1e-3  # it settles as what is heavy on light parts does
+
+
 def test_micro_steps_go_by_the_load_that_a_contact_bears():
     """A block of 10 kg beside a ball of 10 g could weigh on it, but it is the ball that rests."""
     model = mujoco.MjModel.from_xml_string("""

@@ -28,6 +28,24 @@ void SagTimes::find_dry_friction(const Rows& rows) {
   }
 }
 
+void SagTimes::find_heavier(const Rows& rows) {
+  heavier_.clear();
+  for (const RowGroup& c : rows.group) {
+    if (c.kind != RowKind::kContact || c.tree[0] < 0 || c.tree[1] < 0) continue;
+    const auto [w0, w1] = rows.tree_inverse_mass[c.row];
+    if (w0 == 0.0 || w1 == 0.0) continue;
+    const int light = c.tree[w0 > w1 ? 0 : 1];
+    if (static_cast<int>(heavier_.size()) <= light) heavier_.resize(light + 1, 1.0);
+    heavier_[light] = std::max(heavier_[light], std::max(w0 / w1, w1 / w0));
+  }
+}
+
+double SagTimes::heavier_on(const RowGroup& c) const {
+  if (c.tree[0] >= 0 && c.tree[1] >= 0) return 1.0;
+  const int tree = std::max(c.tree[0], c.tree[1]);
+  return tree < static_cast<int>(heavier_.size()) ? heavier_[tree] : 1.0;
+}
+
 double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
   if (dry_friction_.empty() || c.pair >= 0) return 0.0;
   double sum = 0.0;
@@ -42,13 +60,14 @@ void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& row
   const double gravity = host::gravity(model);
   of_group_.assign(rows.group.size(), SagTime());
   find_dry_friction(rows);
+  find_heavier(rows);
   if (gravity == 0.0 && dry_friction_.empty()) return;
   team.for_each(static_cast<int>(rows.group.size()), kGroupsAtOnce, [&](int i) {
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) return;
     SagTime& time = of_group_[i];
     const double sag = kRigidSag * host::contact_radius(model, step.contacts[c.input]);
-    if (gravity > 0.0) time.weight = std::sqrt(sag / gravity);
+    if (gravity > 0.0) time.weight = std::sqrt(sag / (gravity * heavier_on(c)));
     if (const double held = held_acceleration(rows, c); held > 0.0)
       time.dry_friction = std::sqrt(sag / held);
     if (step.matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;

@@ -29,12 +29,16 @@ class SagTimes {
 
  private:
   void find_dry_friction(const Rows& rows);
+  void find_heavier(const Rows& rows);
+  // Of a contact with what does not move: what is heavier on the tree presses it down, too.
+  double heavier_on(const RowGroup& group) const;
   // How fast (m/s^2) the dry friction of joints accelerates what a contact moves, at most:
   // |A_nd| <= sqrt(w_n w_d) of the contact's normal n and a joint d.
   double held_acceleration(const Rows& rows, const RowGroup& group) const;
 
   std::vector<SagTime> of_group_;
   std::vector<double> dry_friction_;  // by motion coordinate: limit times sqrt(w_d)
+  std::vector<double> heavier_;       // by tree: of what it touches, the largest mass over its own
 };
 
 }  // namespace dashpot
