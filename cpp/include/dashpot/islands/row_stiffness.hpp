@@ -14,10 +14,11 @@
 // have w / m of the kappa and delta above, and up to twice as much of those that are resolved. A
 // damping ratio is that of the contact alone, delta = 2 zeta sqrt(kappa), as far as the bounds
 // allow; for a restitution kappa gives way as far as a weight sags no further than kInelasticSag,
-// what dry friction holds no further than kRigidSag. A model's own solref is a kappa and a delta,
-// as far as the bounds allow; what they leave out of a delta that is more than critical adds to
-// kappa. A material in SI units that micro-steps do not resolve is rigid, no stiffer than it says,
-// and has its damping ratio as far as the bounds allow.
+// what dry friction holds no further than kRigidSag. Friction of a rigid hit whose normal is more
+// than critically damped is so by twice as much, and its kappa gives way to that. A model's own
+// solref is a kappa and a delta, as far as the bounds allow; what they leave out of a delta that is
+// more than critical adds to kappa. A material in SI units that micro-steps do not resolve is
+// rigid, no stiffer than it says, and has its damping ratio as far as the bounds allow.
 
 #pragma once
 
