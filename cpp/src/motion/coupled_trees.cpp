@@ -25,12 +25,14 @@ void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tre
   }
 }
 
-void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree) {
-  if (host::is_runge_kutta(model)) return;
+void add_held_trees(const mjModel_* model, const Rows& rows, const std::vector<char>& light,
+                    std::vector<int>& first_tree) {
+  const bool stages = host::is_runge_kutta(model);
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact && c.kind != RowKind::kUnilateral) continue;
     for (int tree : c.tree)
-      if (tree >= 0 && first_tree[tree] < 0 && !host::is_free_body(model, tree))
+      if (tree >= 0 && first_tree[tree] < 0 && !host::is_free_body(model, tree) &&
+          (!stages || light[tree]))
         first_tree[tree] = tree;
   }
 }

@@ -20,6 +20,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   fastest_turn_ = 0.0;
   if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
+  find_light_trees(d, step, motion);
   couple_trees(memory, rows, motion.tree_count());
   drives_.start(model_, d, motion.start_velocity());
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
@@ -37,7 +38,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
     load_drives(length, memory, trees, data);
     stop_fast_turns(length, rows);
   }
-  load_gravity(d, step, motion, data);
+  load_gravity(d, motion, data);
 }
 
 void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, int tree_count) {
@@ -45,7 +46,7 @@ void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, int tree_co
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model_, rows, first_);
+  add_held_trees(model_, rows, light_, first_);
   add_freed_trees(model_, memory.held_motion(), first_);
 }
 

@@ -4,7 +4,6 @@
 
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/mujoco/gravity_ahead.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {
@@ -17,12 +16,9 @@ constexpr double kLightPart = 0.1;
 
 }  // namespace
 
-void Trapezoid::load_gravity(const mjData_* d, const StepView& step, TreeMotion& motion,
-                             RowData& data) {
+void Trapezoid::find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion) {
   const Trees& trees = motion.trees();
-  gravity_load_.assign(potential_.size(), 0.0);
-  has_gravity_load_.assign(trees.tree.size(), 0);
-  if (host::is_runge_kutta(model_)) return;
+  light_.assign(trees.tree.size(), 0);
   frozen_at_.assign(trees.tree.size(), 0.0);
   for (const ContactInput& contact : step.contacts) {
     if (contact.ahead == 0.0) continue;
@@ -32,13 +28,19 @@ void Trapezoid::load_gravity(const mjData_* d, const StepView& step, TreeMotion&
       at = at == 0.0 || at == contact.ahead ? contact.ahead : 0.5 * step.length;
     }
   }
-  for (size_t index = 0; index < trees.tree.size(); ++index) {
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    if (frozen_at_[index] == 0.0 || host::is_free_body(model_, index)) continue;
+    motion.invert_inertia(index);
+    light_[index] = host::turn_by_gravity(model_, d, trees, index, step.length) >= kLightPart;
+  }
+}
+
+void Trapezoid::load_gravity(const mjData_* d, const TreeMotion& motion, RowData& data) {
+  const Trees& trees = motion.trees();
+  gravity_load_.assign(potential_.size(), 0.0);
+  for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = trees.tree[index];
-    if (frozen_at_[index] == 0.0 || !holds(index) || host::is_free_body(model_, index)) continue;
-    motion.invert_inertia(static_cast<int>(index));
-    if (host::turn_by_gravity(model_, d, trees, static_cast<int>(index), step.length) < kLightPart)
-      continue;
-    has_gravity_load_[index] = 1;
+    if (!light_[index] || !holds(index)) continue;
     host::add_gravity_ahead(model_, d, index, frozen_at_[index], gravity_room_,
                             gravity_load_.data());
     force_.resize(trees.coordinates);

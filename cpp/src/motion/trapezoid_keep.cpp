@@ -30,7 +30,7 @@ bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
     now.length[index] = 0.0;
     if (!end.leaves_half || !end.held[index] || first_[index] < 0) continue;
     const CoupledEnergy& coupled = coupled_[first_[index]];
-    if (!coupled.turns || (stages && !coupled.by_equalities)) continue;
+    if (!coupled.turns || (stages && !coupled.by_equalities && !light_[index])) continue;
     now.length[index] = end.length;
     any = true;
   }
@@ -55,7 +55,7 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
-  const bool in_middle = has_gravity_load_[tree] != 0;
+  const bool in_middle = light_[tree] != 0;
   now.gravity_ahead[tree] = in_middle;
   const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
   weight = (half - back) / (end.length + lead - back);

@@ -45,9 +45,10 @@
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
-// forces change, contacts and limits leave none either. Trees that equalities couple follow this
-// rule with RK4 too: under row forces that stay as they are, stages take a light link where only
-// its own spring and spin would, far from where heavy ones let it.
+// forces change, contacts and limits leave none either. Trees that equalities couple, and those
+// with light parts as above, follow this rule with RK4 too: under row forces that stay as they are,
+// stages take a light link where only its own spring, weight and spin would, far from where heavy
+// ones, or the floor, let it.
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
@@ -121,6 +122,8 @@ class Trapezoid {
  private:
   // The steps of finish_last_step(), in its order.
 
+  // Finds which trees that contacts may hold have light parts.
+  void find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion);
   // Finds which trees have a second half, and which of them share s.
   void couple_trees(const Memory& memory, const Rows& rows, int tree_count);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
@@ -149,7 +152,7 @@ class Trapezoid {
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
   // Takes the gravity of light parts on trees that contacts may hold to where these are frozen.
-  void load_gravity(const mjData_* d, const StepView& step, TreeMotion& motion, RowData& data);
+  void load_gravity(const mjData_* d, const TreeMotion& motion, RowData& data);
 
   // The steps of keep().
 
@@ -180,10 +183,10 @@ class Trapezoid {
     std::vector<double> rest, way;  // by degree of freedom, see CoupledEnergy
     std::vector<double> half;       // of one tree, by motion coordinate
   } springs_;
-  // By tree, s: when the contacts that may hold it are frozen, 0 where at the start; and whether
-  // its gravity is that of then. By degree of freedom: what gravity changes by until then. Room.
+  // By tree: when (s) the contacts that may hold it are frozen, 0 where at the start; whether it
+  // has light parts. By degree of freedom: what gravity changes by until then. Room.
   std::vector<double> frozen_at_, gravity_load_, gravity_room_;
-  std::vector<char> has_gravity_load_;
+  std::vector<char> light_;
   double fastest_turn_ = 0.0;
 };
 
