@@ -2,9 +2,6 @@
 
 #include <mujoco/mujoco.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "dashpot/mujoco/moved_axes.hpp"
 
 namespace dashpot::host {
@@ -31,19 +28,22 @@ void add_own_weight(const mjModel* m, const mjData* d, int body, double time, do
 
 }  // namespace
 
-double turn_by_gravity(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
-                       double time) {
-  if (m->opt.disableflags & mjDSBL_GRAVITY) return 0.0;
+int count_light_parts(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                      double time, double least) {
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return 0;
   const Tree& t = trees.tree[tree];
-  double most = 0.0;
+  const double way = 0.5 * time * time * mju_norm3(m->opt.gravity);
+  int count = 0, last = -1;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i, joint = m->dof_jntid[dof], body = m->dof_bodyid[dof];
     if (mju_norm3(d->cdof + 6 * dof) == 0.0) continue;  // slides
     const double arm = mju_dist3(d->subtree_com + 3 * body, d->xanchor + 3 * joint);
     const double inverse = trees.inverse[t.inverse + i * (t.count + 1)];
-    most = std::max(most, m->body_subtreemass[body] * arm * inverse);
+    if (body == last || way * m->body_subtreemass[body] * arm * inverse < least) continue;
+    last = body;
+    ++count;
   }
-  return 0.5 * time * time * mju_norm3(m->opt.gravity) * most;
+  return count;
 }
 
 void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time,
