@@ -235,17 +235,20 @@ class Seams {
   // by layer: its face lies so far beneath those beside it that bear nothing.
   double sag_along(int body, const Eigen::Vector3d& up, int layers) const {
     if (layers == 0 || m_->body_weldid[body] == 0) return 0.0;
-    double sag = 0.0;
+    double sag = 0.0, beneath = 0.0;
+    int last = -1;                           // contacts of a pair come one after the other
     const int root = m_->body_rootid[body];  // wheels and legs bear what they are jointed to
     for (int part = root; part < m_->nbody && m_->body_rootid[part] == root; ++part)
       for (int at = buffers_.first[part]; at >= 0; at = buffers_.next[at]) {
         const ContactInput& rest = contacts_[at / 2];
-        if (rest.gap >= 0.0) continue;
+        const int bearer = body_of(rest, 1 - at % 2);
+        if (rest.gap >= 0.0 || m_->body_rootid[bearer] == root) continue;
         const Eigen::Vector3d into =
             (at % 2 ? 1.0 : -1.0) * Eigen::Map<const Eigen::Vector3d>(rest.frame.data());
         if (into.dot(up) < kSameNormal) continue;
-        sag = std::max(sag,
-                       kDepths * -rest.gap + sag_along(body_of(rest, 1 - at % 2), up, layers - 1));
+        if (bearer != last) beneath = sag_along(bearer, up, layers - 1);
+        last = bearer;
+        sag = std::max(sag, kDepths * -rest.gap + beneath);
       }
     return sag;
   }
