@@ -258,11 +258,21 @@ void Trapezoid::load_drives(double length, const Memory& memory, const Trees& tr
     if (coupled.follows_drives || coupled.by_equalities) continue;
     const Tree& t = trees.tree[index];
     drives_.go_on(t, before, 0.5 * std::min(1.0, length / before.length[index]));
-    std::fill_n(force_.begin() + t.begin, t.count, 0.0);
-    std::copy_n(drives_.load().begin() + t.dof_begin, t.dof_count, force_.begin() + t.begin);
-    double* added = data.added_acceleration.data() + t.begin;
-    add_response(trees, index, force_.data() + t.begin, added);
-    for (int i = 0; i < t.dof_count; ++i) data.smooth_acceleration[t.begin + i] += added[i];
+    add_load(drives_.load(), static_cast<int>(index), trees, data);
+  }
+}
+
+void Trapezoid::add_load(const std::vector<double>& load, int tree, const Trees& trees,
+                         RowData& data) {
+  const Tree& t = trees.tree[tree];
+  force_.resize(trees.coordinates);
+  std::fill_n(force_.begin() + t.begin, t.count, 0.0);
+  std::copy_n(load.begin() + t.dof_begin, t.dof_count, force_.begin() + t.begin);
+  load_response_.assign(t.count, 0.0);
+  add_response(trees, tree, force_.data() + t.begin, load_response_.data());
+  for (int i = 0; i < t.dof_count; ++i) {
+    data.added_acceleration[t.begin + i] += load_response_[i];
+    data.smooth_acceleration[t.begin + i] += load_response_[i];
   }
 }
 

@@ -1,7 +1,5 @@
 // Gravity of light parts, which goes to the middle of a step with the contacts.
 
-#include <algorithm>
-
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/mujoco/gravity_ahead.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
@@ -45,19 +43,10 @@ void Trapezoid::load_gravity(const mjData_* d, const TreeMotion& motion, RowData
   const Trees& trees = motion.trees();
   gravity_load_.assign(potential_.size(), 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
-    const Tree& t = trees.tree[index];
     if (!light_[index] || !holds(index)) continue;
     host::add_gravity_ahead(model_, d, index, frozen_at_[index], gravity_room_,
                             gravity_load_.data());
-    force_.resize(trees.coordinates);
-    generalized_.resize(trees.coordinates);
-    std::copy_n(gravity_load_.begin() + t.dof_begin, t.dof_count, force_.begin() + t.begin);
-    std::fill_n(generalized_.begin(), t.count, 0.0);
-    add_response(trees, index, force_.data() + t.begin, generalized_.data());
-    for (int i = 0; i < t.dof_count; ++i) {
-      data.added_acceleration[t.begin + i] += generalized_[i];
-      data.smooth_acceleration[t.begin + i] += generalized_[i];
-    }
+    add_load(gravity_load_, index, trees, data);
   }
 }
 

@@ -151,6 +151,8 @@ class Trapezoid {
   // Where drives are not followed, lets them go on as they changed.
   void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
+  // Adds a tree's part of a load (nv) to its smooth acceleration.
+  void add_load(const std::vector<double>& load, int tree, const Trees& trees, RowData& data);
   // Takes the gravity of light parts on trees that contacts may hold to where these are frozen.
   void load_gravity(const mjData_* d, const TreeMotion& motion, RowData& data);
 
@@ -173,6 +175,7 @@ class Trapezoid {
   std::vector<char> left_half_;                                    // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
+  std::vector<double> load_response_;                              // of one tree, by the same
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
   std::vector<double> potential_;  // by the same: forces that have one, where rows may hold trees
   struct {
