@@ -96,7 +96,7 @@ double LonePairs::compression(const ContactInput& contact) const {
 double LonePairs::onset(const ContactInput* first, const ContactInput* last) const {
   ContactMotion motion(model_, data_, step_.length);
   if (std::any_of(first, last, [](const ContactInput& c) { return c.gap <= 0.0; }) ||
-      !motion.find(*first, step_.trees, step_.motion))
+      !motion.find(*first, step_))
     return 0.0;
   double least = std::numeric_limits<double>::infinity();
   for (const ContactInput* c = first; c != last; ++c)

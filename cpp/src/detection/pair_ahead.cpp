@@ -21,7 +21,9 @@ constexpr double kMostTurnOfNormal = 0.15;
 void PairAhead::look(double time, FaceBuffers& faces, double apart) {
   time_ = time;
   way_ = motion_.way_in(std::abs(time));
-  seen_.find(model_, data_, time, first_->margin + way_ + apart, faces);
+  const double reach = first_->margin + way_ + apart;
+  seen_.find(model_, data_, time, reach, faces);
+  if (motion_.lags()) at_start_.find(model_, data_, 0.0, reach, faces);
   motion_.find_twists(time);
 }
 
@@ -34,14 +36,14 @@ ContactInput* PairAhead::find(const ContactInput& contact, bool is_round_hit) {
   if (1.0 - mju_dot3(same->normal, contact.frame.data()) > part * part * kMostTurnOfNormal)
     return nullptr;
   if (!is_round_hit && !far_.follows(data_, contact, *same, pairs_, length_)) return nullptr;
-  then_ = seen_in(*same, contact);
-  return &then_;
+  then_ = seen_in(*same, time_, contact);
+  return find_turning(contact, then_) ? &then_ : nullptr;
 }
 
 ContactInput* PairAhead::find_coming(const ContactInput& contact) {
   const SeenContact* const same = continuation(contact);
   if (!same) return nullptr;
-  then_ = seen_in(*same, contact);
+  then_ = seen_in(*same, time_, contact);
   then_.gap = same->distance - contact.margin;
   return &then_;
 }
@@ -51,13 +53,12 @@ const SeenContact* PairAhead::continuation(const ContactInput& contact) const {
   return same && seen_.start_of(*same, first_, last_) == &contact ? same : nullptr;
 }
 
-ContactInput PairAhead::seen_in(const SeenContact& seen, ContactInput contact) const {
-  const std::array<double, 3> start_rate = motion_.point_rate(contact, ContactMotion::When::kStart);
+ContactInput PairAhead::seen_in(const SeenContact& seen, double time, ContactInput contact) const {
   const double apart = std::max(0.0, seen.distance - contact.margin);
   mjtNum point[2][3];
   for (int i = 0; i < 2; ++i) {
     mju_addScl3(point[i], seen.position, seen.normal, (i == 0 ? -0.5 : 0.5) * apart);
-    if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -time_);
+    if (motion_.is_free(i)) mju_addToScl3(point[i], motion_.linear(i), -time);
   }
   for (int i = 0; i < 3; ++i) {
     contact.position[i] = 0.5 * (point[0][i] + point[1][i]);
@@ -68,11 +69,23 @@ ContactInput PairAhead::seen_in(const SeenContact& seen, ContactInput contact) c
   mju_addToScl3(frame + 3, frame, -mju_dot3(frame, frame + 3));
   mju_normalize3(frame + 3);
   mju_cross(frame + 6, frame, frame + 3);
-  const std::array<double, 3> rate = motion_.point_rate(contact, ContactMotion::When::kThen);
-  contact.ahead = time_;
-  for (int i = 0; i < 3; ++i) contact.turning[i] = (rate[i] - start_rate[i]) / time_;
+  contact.ahead = time;
+  contact.lag = motion_.lag();
   std::copy_n(seen_.rotation(), 9, contact.rotation.begin());
   return contact;
+}
+
+bool PairAhead::find_turning(const ContactInput& start, ContactInput& contact) const {
+  ContactInput at_start = start;
+  if (motion_.lags()) {
+    const SeenContact* const seen = at_start_.continuation(start);
+    if (!seen) return false;
+    at_start = seen_in(*seen, 0.0, start);
+  }
+  const std::array<double, 3> before = motion_.point_rate(at_start, ContactMotion::When::kStart),
+                              then = motion_.point_rate(contact, ContactMotion::When::kThen);
+  for (int i = 0; i < 3; ++i) contact.turning[i] = (then[i] - before[i]) / time_;
+  return true;
 }
 
 }  // namespace dashpot::host

@@ -45,7 +45,8 @@ bool PairHits::is_soft(const ContactInput& contact) const {
 double PairHits::time(const ContactInput& contact, double frequency, double acceleration,
                       double otherwise) const {
   const double closing = -motion_.gap_rate(contact) + acceleration * lead_;
-  const double gap = contact.gap + lead_ * (closing - 0.5 * acceleration * lead_);
+  const double gap =
+      contact.gap + motion_.growth_in_lag(contact) + lead_ * (closing - 0.5 * acceleration * lead_);
   const double begins = onset(gap, closing, acceleration), left = step_.length - begins;
   if (left == 0.0) return otherwise;
   const double remembered = compression(contact);

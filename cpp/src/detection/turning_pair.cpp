@@ -40,7 +40,7 @@ constexpr double kSliver = 1e-6;
 }  // namespace
 
 bool TurningPair::moves() {
-  if (!motion_.find(*first_, step_.trees, step_.motion)) return false;
+  if (!motion_.find(*first_, step_)) return false;
   const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
   size_ = motion_.size();
   if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
@@ -93,6 +93,7 @@ void TurningPair::turn_axes() {
     mju_sub3(change, then.data(), start.data());
     if (step_.length * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
     contact->ahead = middle();
+    contact->lag = motion_.lag();
     for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / contact->ahead;
   }
 }
@@ -140,7 +141,7 @@ bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& conta
   if (time == 0.0 || (gap <= kMet * size_ && motion_.have_corners())) return false;
   met.turning = {};
   take_geometry(met, contact);
-  contact.gap = gap + closing * time;
+  contact.gap = gap + closing * time - motion_.growth_in_lag(contact);
   return true;
 }
 
@@ -152,6 +153,7 @@ void TurningPair::take_geometry(const ContactInput& then, ContactInput& contact)
   contact.rotation = then.rotation;
   contact.frozen = Frozen::kAhead;
   contact.ahead = then.ahead;
+  contact.lag = then.lag;
   contact.turning = then.turning;
   mju_copy(data_->contact[contact.source].frame, contact.frame.data(), 9);
 }

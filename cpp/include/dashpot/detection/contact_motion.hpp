@@ -6,6 +6,7 @@
 
 #include <array>
 
+#include "dashpot/detection/turning_step.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
 
@@ -22,10 +23,10 @@ class ContactMotion {
   ContactMotion(const mjModel* m, const mjData* d, double length)
       : model_(m), data_(d), length_(length) {}
 
-  // Finds the motion of the geoms of a contact; `motion` has the velocities of free bodies in
-  // motion coordinates. Returns false where contacts of one geom do not follow its pose, as those
-  // of flexes and of signed distance fields, which are points of a search.
-  bool find(const ContactInput& contact, const Trees& trees, const double* motion);
+  // Finds the motion of the geoms of a contact in a step. Returns false where contacts of one geom
+  // do not follow its pose, as those of flexes and of signed distance fields, which are points of a
+  // search.
+  bool find(const ContactInput& contact, const TurningStep& step);
 
   // m/s^2; without any that on earth.
   double gravity() const;
@@ -38,6 +39,9 @@ class ContactMotion {
   const mjtNum* linear(int side) const { return side_[side].linear; }
   // Velocity of the centre of mass of the second body relative to that of the first.
   const mjtNum* relative() const { return relative_; }
+  // s, by side: see ContactInput. Times of a pair are those after the places of its trees.
+  const std::array<double, 2>& lag() const { return lag_; }
+  bool lags() const { return lag_[0] != 0.0 || lag_[1] != 0.0; }
 
   // Whether the geom is a ball about the centre of mass of a free body, which looks the same
   // however it turns.
@@ -64,12 +68,15 @@ class ContactMotion {
   double way_in(double time) const;
   // Rate (m/s) of the gap of a contact.
   double gap_rate(const ContactInput& contact) const;
+  // How much (m) it grows until what lags is where the trees are.
+  double growth_in_lag(const ContactInput& contact) const;
   // Apparent inverse mass (1/kg) along the normal of a contact; of links MuJoCo's estimate.
   double inverse_mass(const ContactInput& contact, const Trees& trees) const;
   // Whether a joint that a link hangs on turns by more than `angle` (rad, or m) in the step.
   bool joints_move(int side, double angle) const;
 
-  // Finds what point_rate() needs of bodies that are not free; `time` (s) leads to When::kThen.
+  // Finds what point_rate() needs of bodies that are not free; `time` (s) of the pair leads to
+  // When::kThen.
   void find_twists(double time);
   // Velocity (m/s) of the point on the second geom to that on the first, in the contact's frame, at
   // the start of the step, or then.
@@ -86,7 +93,7 @@ class ContactMotion {
     mjtNum twist[2][6]{};
   };
 
-  void find_velocity(int tree, const Trees& trees, const double* motion, Side& side) const;
+  void find_velocity(int tree, const TurningStep& step, Side& side) const;
   // Of a point that moves with the body of a side.
   void velocity_of(const Side& side, const mjtNum* point, mjtNum* velocity) const;
 
@@ -95,6 +102,7 @@ class ContactMotion {
   double length_;
   std::array<Side, 2> side_;
   mjtNum relative_[3]{};
+  std::array<double, 2> lag_{};
 };
 
 }  // namespace dashpot::host
