@@ -56,8 +56,8 @@ void RowData::reset_rows(const Rows& rows) {
 
 double recovery_speed_of(const Rows& rows, const RowData& data, int index, double recovery_speed) {
   const RowGroup& c = rows.group[index];
-  const bool waits = c.soft_load > 0.0 && data.offset[index] > 0.0 && !std::isinf(recovery_speed) &&
-                     is_hit_on(rows, data, c);
+  const bool waits = c.soft_load > 0.0 && c.solref.load == 0.0 && data.offset[index] > 0.0 &&
+                     !std::isinf(recovery_speed) && is_hit_on(rows, data, c);
   return waits ? 0.0 : recovery_speed_along(rows, c, recovery_speed);
 }
 

@@ -78,7 +78,8 @@ bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double ga
 // How fast (m/s) the overlap of a group recovers at most: as recovery_speed_along says, but not
 // while a contact of SI stiffness throws back what hit it, with more than kHitLoads times the load
 // of smooth forces. What takes milliseconds there takes a corner to the next one, which is deep
-// already; to push that out under the force of a hit added half of its energy.
+// already; to push that out under the force of a hit added half of its energy. Contacts on a
+// model's own solref are damped too much to throw anything back.
 double recovery_speed_of(const Rows& rows, const RowData& data, int index, double recovery_speed);
 
 // Elastic energy stored in the springs, of all groups or of some, J.
