@@ -66,7 +66,7 @@ void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& row
     const RowGroup& c = rows.group[i];
     if (c.kind != RowKind::kContact) return;
     SagTime& time = of_group_[i];
-    const double sag = kRigidSag * host::contact_radius(model, step.contacts[c.input]);
+    const double sag = kRigidSag * host::bearing_radius(model, step.contacts[c.input]);
     if (gravity > 0.0) time.weight = std::sqrt(sag / (gravity * heavier_on(c)));
     if (const double held = held_acceleration(rows, c); held > 0.0)
       time.dry_friction = std::sqrt(sag / held);

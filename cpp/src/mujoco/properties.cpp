@@ -10,6 +10,13 @@
 
 namespace dashpot::host {
 
+namespace {
+
+// Half-thicknesses of what is thin that stand for its radius; that of a box of 1 : 2 : 2.
+constexpr double kThin = 3.0;
+
+}  // namespace
+
 int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
 int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
 int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
@@ -121,6 +128,18 @@ double contact_radius(const mjModel_* m, const ContactInput& input) {
   double radius = std::numeric_limits<double>::infinity();
   for (int geom : input.geom)
     if (geom >= 0 && m->geom_rbound[geom] > 0.0) radius = std::min(radius, m->geom_rbound[geom]);
+  return radius;
+}
+
+double bearing_radius(const mjModel_* m, const ContactInput& input) {
+  double radius = contact_radius(m, input);
+  for (int side = 0; side < 2; ++side) {
+    const int geom = input.geom[side];
+    if (geom < 0 || input.tree[side] < 0) continue;
+    const mjtNum* half = m->geom_aabb + 6 * geom + 3;
+    const double thinnest = std::min({half[0], half[1], half[2]});
+    if (thinnest > 0.0) radius = std::min(radius, kThin * thinnest);
+  }
   return radius;
 }
 

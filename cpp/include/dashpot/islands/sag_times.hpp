@@ -19,9 +19,10 @@ namespace dashpot {
 // Keeps its arrays from step to step.
 class SagTimes {
  public:
-  // Finds the times of every group; the sag is kRigidSag times the smaller body's radius. Without
-  // gravity there is no weight. `velocity`: at the start of the step, in motion coordinates; loads
-  // of contacts that close or open in it are not known.
+  // Finds the times of every group; the sag is kRigidSag times the smaller body's radius, less
+  // if it is thin (host::bearing_radius). Without gravity there is no weight. `velocity`: at the
+  // start of the step, in motion coordinates; loads of contacts that close or open in it are not
+  // known.
   void find(const mjModel_* model, const StepView& step, const Rows& rows, const double* velocity,
             Team& team);
 

@@ -41,6 +41,9 @@ bool begins_spin(const mjModel_* m, int dof);
 
 // Radius (m) about the smaller geom of a contact; infinite if neither has one.
 double contact_radius(const mjModel_* m, const ContactInput& input);
+// The same, but no more than a few half-thicknesses of what can move: what a sheet may sag goes by
+// how thick it is, or those of a pile lie in each other.
+double bearing_radius(const mjModel_* m, const ContactInput& input);
 // Mass (kg) of the lighter of the kinematic trees whose geoms touch; infinite for flexes.
 double contact_mass(const mjModel_* m, const ContactInput& input);
 
