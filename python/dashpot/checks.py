@@ -16,7 +16,8 @@ _LARGEST_COUNT = 2**31 - 1
 
 def number(name: str, value: object) -> float:
     """Return a real number, nan and inf included, as a float; raise TypeError for anything else."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+    # NumPy registers its durations as integers.
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name} must be a number, got {value!r}")
     try:
         return float(value)
@@ -32,14 +33,58 @@ def positive_number(name: str, value: object) -> float:
     return result
 
 
-def number_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    """Return `value` as an array of floats; raise TypeError where it is not one of numbers."""
+def number_array(
+    name: str, value: ArrayLike, *, missing_as_nan: bool = False
+) -> NDArray[np.float64]:
+    """Return `value` as an array of floats; raise TypeError where it is not one of real numbers.
+
+    NumPy would read text and True as numbers, times as counts of their unit, what is masked as what
+    lies under the mask, and of complex numbers the real parts.
+
+    Parameters
+    ----------
+    name
+        Of the argument, for messages.
+    value
+        Integers or floats, or objects that are such; 0-d too.
+    missing_as_nan
+        Whether what is masked, and None among objects, is NaN rather than refused.
+    """
     try:
-        return np.asarray(value, dtype=np.float64)
+        array = np.ma.array(value) if _holds_a_mask(value) else np.asarray(value)
     except (TypeError, ValueError) as error:
         raise TypeError(f"{name} must be an array of numbers: {error}") from None
-    except OverflowError:
-        raise ValueError(f"{name} holds an integer that is too large for a float") from None
+    raw, masked = np.ma.getdata(array), np.ma.getmask(array)
+    if raw.dtype == np.object_:
+        raw, none = _real_numbers(name, raw, np.ma.getmaskarray(array))
+        masked = masked | none
+    elif raw.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be an array of numbers, got dtype {raw.dtype}")
+    if not masked.any():
+        return raw.astype(np.float64, copy=False)
+    if not missing_as_nan:
+        index = [int(i) for i in np.argwhere(masked)[0]]
+        raise TypeError(f"{name}{index or ''} is missing (masked or None); it must be a number")
+    return np.where(masked, np.nan, raw)
+
+
+def _holds_a_mask(value: object) -> bool:
+    """Whether a value, or an entry of a sequence, is a masked array."""
+    entries = value if isinstance(value, list | tuple) else (value,)
+    return any(isinstance(entry, np.ma.MaskedArray) for entry in entries)
+
+
+def _real_numbers(
+    name: str, objects: NDArray[np.object_], masked: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return an array of objects as floats, and where they are None; some may be `masked`."""
+    result, none = np.zeros(objects.shape), np.zeros(objects.shape, dtype=bool)
+    for index in map(tuple, np.argwhere(~masked)):
+        if objects[index] is None:
+            none[index] = True
+        else:
+            result[index] = number(f"{name}{[int(i) for i in index]}", objects[index])
+    return result, none
 
 
 def require_finite(name: str, array: NDArray[np.float64]) -> None:
@@ -59,7 +104,7 @@ def finite_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
 
 def whole_number(name: str, value: object, *, lowest: int, highest: int = _LARGEST_COUNT) -> int:
     """Return an integer in a range; raise TypeError for no integer, ValueError otherwise."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} must be an integer, got {value!r}")
     if value < lowest:
         raise ValueError(f"{name} must be >= {lowest}, got {value}")

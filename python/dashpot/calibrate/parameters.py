@@ -91,7 +91,7 @@ class Parameter:
                 f"{label}: transform must be one of {', '.join(_TRANSFORMS)}, "
                 f"got {self.transform!r}"
             )
-        bounds = number_array(f"{label}: bounds", self.bounds)
+        bounds = number_array(f"{label}: bounds", () if self.bounds is None else self.bounds)
         if bounds.shape != (2,):
             raise ValueError(f"{label}: bounds must be (lower, upper), got {self.bounds!r}")
         lower, upper = float(bounds[0]), float(bounds[1])

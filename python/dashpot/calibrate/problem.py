@@ -29,7 +29,7 @@ from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import System, model_of
 from dashpot.calibrate.systems import Builder, own_system, put_in
 from dashpot.calibrate.trajectory import Trajectory
-from dashpot.checks import number, positive_count
+from dashpot.checks import number, number_array, positive_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -236,14 +236,18 @@ class Problem:
         """
         count = len(self.trajectories)
         if self.start_states is not None:
-            qpos, qvel = self.start_states(self.start if values is None else values)
+            starts = self.start_states(self.start if values is None else values)
+            qpos, qvel = (
+                number_array(f"{name} of start_states", array)
+                for name, array in zip(("qpos", "qvel"), starts, strict=True)
+            )
             for name, array, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv)):
-                if np.shape(array) != (count, size) or not np.isfinite(array).all():
+                if array.shape != (count, size) or not np.isfinite(array).all():
                     raise ValueError(
                         f"start_states must return finite {name} of shape ({count}, {size}), "
-                        f"got {np.shape(array)}"
+                        f"got {array.shape}"
                     )
-            return np.asarray(qpos, dtype=np.float64), np.asarray(qvel, dtype=np.float64)
+            return qpos, qvel
         qpos = np.empty((count, model.nq))
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.frame_grid import check_grid, frame_numbers
-from dashpot.checks import number
+from dashpot.checks import number, number_array
 
 Array = NDArray[np.float64]
 T = TypeVar("T", np.float64, np.bool_)
@@ -26,7 +26,9 @@ class Trajectory:
 
     Frames of it may be lost.
 
-    Arrays are copied, so the caller's data stay as they are and later edits do not reach in.
+    Arrays are copied, so the caller's data stay as they are and later edits do not reach in. They
+    hold integers or floats; text, times with a date, complex numbers and True are refused. Where
+    NaN stands for what was not measured, so do the masked entries of ``numpy.ma`` and None.
 
     Parameters
     ----------
@@ -268,13 +270,8 @@ class Trajectory:
             raise ValueError(f"{self._label}: all positions and quaternions are nan")
 
     def _finite(self, field: str, value: ArrayLike, *, lost: bool = False) -> Array:
-        """Return an array of finite numbers; with `lost`, NaN too."""
-        try:
-            array = np.array(value, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise TypeError(
-                f"{self._label}: {field} must be an array of numbers: {error}"
-            ) from None
+        """Return a new array of finite numbers; with `lost`, NaN too, of what is masked or None."""
+        array = np.array(number_array(f"{self._label}: {field}", value, missing_as_nan=lost))
         bad = np.argwhere(np.isinf(array) if lost else ~np.isfinite(array))
         if bad.size:
             index = tuple(int(i) for i in bad[0])

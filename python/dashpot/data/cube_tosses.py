@@ -17,6 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dashpot.checks import number_array
+
 FILE_NAME = "cube_tosses_public.npz"
 _FOLDER = "cube_tosses"
 
@@ -173,7 +175,7 @@ def make_toss(
     frames = len(np.asarray(position))
     arrays: dict[str, NDArray[np.float64]] = {}
     for name, (values, width, limit) in fields.items():
-        array = np.array(values, np.float64)
+        array = np.array(number_array(f"toss {toss_id}: {name}", values))
         if array.shape != (frames, width) or frames < 2:
             raise ValueError(f"toss {toss_id}: {name} has shape {array.shape}, not (F, {width})")
         bad = ~(np.abs(array) <= limit)

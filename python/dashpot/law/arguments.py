@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dashpot.checks import number_array
+
 
 def real_array(
     name: str,
@@ -20,10 +22,7 @@ def real_array(
 
     Numbers have to be finite; if `infinite`, inf is one too.
     """
-    raw = np.asarray(value)
-    if raw.dtype.kind not in "iuf":
-        raise TypeError(f"{name} must be real numbers, got {value!r}")
-    array = raw.astype(np.float64)
+    array = number_array(name, value)
     good = ~np.isnan(array) if infinite else np.isfinite(array)
     if lower is not None:
         good &= (array > lower) if strict else (array >= lower)
