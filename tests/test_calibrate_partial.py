@@ -157,6 +157,64 @@ def test_a_start_that_was_lost_is_that_of_the_line_through_the_first_frames_seen
         replace(problem(trajectory, NOISE), initial_state="velocity")
 
 
+SEEN_IN = {
+    "rotation in other frames than position": ([0, 0, 0], 1),
+    "rotation in flight not at all": ([0, 0, 0], None),
+    "a camera of each axis in turn": ([0, 1, 2], 0),
+}
+
+
+@pytest.mark.parametrize(("first", "turned"), SEEN_IN.values(), ids=SEEN_IN)
+def test_a_throw_is_guessed_from_what_was_seen_of_each_coordinate(first, turned):
+    """Position and rotation lost in different frames are never seen together; each has its line.
+
+    A ball flies from 1 m at 2 m/s sideways and 1 m/s up, spinning at 20 rad/s, and after 0.3 s
+    something stops it.
+    """
+    velocity, spin, frames = np.array([2.0, 0.0, 1.0]), np.array([0.0, 20.0, 0.0]), 60
+    time = 0.01 * np.arange(frames)
+    flight = np.minimum(time, 0.3)[:, None]
+    position = [0, 0, 1] + flight * velocity - 0.5 * flight**2 * [0, 0, 9.81]
+    quaternion = np.tile(IDENTITY, (frames, 1))
+    for q, t in zip(quaternion, time, strict=True):
+        mujoco.mju_quatIntegrate(q, spin, t)
+    every = 1 + max(*first, turned or 0)
+    for k in range(3):
+        position[np.arange(frames) % every != first[k], k] = np.nan
+    if turned is None:
+        quaternion[time < 0.4] = np.nan
+    else:
+        quaternion[np.arange(frames) % every != turned] = np.nan
+    trajectory = make_trajectory(
+        time=time, position=position, quaternion=quaternion, bodies="ball", initial_qvel=None
+    )
+    model = mujoco.MjModel.from_xml_string(BALL)
+    throw = replace(problem(trajectory, NOISE), rotation_sigma=NOISE)
+    qpos, qvel = throw.initial_states(model)
+    np.testing.assert_allclose(qvel[0], [*velocity, *spin], atol=1e-9)
+    np.testing.assert_allclose(qpos[0], [0, 0, 1, *IDENTITY], atol=1e-9)
+    robust, displacement = throw.robust_guesses(model, qvel)
+    np.testing.assert_allclose(robust[0], [*velocity, *spin], atol=1e-9)
+    np.testing.assert_allclose(displacement[0], 0.0, atol=1e-9)
+
+
+def test_the_line_of_one_coordinate_ends_where_that_of_another_does():
+    """A ball that bounces at 0.1 s goes on sideways a little slower: heights say where to stop."""
+    frames, hit = 60, 10
+    after = np.maximum(0.01 * (np.arange(frames) - hit), 0.0)
+    time = 0.01 * np.arange(frames)
+    position = np.c_[time - 0.03 * after, 0.0 * time, 1.0 - 0.5 * 9.81 * time**2 + 6.0 * after]
+    position[1::2, 0] = np.nan
+    trajectory = make_trajectory(
+        time=time, position=position, quaternion=np.full((frames, 4), np.nan), bodies="ball",
+        initial_qvel=None,
+    )  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(BALL)
+    throw = problem(trajectory, NOISE)
+    robust, _ = throw.robust_guesses(model, throw.initial_states(model)[1])
+    np.testing.assert_allclose(robust[0], [1, 0, 0, 0, 0, 0], atol=1e-9)
+
+
 def test_controls_hold_through_a_gap():
     """A force of 2, then 6 N on 4 kg at rest, the frame between lost: Euler steps of 0.01 s."""
     model = mujoco.MjModel.from_xml_string(

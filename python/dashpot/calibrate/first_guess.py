@@ -60,16 +60,14 @@ def initial_state(
         qvel[:] = trajectory.initial_qvel
     for i, joint in free_bodies(trajectory, model):
         path = _path(trajectory, i, measured)
-        if not path.time.size:
-            continue
-        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         position, quaternion, slope = _start(path, _fall(path, gravity_of(model)))
+        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         if trajectory.initial_qpos is None:
             qpos[q : q + 3] = np.where(path.known[:3], position, qpos[q : q + 3])
             if path.known[3]:
                 qpos[q + 3 : q + 7] = quaternion
         if trajectory.initial_qvel is None:
-            qvel[v : v + 6] = np.where(path.known, slope, 0.0)
+            qvel[v : v + 6] = slope
     return qpos, qvel
 
 
@@ -83,98 +81,136 @@ def robust_guess(
     qvel, displacement = qvel.copy(), np.zeros(model.nv)
     for i, joint in free_bodies(trajectory, model):
         path = _path(trajectory, i, np.isfinite(sigma))
-        if path.time.size < 2:
-            continue
         fall = _fall(path, gravity_of(model))
         position, first, _ = _start(path, fall)
-        start, reference = np.empty(6), path.quaternion[0].copy()
-        # Vectors from a first frame that is itself an outlier are no straight line: twice, then.
-        for _ in range(2):
-            time, motion = _motion(path, fall, reference, _MOST_FRAMES)
-            lines = [_robust_line(time, motion[:, k], sigma[k]) for k in (slice(3), slice(3, 6))]
-            value, slope = (np.concatenate(part) for part in zip(*lines, strict=True))
-            mujoco.mju_quatIntegrate(reference, value[3:], 1.0)
-        start[:3] = value[:3] + path.position[0] - position
-        mujoco.mju_subQuat(start[3:], reference, first)
+        start, slope, guessed = np.zeros(6), np.zeros(6), np.zeros(6, dtype=bool)
+        ways = {k: way for k, way in enumerate(_ways(path, fall)) if way.time.size > 1}
+        # Contact ends the lines of all coordinates, also of those that hardly feel it.
+        last = min((_last_on_line(way, sigma[k]) for k, way in ways.items()), default=0.0)
+        for k, way in ways.items():
+            frames = max(np.searchsorted(way.time, last, side="right"), _START_FRAMES)
+            value, rate = _medians(way.time[:frames], way.value[:frames])
+            start[k] = value[0] + path.position[k].value[0, 0] - position[k]
+            slope[k], guessed[k] = rate[0], True
+        if path.rotation.time.size > 1:
+            reference = path.rotation.value[0].copy()
+            # Vectors from a first frame that is itself an outlier are no line: twice, then.
+            for _ in range(2):
+                turn = _turn(path.rotation, reference)
+                last = _last_on_line(turn, sigma[3:])
+                frames = int(np.searchsorted(turn.time, last, side="right"))
+                value, slope[3:] = _medians(turn.time[:frames], turn.value[:frames])
+                mujoco.mju_quatIntegrate(reference, value, 1.0)
+            mujoco.mju_subQuat(start[3:], reference, first)
+            guessed[3:] = True
         v = int(model.jnt_dofadr[joint])
         if trajectory.initial_qpos is None:
-            displacement[v : v + 6] = np.where(path.known, start, 0.0)
+            displacement[v : v + 6] = start
         if trajectory.initial_qvel is None:
-            qvel[v : v + 6] = np.where(path.known, slope, 0.0)
+            qvel[v : v + 6] = np.where(guessed, slope, qvel[v : v + 6])
     return qvel, displacement
 
 
 @dataclass(frozen=True, eq=False)
-class _Path:
-    """Frames of a body in which all was measured that ever is of it.
+class _Samples:
+    """What was measured of one quantity, and when.
 
     Attributes
     ----------
     time
         (m,) s, from the first frame of the trajectory.
-    position, quaternion
-        (m, 3) and (m, 4); any numbers where nothing is known.
-    known
-        (6,) whether x, y, z and rotations about them were measured.
+    value
+        (m, k).
     """
 
     time: Array
-    position: Array
-    quaternion: Array
-    known: NDArray[np.bool_]
+    value: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Coordinates (1 column each) and rotation (quaternions) of a body, each where it was seen.
+
+    Trackers lose them in different frames: two cameras have an axis each, a gyroscope turns alone.
+    """
+
+    position: tuple[_Samples, _Samples, _Samples]
+    rotation: _Samples
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(6,) whether x, y, z and rotations about them were ever measured."""
+        seen = [samples.time.size > 0 for samples in (*self.position, self.rotation)]
+        return np.array([*seen, seen[3], seen[3]])
 
 
 def _path(trajectory: Trajectory, body: int, measured: NDArray[np.bool_]) -> _Path:
-    frames = trajectory.measured[:, body] & measured
-    known = np.asarray(frames.any(axis=0))
-    seen = frames[:, known].all(axis=1) & known.any()
-    return _Path(
-        trajectory.time[seen] - trajectory.time[0],
-        np.where(known[:3], trajectory.position[seen, body], 0.0),
-        np.where(known[3:4], trajectory.quaternion[seen, body], (1.0, 0.0, 0.0, 0.0)),
-        known,
+    seen = trajectory.measured[:, body] & measured
+    time = trajectory.time - trajectory.time[0]
+    x, y, z = (
+        _Samples(time[frames], trajectory.position[frames, body, k : k + 1])
+        for k, frames in enumerate(seen[:, :3].T)
     )
+    turned = seen[:, 3]
+    return _Path((x, y, z), _Samples(time[turned], trajectory.quaternion[turned, body]))
 
 
 def _fall(path: _Path, gravity: Array) -> Array:
     """Return the acceleration of a body in its first frames: gravity, or 0 where it is carried."""
-    time = path.time[:_START_FRAMES]
-    if time.size < 3:
-        return gravity
-    left = []
-    for acceleration in (gravity, np.zeros(3)):
-        way = path.position[: time.size] - 0.5 * acceleration * time[:, None] ** 2
-        value, slope = _medians(time, way)
-        off = np.median(np.abs(way - value - time[:, None] * slope), axis=0)
-        left.append(float(np.linalg.norm(off[path.known[:3]])))
-    return np.zeros(3) if left[1] < _CARRIED * left[0] else gravity
+    left = np.zeros((2, 3))
+    for row, acceleration in zip(left, (gravity, np.zeros(3)), strict=True):
+        for k, way in enumerate(_ways(path, acceleration)):
+            time, value = way.time[:_START_FRAMES], way.value[:_START_FRAMES]
+            if time.size > 2:
+                start, slope = _medians(time, value)
+                row[k] = np.median(np.abs(value - start - time[:, None] * slope))
+    falling, carried = np.linalg.norm(left, axis=1)
+    return np.zeros(3) if carried < _CARRIED * falling else gravity
 
 
-def _start(path: _Path, gravity: Array) -> tuple[Array, Array, Array]:
-    """Return position, quaternion and rates (6,) at time 0: as first seen, or on the line there."""
-    position, quaternion = path.position[0].copy(), path.quaternion[0].copy()
-    if path.time.size < 2:
-        return position, quaternion, np.zeros(6)
-    value, slope = _line(*_motion(path, gravity, quaternion, _START_FRAMES))
-    if path.time[0] > 0.0:
-        position += value[:3]
-        mujoco.mju_quatIntegrate(quaternion, value[3:], 1.0)
+def _start(path: _Path, fall: Array) -> tuple[Array, Array, Array]:
+    """Return position, quaternion and rates (6,) at time 0: as first seen, or on the line there.
+
+    They are 0, and no rotation, of what was never seen.
+    """
+    position, quaternion, slope = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(6)
+    for k, way in enumerate(_ways(path, fall)):
+        if way.time.size:
+            value, rate = _beginning(way)
+            position[k], slope[k] = path.position[k].value[0, 0] + value[0], rate[0]
+    if path.rotation.time.size:
+        quaternion[:] = path.rotation.value[0]
+        value, slope[3:] = _beginning(_turn(path.rotation, quaternion))
+        mujoco.mju_quatIntegrate(quaternion, value, 1.0)
     return position, quaternion, slope
 
 
-def _motion(path: _Path, gravity: Array, reference: Array, most: int) -> tuple[Array, Array]:
-    """Return times (n,) of at `most` so many frames and the motion (n, 6) of a body in them.
+def _beginning(way: _Samples) -> tuple[Array, Array]:
+    """Return at time 0 the value, 0 where it was seen there, and the slope of the first frames."""
+    nothing = np.zeros(way.value.shape[1])
+    if way.time.size < 2:
+        return nothing, nothing
+    value, slope = _line(way.time[:_START_FRAMES], way.value[:_START_FRAMES])
+    return (value if way.time[0] > 0.0 else nothing), slope
 
-    That is how far it is from its first position, fall from rest at time 0 taken out, and the
-    rotation vector from the quaternion `reference`: straight lines in free fall at a constant rate
-    of rotation.
+
+def _ways(path: _Path, fall: Array) -> list[_Samples]:
+    """Return how far each coordinate is from its first, fall from rest at time 0 taken out.
+
+    In free fall these are straight lines.
     """
-    time = path.time[:most]
-    turn = np.empty((time.size, 3))
-    for k in range(time.size):
-        mujoco.mju_subQuat(turn[k], path.quaternion[k], reference)
-    fall = path.position[: time.size] - path.position[0] - 0.5 * gravity * time[:, None] ** 2
-    return time, np.hstack([fall, turn])
+    return [
+        _Samples(s.time, s.value - s.value[:1] - 0.5 * fall[k] * s.time[:, None] ** 2)
+        for k, s in enumerate(path.position)
+    ]
+
+
+def _turn(rotation: _Samples, reference: Array) -> _Samples:
+    """Return rotation vectors from the quaternion `reference`: a line at a constant rate."""
+    turn = np.empty((rotation.time.size, 3))
+    for k, quaternion in enumerate(rotation.value):
+        mujoco.mju_subQuat(turn[k], quaternion, reference)
+    return _Samples(rotation.time, turn)
 
 
 def _line(time: Array, values: Array) -> tuple[Array, Array]:
@@ -183,36 +219,37 @@ def _line(time: Array, values: Array) -> tuple[Array, Array]:
     return np.asarray(value), np.asarray(slope)
 
 
-def _robust_line(time: Array, values: Array, sigma: Array) -> tuple[Array, Array]:
-    """Return values at time 0 and slopes of lines that outlying rows do not move far.
+def _last_on_line(way: _Samples, sigma: Array) -> float:
+    """Return the time of the last frame that lies with those before it on one robust line.
 
-    Slopes are the medians of those between all pairs of rows, values the medians of what these
-    leave (Theil 1950; Sen 1968): of five rows one may be anywhere, of many 29 %. They are drawn
-    through as many rows as lie on one line, five at least.
+    They are five at least.
 
     Parameters
     ----------
-    time
-        (n,) ascending.
-    values
-        (n, k).
+    way
+        (m, k) values.
     sigma
-        (k,) standard deviations of the values, infinite where they do not count.
+        (k,) standard deviations of the values.
     """
-    found = _medians(time[:_START_FRAMES], values[:_START_FRAMES])
-    frames = _START_FRAMES
-    while frames < min(len(time), _MOST_FRAMES):
-        frames = min(int(_LONGER * frames), len(time), _MOST_FRAMES)
+    time, values = way.time, way.value
+    frames = longest = min(_START_FRAMES, time.size)
+    while frames < min(time.size, _MOST_FRAMES):
+        frames = min(int(_LONGER * frames), time.size, _MOST_FRAMES)
         value, slope = _medians(time[:frames], values[:frames])
         last = slice(frames - frames // 3, frames)
         off = np.abs(values[last] - value - time[last, None] * slope) / sigma
         if (np.median(off, axis=0) > _ON_THE_LINE).any():
             break
-        found = value, slope
-    return found
+        longest = frames
+    return float(time[longest - 1])
 
 
 def _medians(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return values at time 0 and slopes of lines through (n, k) that outlying rows hardly move.
+
+    Slopes are the medians of those between all pairs of rows, values the medians of what these
+    leave (Theil 1950; Sen 1968): of five rows one may be anywhere, of many 29 %.
+    """
     first, second = np.triu_indices(len(time), 1)
     run = (time[second] - time[first])[:, None]
     slope = np.median((values[second] - values[first]) / run, axis=0)
