@@ -252,6 +252,40 @@ def test_long_gaps_count_right_in_times_rounded_to_milliseconds():
     assert "31 left out" in repr(trajectory)
 
 
+def of_frames(number, rate=100.0, decimals=9):
+    """Return a trajectory of some frames of a clock, whose times are rounded."""
+    return make_trajectory(
+        time=np.round(np.asarray(number) / rate, decimals),
+        position=np.zeros((len(number), 3)),
+        quaternion=np.tile(IDENTITY, (len(number), 1)),
+    )
+
+
+@pytest.mark.parametrize(("rate", "decimals"), [(100.0, 9), (120.0, 3)])
+@pytest.mark.parametrize("lost", [40, 50, 60])
+@pytest.mark.parametrize("seed", range(10))
+def test_frames_lost_at_random_leave_the_clock_known(seed, lost, rate, decimals):
+    """Of 100 frames half are lost: most intervals are of two spacings and more."""
+    rng = np.random.default_rng(seed)
+    number = np.sort(rng.choice(100, 100 - lost, replace=False))
+    trajectory = of_frames(number, rate, decimals)
+    np.testing.assert_array_equal(trajectory.frame_number, number - number[0])
+    assert trajectory.spacing == pytest.approx(1.0 / rate, rel=1e-3)
+
+
+def test_two_of_three_frames_lost_in_a_pattern_leave_the_clock_known():
+    number = np.cumsum([0, *([2, 2, 1] * 10)])
+    np.testing.assert_array_equal(of_frames(number).frame_number, number)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_times_of_no_grid_are_refused(seed):
+    """Triggered by hand, or by events: no finer grid is made up for them."""
+    time = np.cumsum(np.random.default_rng(seed).uniform(0.005, 0.015, size=60))
+    with pytest.raises(ValueError, match=r"'throw 7': .* before time.* no even grid has all of"):
+        of_frames(time, rate=1.0)
+
+
 @pytest.mark.parametrize("first", [[0, 2, 4, 6, 8], [0, 3, 5, 6, 7]])
 def test_heads_of_frames_lost_early_stay_on_the_grid_of_the_whole(first):
     """Every second frame of the first, or intervals of 3, 2 and 1: few frames tell no spacing."""

@@ -14,12 +14,19 @@ GRID_TOLERANCE = 0.15
 SPACING_TOLERANCE = 0.3
 # Of gaps, in which a spacing that is not quite known counts many times, it is more.
 GAP_TOLERANCE = 0.4
+# Of frames of which four in five were lost at random the median interval is three spacings, and is
+# five in one trajectory of a hundred that has 20 left.
+_MOST_IN_USUAL = 5
 
 
 def frame_numbers(time: Array) -> NDArray[np.intp]:
     """Return (n,) the places of ascending times on their even grid, from 0.
 
-    The interval that most have is one spacing, longer ones are as many as come nearest.
+    The median interval is one spacing or, where that leaves some over, up to `_MOST_IN_USUAL`: of
+    frames that were lost at random, more than half, it is two, and more of more. Of random losses
+    single spacings are the most frequent intervals all the same, and at least half as many as of
+    any other length is asked for: times of no grid at all fit ever finer ones. Longer intervals are
+    as many spacings as come nearest.
 
     Raises
     ------
@@ -35,22 +42,37 @@ def frame_numbers(time: Array) -> NDArray[np.intp]:
             f"follows time[{i - 1}] = {time[i - 1]:.6g} s"
         )
     usual = float(np.sort(interval)[(interval.size - 1) // 2])  # of two the shorter
-    single = np.abs(interval - usual) <= SPACING_TOLERANCE * usual
+    spacings, uneven = _multiples(interval, usual)
+    first_uneven = uneven
+    for share in range(2, _MOST_IN_USUAL + 1):
+        if not uneven.any():
+            break
+        spacings, uneven = _multiples(interval, usual / share)
+        count = np.bincount(spacings)
+        if 2 * count[1] < count.max():
+            uneven = first_uneven
+    if uneven.any():
+        i = int(np.flatnonzero(first_uneven)[0]) + 1
+        kind = "gap" if interval[i - 1] > usual else "short interval"
+        raise ValueError(
+            f"{kind} of {interval[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} s; half of the "
+            f"intervals are at most {usual:.6g} s, and no even grid has all of these times within "
+            f"{SPACING_TOLERANCE:.0%} of its spacing, lost frames left out (resample or split the "
+            "trajectory)"
+        )
+    return np.concatenate([[0], np.cumsum(spacings)])
+
+
+def _multiples(interval: Array, about: float) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Return how many spacings of `about` some s intervals are, and which are no multiple."""
+    single = np.abs(interval - about) <= SPACING_TOLERANCE * about
     # Rounding of single times averages out, which long gaps need.
-    mean = float(interval[single].mean()) if single.any() else usual
+    mean = float(interval[single].mean()) if single.any() else about
     spacings = np.maximum(np.rint(interval / mean), 1.0)
     spacings[single] = 1.0
     tolerance = np.where(spacings > 1.0, GAP_TOLERANCE, SPACING_TOLERANCE)
-    uneven = np.flatnonzero(np.abs(interval - spacings * mean) > tolerance * usual)
-    if uneven.size:
-        i = int(uneven[0]) + 1
-        kind = "gap" if interval[i - 1] > usual else "short interval"
-        raise ValueError(
-            f"{kind} of {interval[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} "
-            f"s; frames must be {usual:.6g} s apart within {SPACING_TOLERANCE:.0%}, or a multiple "
-            "of that where some were lost (resample or split the trajectory)"
-        )
-    return np.concatenate([[0], np.cumsum(spacings.astype(np.intp))])
+    uneven = np.abs(interval - spacings * mean) > tolerance * about
+    return spacings.astype(np.intp), uneven
 
 
 def even_grid(time: Array, frame: NDArray[np.intp]) -> tuple[float, Array]:

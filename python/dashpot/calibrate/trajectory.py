@@ -37,8 +37,8 @@ class Trajectory:
     time
         (n,) times in s, strictly increasing, n >= 2, and evenly spaced: at most 15 % of a spacing
         off the even grid that fits them best, so that those rounded to milliseconds pass to 240 Hz.
-        The frames count as being on that grid. Lost frames may be left out: intervals of several
-        spacings are gaps, through which the simulation goes on.
+        The frames count as being on that grid. Lost frames may be left out, more than half of them
+        too: intervals of several spacings are gaps, through which the simulation goes on.
     position
         (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m. NaN: not
         measured in that frame.
