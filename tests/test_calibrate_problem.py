@@ -383,6 +383,26 @@ def test_one_form_of_damping_replaces_another():
     assert material.stiffness == 1e4
 
 
+def test_a_damping_is_estimated_beside_a_stiffness_in_any_order():
+    def parameters(make, geoms):
+        return [
+            make(*geoms, "damping", start=10.0, bounds=(1.0, 99.0)),
+            Parameter.model("body_mass", "body", start=2.0, bounds=(1, 9)),
+            make(*geoms, "stiffness", start=1e4, bounds=(1e3, 1e5)),
+        ]
+
+    bare = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
+    for make, geoms in ((Parameter.material, ["ball"]), (Parameter.pair, ["ball", "floor"])):
+        damping, *others = parameters(make, geoms)
+        values = {"damping": 7.0, "body_mass": 2.0, "stiffness": 5e4}
+        built = make_problem(system=bare, parameters=[damping, *others]).build(values)
+        found = built.contact_material("ball", "floor")
+        assert (found.stiffness, found.damping) == (5e4, 7.0)
+        with pytest.raises(ValueError, match=r"^parameter 'damping' = 10: .* needs a stiffness"):
+            make_problem(system=bare, parameters=[damping])
+        make_problem(parameters=[Parameter.material("ball", "damping", start=9.0, bounds=(1, 99))])
+
+
 def test_model_properties_bring_derived_constants_along():
     parameters = [
         Parameter.model("body_mass", "body", start=2.0, bounds=(0.1, 10.0)),

@@ -44,25 +44,27 @@ def quality(core, inverse_mass=0.5):
 
 
 positive = st.builds(lambda x: 10**x, st.floats(-3, 9))
-dampings = st.one_of(
-    st.builds(lambda x: {"damping": x}, st.floats(0, 1e4)),
+relative_dampings = st.one_of(
     st.builds(lambda x: {"damping_ratio": x}, st.floats(0, 20)),
     st.builds(lambda x: {"restitution": x}, st.floats(0, 1)),
     st.just({}),
 )
+dampings = st.one_of(st.builds(lambda x: {"damping": x}, st.floats(0, 1e4)), relative_dampings)
+stiffnesses_and_dampings = st.one_of(
+    st.builds(lambda d: {"stiffness": None, **d}, relative_dampings),
+    st.builds(lambda k, d: {"stiffness": k, **d}, positive, dampings),
+)
 frictions = st.tuples(st.floats(0, 2), st.floats(0, 0.1), st.floats(0, 0.01))
 materials = st.builds(
-    lambda k, d, f, s, load, t, z: Material(
-        k,
-        **d,
+    lambda spring, f, s, load, t, z: Material(
+        **spring,
         friction=f,
         loaded_friction=s,
         friction_load=load,
         tangential_ratio=t,
         tangential_damping_ratio=z,
     ),
-    st.one_of(st.none(), positive),
-    dampings,
+    stiffnesses_and_dampings,
     frictions,
     st.floats(0.01, 1),
     st.floats(0.1, 100),

@@ -140,7 +140,8 @@ class Parameter:
             ``loaded_friction``, ``friction_load`` (N), ``tangential_ratio`` or
             ``tangential_damping_ratio``. What is not varied stays as the engine's material has it;
             a problem refuses geoms without one whose softness is the model's ``solref``, unless
-            their stiffness is varied too.
+            their stiffness is varied too. So it does where ``damping`` is varied of what has no
+            stiffness, given or varied.
             Beside an unknown stiffness ask for ``restitution`` or ``damping_ratio`` rather than
             ``damping``. Motions show how much a bounce returns, which at one damping in N s/m
             depends on the stiffness too: data that a search fits with ease in restitution may end
@@ -258,7 +259,7 @@ class Parameter:
     def _check_material_takes_bounds(self, quantity: str) -> None:
         for bound in self.bounds:
             try:
-                setters.with_quantity(Material(), quantity, bound, np.zeros(3))
+                setters.with_quantity(Material(1.0), quantity, bound, np.zeros(3))
             except ValueError as error:
                 raise ValueError(
                     f"parameter '{self.name}': bounds {self.bounds}: {error}"

@@ -9,7 +9,13 @@ from typing import TypeAlias
 import mujoco
 
 from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.setters import ModelSetter, System, model_of
+from dashpot.calibrate.setters import (
+    MaterialSetter,
+    ModelSetter,
+    PairSetter,
+    System,
+    model_of,
+)
 from dashpot.engine import Engine
 
 Builder: TypeAlias = Callable[[Mapping[str, float]], System]
@@ -36,7 +42,7 @@ def own_system(system: System | Builder, values: Mapping[str, float]) -> System:
 def put_in(system: System, parameters: Sequence[Parameter], values: Mapping[str, float]) -> None:
     """Set the values of parameters in a system; raise ValueError naming what was refused."""
     changed = False
-    for parameter in parameters:
+    for parameter in _stiffness_before_damping(parameters):
         if parameter.apply is None:
             continue
         value = values[parameter.name]
@@ -59,3 +65,17 @@ def put_in(system: System, parameters: Sequence[Parameter], values: Mapping[str,
         except mujoco.FatalError as error:
             names = ", ".join(p.name for p in parameters if p.changes_model)
             raise ValueError(f"the model does not take the values of {names}: {error}") from error
+
+
+def _stiffness_before_damping(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters in order, but what gives a stiffness before any damping that needs one."""
+
+    def sets(parameter: Parameter, quantity: str) -> bool:
+        setter = parameter.apply
+        return isinstance(setter, MaterialSetter | PairSetter) and setter.quantity == quantity
+
+    order = list(parameters)
+    first = next((i for i, p in enumerate(order) if sets(p, "damping")), len(order))
+    rest = order[first:]
+    stiff = [p for p in rest if sets(p, "stiffness")]
+    return order[:first] + stiff + [p for p in rest if p not in stiff]
