@@ -293,6 +293,23 @@ def test_problem_of_the_wrong_types_names_its_culprit(changes, message):
         make_problem(**changes)
 
 
+def test_a_parameter_that_reaches_nothing_is_refused():
+    """Its value went nowhere, and a fit found that the motion did not depend on it."""
+    free = Parameter("k", 1e3, (1.0, 1e5))
+    model = mujoco.MjModel.from_xml_string(BALL)
+    for system in (ball_engine(), model):
+        with pytest.raises(ValueError, match=r"^parameter 'k' sets nothing: make it with"):
+            make_problem(system=system, parameters=[free])
+    make_problem(system=lambda values: ball_engine(values["k"]), parameters=[free])
+    states = np.array([[0.0, 0, 1, *IDENTITY]]), np.zeros((1, 6))
+    make_problem(parameters=[free], start_states=lambda values: states)
+
+
+def test_a_standard_deviation_may_be_an_array_of_no_dimension():
+    problem = make_problem(position_sigma=np.array(1e-3), rotation_sigma=np.array(1e-2))
+    assert problem.sigma.tolist() == [1e-3] * 3 + [1e-2] * 3
+
+
 def test_a_material_cannot_be_varied_in_a_mujoco_model():
     model = mujoco.MjModel.from_xml_string(BALL)
     with pytest.raises(TypeError, match=r"parameter 'stiffness' = .*dashpot\.Engine"):

@@ -212,3 +212,27 @@ def test_edits_of_the_model_reach_contact_materials():
     assert engine.contact_material("floor", "ball").friction[0] == 1.0
     engine.model.geom_friction[:, 0] = 0.4
     assert engine.contact_material("floor", "ball").friction[0] == 0.4
+
+
+def test_a_material_that_is_taken_away_leaves_what_the_model_says():
+    """A ball that bounced on 1e4 N/m falls bit for bit as one that never had a material."""
+
+    def fallen(engine):
+        data = engine.make_data()
+        engine.step(data, 50)
+        return data.qpos.tobytes()
+
+    engine, untouched = engine_of('solref=".05 1"'), engine_of('solref=".05 1"')
+    soft = Material(1e4, restitution=0.5, friction=0.3)
+    engine.set_material("ball", soft)
+    engine.set_pair_material("floor", "ball", Material(2e4))
+    assert fallen(engine) != fallen(untouched)
+    engine.set_pair_material("ball", "floor", None)
+    assert engine.contact_material("ball", "floor").source == "geoms"
+    engine.set_material("ball", None)
+    assert engine.contact_material("ball", "floor").source == "solref"
+    assert (engine.materials, engine.pair_materials) == ({}, {})
+    assert fallen(engine) == fallen(untouched)
+    engine.set_material("ball", None)
+    with pytest.raises(TypeError, match="it must be a Material or None"):
+        engine.set_material("ball", 1e4)

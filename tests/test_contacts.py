@@ -88,3 +88,21 @@ def test_data_hold_contacts_that_touch_not_those_that_detection_sees_ahead(senso
     if sensors:
         assert data.sensordata[:3].tolist() == theirs.sensordata[:3].tolist() == [0.0, 0.0, 1.0]
         assert data.sensordata[3] == pytest.approx(9.81, rel=1e-6)
+
+
+def test_contacts_are_chosen_and_gone_through_one_by_one():
+    """A box on its four corners: each bears a quarter of the weight."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 .1"><freejoint/>'
+        '<geom type="box" size=".1 .1 .1" mass="4"/></body></worldbody></mujoco>'
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    engine.step(data, 200)
+    contacts = engine.contacts(data)
+    each = [contact.force[0] for contact in contacts]
+    assert each == pytest.approx([9.81] * 4, rel=1e-6)
+    for chosen in ([0, 2], np.array([0, 2]), [True, False, True, False], slice(0, 3, 2)):
+        np.testing.assert_array_equal(contacts[chosen].position, contacts.position[[0, 2]])
+    with pytest.raises(TypeError, match="single contact"):
+        list(contacts[0])

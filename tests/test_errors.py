@@ -1,5 +1,6 @@
 """Bad input raises an exception that names the culprit and leaves the data untouched."""
 
+import copy
 import pickle
 
 import mujoco
@@ -387,6 +388,41 @@ def test_an_engine_says_what_it_is():
     shown = repr(engine)
     assert shown.startswith("Engine(law='kelvin_voigt', timestep=")
     assert shown.endswith(f"geoms={engine.model.ngeom}, materials=1, pair_materials=0)")
+
+
+OPTIONS = {
+    "microsteps": 20,
+    "max_microsteps": 40,
+    "recovery_speed": 0.5,
+    "mocap_timeconst": 0.01,
+    "impact": "cut",
+    "rules": dashpot.CombinationRules(friction="min"),
+    "nthread": 2,
+}
+
+
+def test_an_engine_tells_its_options_and_keeps_them():
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL))
+    engine = dashpot.Engine(model, **OPTIONS)
+    assert {name: getattr(engine, name) for name in OPTIONS} == OPTIONS
+    for copied in (copy.copy(engine), copy.deepcopy(engine), pickle.loads(pickle.dumps(engine))):
+        assert repr(copied) == repr(engine)
+    for name, value in OPTIONS.items():
+        assert f"{name}={value!r}" in repr(engine)
+        assert name not in repr(dashpot.Engine(model))
+        with pytest.raises(AttributeError, match=name):
+            setattr(engine, name, value)
+    explicit = dashpot.Engine(model, law="comfree", comfree_damping=0.01)
+    assert (explicit.comfree_stiffness, explicit.comfree_damping) == (0.2, 0.01)
+    assert (engine.comfree_stiffness, engine.comfree_damping) == (None, None)
+    assert repr(explicit).startswith("Engine(law='comfree', ")
+
+
+@pytest.mark.parametrize("name", ["nthreads", "microstep", "timestep"])
+def test_an_engine_takes_no_attributes_that_it_does_not_know(engine, name):
+    """A misspelled option was stored, and did nothing."""
+    with pytest.raises(AttributeError, match=name):
+        setattr(engine, name, 4)
 
 
 def test_an_engine_does_not_touch_the_models_original():

@@ -176,6 +176,18 @@ def test_values_are_normalised():
     assert hash(material) == hash(dataclasses.replace(material))
 
 
+def test_arrays_of_no_dimension_are_numbers():
+    """As ``xarray`` and ``data[()]`` hand them on."""
+    material = Material(np.array(2), restitution=np.array(0.5), friction=np.array(0.3))
+    assert material == Material(2.0, restitution=0.5, friction=0.3)
+    assert type(material.friction) is float
+    for wrong in (np.array("2"), np.array(True), np.array(2j), np.array([2.0])):
+        with pytest.raises(TypeError, match="Material: stiffness must be a number"):
+            Material(wrong)
+    with pytest.raises(TypeError, match="Material: friction"):
+        Material(friction=np.array("0.3"))
+
+
 @pytest.mark.parametrize(
     ("field", "values"),
     [

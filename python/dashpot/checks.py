@@ -15,7 +15,12 @@ _LARGEST_COUNT = 2**31 - 1
 
 
 def number(name: str, value: object) -> float:
-    """Return a real number, nan and inf included, as a float; raise TypeError for anything else."""
+    """Return a real number, nan and inf included, as a float; raise TypeError for anything else.
+
+    Arrays of no dimension are numbers.
+    """
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
     # NumPy registers its durations as integers.
     if isinstance(value, bool | np.timedelta64) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name} must be a number, got {value!r}")

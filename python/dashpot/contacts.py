@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any, SupportsIndex
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from dashpot.object_ids import Element, object_id
 
 __all__ = ["Contacts", "Energy"]
 
@@ -64,12 +69,49 @@ class Contacts:
             raise TypeError("a single contact has no length")
         return len(self.gap)
 
-    def __getitem__(self, chosen: NDArray[np.bool_] | NDArray[np.int64] | slice | int) -> Contacts:
-        """Return the contacts that an index array, a mask or a slice chooses.
+    def __getitem__(
+        self,
+        chosen: NDArray[np.bool_]
+        | NDArray[np.integer[Any]]
+        | Sequence[bool]
+        | Sequence[int]
+        | slice
+        | SupportsIndex,
+    ) -> Contacts:
+        """Return the contacts that indices, a mask or a slice choose.
 
         An integer, or iteration, gives single contacts: their fields have no first axis.
         """
         return Contacts(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+    def __iter__(self) -> Iterator[Contacts]:
+        """Yield single contacts."""
+        return (self[i] for i in range(len(self)))
+
+
+def of_objects(
+    found: Contacts,
+    model: mujoco.MjModel,
+    geom: Element | None,
+    body: Element | None,
+    pair: tuple[Element, Element] | None,
+) -> Contacts:
+    """Return the contacts of a geom, of a body's own geoms and between a pair, where given."""
+    chosen = np.ones(len(found), dtype=np.bool_)
+    if geom is not None:
+        chosen &= (found.geom == object_id(model, geom, "geom", "geom")).any(axis=1)
+    if body is not None:
+        index = object_id(model, body, "body", "body")
+        of_body = model.geom_bodyid[found.geom] == index
+        chosen &= (of_body & (found.geom >= 0)).any(axis=1)
+    if pair is not None:
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise ValueError(f"pair is {pair!r}; it must be two geoms")
+        first, second = (object_id(model, g, "geom", "pair") for g in pair)
+        if first == second:
+            raise ValueError(f"pair is {pair!r}: the same geom twice")
+        chosen &= (found.geom == first).any(axis=1) & (found.geom == second).any(axis=1)
+    return found if chosen.all() else found[chosen]
 
 
 @dataclass(frozen=True)

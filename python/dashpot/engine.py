@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import mujoco
-import numpy as np
 
 from dashpot import _core
 from dashpot.checks import is_data_of, positive_count, whole_number
 from dashpot.contact_material import ContactMaterial
-from dashpot.contacts import Contacts, Energy
-from dashpot.engine_options import EngineOptions
+from dashpot.contacts import Contacts, Energy, of_objects
+from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
-from dashpot.object_ids import object_id
+from dashpot.object_ids import Element, object_id
 
 __all__ = ["DivergenceError", "Engine", "StepStats"]
 
 DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
+_Key = TypeVar("_Key", int, tuple[int, int])
 
 
 @dataclass
@@ -33,7 +33,7 @@ class _Built:
     rollouts: _core.Rollouts | None = None
 
 
-class Engine:
+class Engine(ReadableOptions):
     """Steps an unmodified MuJoCo model with dashpot's own contact solver.
 
     The engine works on a private copy of the model, :attr:`model`, whose user data it enlarges by
@@ -151,6 +151,18 @@ class Engine:
         the engine refuses; the message names it.
     """
 
+    __slots__ = (
+        "__weakref__",
+        "_built",
+        "_contact_capacity",
+        "_geom_material",
+        "_lock",
+        "_model",
+        "_nthread",
+        "_pair_material",
+        "_scratch",
+    )
+
     def __init__(
         self,
         model: mujoco.MjModel,
@@ -199,21 +211,6 @@ class Engine:
         return self._model
 
     @property
-    def law(self) -> str:
-        """Name of the contact law."""
-        return self._options.law
-
-    @property
-    def impact(self) -> str:
-        """What a step does at impacts: ``"none"`` or ``"cut"``."""
-        return self._options.impact
-
-    @property
-    def rules(self) -> CombinationRules:
-        """How the materials of two geoms combine."""
-        return self._options.rules
-
-    @property
     def nthread(self) -> int:
         """Number of threads that share the passes of a step."""
         return self._nthread
@@ -228,11 +225,11 @@ class Engine:
         """Materials that were set for pairs, by (lower, higher) geom id (a copy)."""
         return dict(self._pair_material)
 
-    def geom_id(self, geom: str | int) -> int:
+    def geom_id(self, geom: Element) -> int:
         """Id of a geom given by name or id; raises ValueError naming an unknown one."""
         return object_id(self.model, geom, "geom", "geom")
 
-    def body_geoms(self, body: str | int) -> tuple[int, ...]:
+    def body_geoms(self, body: Element) -> tuple[int, ...]:
         """Ids of a body's own geoms (not its children's): many have no names of their own.
 
         ``for geom in engine.body_geoms("hand"): engine.set_material(geom, rubber)``.
@@ -241,42 +238,37 @@ class Engine:
         first = int(self.model.body_geomadr[index])
         return tuple(range(first, first + int(self.model.body_geomnum[index])))
 
-    def set_material(self, geom: str | int, material: Material) -> None:
-        """Give a geom a material; contacts combine those of both geoms.
+    def set_material(self, geom: Element, material: Material | None) -> None:
+        """Give a geom a material; contacts combine those of both geoms. None: the model's own.
 
         By default the larger friction of the two counts, as in MuJoCo: for less, set both geoms,
         or the pair with :meth:`set_pair_material`. A material with friction takes the place of that
         of a ``<pair>`` of the MJCF, too: the other geom then counts with its own.
         """
-        if not isinstance(material, Material):
-            raise TypeError(f"material is {type(material).__name__}; it must be a Material")
-        self._check_takes_materials()
-        self._geom_material[self.geom_id(geom)] = material
-        self._materials_changed()
+        self._set(self._geom_material, self.geom_id(geom), material)
 
-    def set_pair_material(self, geom1: str | int, geom2: str | int, material: Material) -> None:
-        """Give contacts between two geoms a material of their own, in place of the combination."""
-        if not isinstance(material, Material):
-            raise TypeError(f"material is {type(material).__name__}; it must be a Material")
-        self._check_takes_materials()
-        first, second = self._geom_pair(geom1, geom2)
-        if first == second:
+    def set_pair_material(self, geom1: Element, geom2: Element, material: Material | None) -> None:
+        """Give contacts between two geoms a material of their own, in place of the combination.
+
+        None: the combination again.
+        """
+        pair = self._geom_pair(geom1, geom2)
+        if pair[0] == pair[1]:
             raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
-        self._pair_material[first, second] = material
-        self._materials_changed()
+        self._set(self._pair_material, pair, material)
 
-    def material(self, geom: str | int) -> Material:
+    def material(self, geom: Element) -> Material:
         """Material of a geom; the rigid default where none was set."""
         return self._geom_material.get(self.geom_id(geom), Material())
 
-    def pair_material(self, geom1: str | int, geom2: str | int) -> Material | None:
+    def pair_material(self, geom1: Element, geom2: Element) -> Material | None:
         """Material set for a pair of geoms, or None where the combination applies.
 
         What applies then is :meth:`contact_material`.
         """
         return self._pair_material.get(self._geom_pair(geom1, geom2))
 
-    def contact_material(self, geom1: str | int, geom2: str | int) -> ContactMaterial:
+    def contact_material(self, geom1: Element, geom2: Element) -> ContactMaterial:
         """Say what contacts between two geoms have, after combination and overrides.
 
         Any two geoms will do, also those that the model keeps from touching.
@@ -370,9 +362,9 @@ class Engine:
         self,
         data: mujoco.MjData,
         *,
-        geom: str | int | None = None,
-        body: str | int | None = None,
-        pair: tuple[str | int, str | int] | None = None,
+        geom: Element | None = None,
+        body: Element | None = None,
+        pair: tuple[Element, Element] | None = None,
     ) -> Contacts:
         """Contacts of the last step of ``data``, all or those that every given filter passes.
 
@@ -403,21 +395,7 @@ class Engine:
         found = Contacts(
             **_core.contacts(self.model._address, data._address, self._contact_capacity)
         )
-        chosen = np.ones(len(found), dtype=np.bool_)
-        if geom is not None:
-            chosen &= (found.geom == object_id(self.model, geom, "geom", "geom")).any(axis=1)
-        if body is not None:
-            index = object_id(self.model, body, "body", "body")
-            of_body = self.model.geom_bodyid[found.geom] == index
-            chosen &= (of_body & (found.geom >= 0)).any(axis=1)
-        if pair is not None:
-            if not isinstance(pair, tuple | list) or len(pair) != 2:
-                raise ValueError(f"pair is {pair!r}; it must be two geoms")
-            first, second = (object_id(self.model, g, "geom", "pair") for g in pair)
-            if first == second:
-                raise ValueError(f"pair is {pair!r}: the same geom twice")
-            chosen &= (found.geom == first).any(axis=1) & (found.geom == second).any(axis=1)
-        return found if chosen.all() else found[chosen]
+        return of_objects(found, self.model, geom, body, pair)
 
     def energy(self, data: mujoco.MjData) -> Energy:
         """Mechanical energy of the present state, and what contact has dissipated so far."""
@@ -434,9 +412,12 @@ class Engine:
         )
 
     def __repr__(self) -> str:
-        """Return law, time step (s) and how many geoms and pairs have materials that were set."""
+        """Return law, time step (s), options other than the defaults, and numbers of materials."""
+        threads = {} if self.nthread == 1 else {"nthread": self.nthread}
+        options = {**self._options.changed(), **threads}
+        shown = "".join(f"{name}={value!r}, " for name, value in options.items())
         return (
-            f"Engine(law={self.law!r}, timestep={self.model.opt.timestep:g}, "
+            f"Engine(law={self.law!r}, timestep={self.model.opt.timestep:g}, {shown}"
             f"geoms={self.model.ngeom}, materials={len(self._geom_material)}, "
             f"pair_materials={len(self._pair_material)})"
         )
@@ -462,10 +443,22 @@ class Engine:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Take a copied or pickled state."""
-        self.__dict__.update(state)
+        for name, value in state.items():
+            setattr(self, name, value)
         self._lock = _core.ModelLock()
         self._materials_changed()
         self._scratch = None
+
+    def _set(self, materials: dict[_Key, Material], key: _Key, material: Material | None) -> None:
+        """Put a material in its place, or take away the one that is there."""
+        if not isinstance(material, Material | None):
+            raise TypeError(f"material is {type(material).__name__}; it must be a Material or None")
+        self._check_takes_materials()
+        if material is None:
+            materials.pop(key, None)
+        else:
+            materials[key] = material
+        self._materials_changed()
 
     def _materials_changed(self) -> None:
         """Forget what was made of materials. Threads that make it still do so for nobody."""
@@ -498,7 +491,7 @@ class Engine:
             )
         return built.rollouts
 
-    def _geom_pair(self, geom1: str | int, geom2: str | int) -> tuple[int, int]:
+    def _geom_pair(self, geom1: Element, geom2: Element) -> tuple[int, int]:
         """Ids of two geoms, the lower first."""
         first = object_id(self.model, geom1, "geom", "geom1")
         second = object_id(self.model, geom2, "geom", "geom2")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
 from dashpot import _core
@@ -83,6 +83,15 @@ class EngineOptions:
                         f"{name} is {value!r}, but only law {owner!r} has it; law is {self.law!r}"
                     )
 
+    def changed(self) -> dict[str, object]:
+        """Return the options that are not the defaults, but for the law."""
+        options = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {
+            name: value
+            for name, value in options.items()
+            if name != "law" and value != getattr(EngineOptions, name)
+        }
+
     def to_core(self) -> _core.Options:
         """Options for the C++ core."""
         options = _core.Options()
@@ -98,3 +107,57 @@ class EngineOptions:
         if self.comfree_damping is not None:
             options.comfree_damping = float(self.comfree_damping)
         return options
+
+
+class ReadableOptions:
+    """The options of an engine, which are fixed when it is made, as properties."""
+
+    __slots__ = ("_options",)
+    _options: EngineOptions
+
+    @property
+    def law(self) -> str:
+        """Name of the contact law."""
+        return self._options.law
+
+    @property
+    def microsteps(self) -> int | Literal["auto"]:
+        """Micro-steps per step, or ``"auto"``."""
+        return self._options.microsteps
+
+    @property
+    def max_microsteps(self) -> int:
+        """Upper bound of the number of micro-steps."""
+        return self._options.max_microsteps
+
+    @property
+    def recovery_speed(self) -> float:
+        """Largest speed in m/s at which overlap that no spring has taken up is pushed out."""
+        return self._options.recovery_speed
+
+    @property
+    def mocap_timeconst(self) -> float:
+        """Time constant in s with which mocap bodies follow the poses that users set."""
+        return self._options.mocap_timeconst
+
+    @property
+    def impact(self) -> Literal["none", "cut"]:
+        """What a step does at impacts."""
+        return self._options.impact
+
+    @property
+    def rules(self) -> CombinationRules:
+        """How the materials of two geoms combine."""
+        return self._options.rules
+
+    @property
+    def comfree_stiffness(self) -> float | None:
+        """Stiffness of law ``"comfree"`` in 1/s; None with another law."""
+        given = self._options.comfree_stiffness
+        return _CORE.comfree_stiffness if given is None and self.law == "comfree" else given
+
+    @property
+    def comfree_damping(self) -> float | None:
+        """Damping of law ``"comfree"``, no unit; None with another law."""
+        given = self._options.comfree_damping
+        return _CORE.comfree_damping if given is None and self.law == "comfree" else given

@@ -7,6 +7,10 @@ import math
 import numbers
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.checks import number
@@ -110,6 +114,22 @@ class Material:
     tangential_ratio: float = 1.0
     tangential_damping_ratio: float = 1.0
 
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            stiffness: float | None = None,
+            *,
+            damping: float | None = None,
+            damping_ratio: float | None = None,
+            restitution: float | None = None,
+            friction: float | Sequence[float] | NDArray[np.float64] | None = None,
+            loaded_friction: float = 1.0,
+            friction_load: float = 10.0,
+            tangential_ratio: float = 1.0,
+            tangential_damping_ratio: float = 1.0,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         def normalise(field: str, value: object) -> None:
             object.__setattr__(self, field, value)
@@ -183,10 +203,10 @@ class Material:
 
 
 def _friction(value: object) -> float | tuple[float, float, float]:
+    if not isinstance(value, Sequence) and hasattr(value, "tolist"):
+        value = value.tolist()  # numbers and arrays of numpy
     if isinstance(value, numbers.Real):
         return _number("Material", "friction", value)
-    if not isinstance(value, Sequence) and hasattr(value, "tolist"):
-        value = value.tolist()  # a numpy array
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise TypeError(
             f"Material: friction must be a number or (sliding, torsional, rolling), got {value!r}"

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import difflib
 import operator
+from typing import SupportsIndex, TypeAlias
 
 import mujoco
+
+# What identifies a geom, body, joint ... of a model: its name or its id.
+Element: TypeAlias = str | SupportsIndex
 
 # By kind: MuJoCo's type, and where a model has their number.
 _OBJECT = {
@@ -19,7 +23,7 @@ _OBJECT = {
 }
 
 
-def object_id(model: mujoco.MjModel, key: str | int, kind: str, argument: str) -> int:
+def object_id(model: mujoco.MjModel, key: Element, kind: str, argument: str) -> int:
     """Id of the geom, body, ... that `argument` names."""
     object_type, size = _OBJECT[kind]
     count: int = getattr(model, size)

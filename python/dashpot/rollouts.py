@@ -35,10 +35,11 @@ def rollout(
     initial_state
         (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
         mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
-        applied forces, as `mujoco.rollout` does; or integration states (``mjSTATE_INTEGRATION``),
-        which carry contact memory (friction and compression, kept in the data's user data),
-        controls and applied forces, so that a rollout goes on from an earlier one bit for bit.
-        Where the two sizes are equal they hold the same.
+        applied forces, and with mocap bodies where the model has them, as `mujoco.rollout` does; or
+        integration states (``mjSTATE_INTEGRATION``), which carry contact memory (friction and
+        compression, kept in the data's user data), controls, applied forces and poses of mocap
+        bodies, so that a rollout goes on from an earlier one bit for bit. Where the two sizes are
+        equal they hold the same.
     control
         (nu,), (nstep, nu) or (nbatch, nstep, nu), dimensions of size 1 repeated. None: zero, or,
         for integration states, the controls in the state.

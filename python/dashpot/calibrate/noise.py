@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import TypeGuard
+
+import numpy as np
 
 from dashpot.checks import number
 
@@ -17,7 +20,7 @@ def deviation(name: str, value: object) -> float:
 
 def position_deviations(value: object) -> float | tuple[float, float, float]:
     """Return one standard deviation, or three, of x, y and z."""
-    if isinstance(value, str) or not isinstance(value, Iterable):
+    if not _is_several(value):
         return deviation("position_sigma", value)
     several = tuple(value)
     if len(several) != 3:
@@ -35,8 +38,14 @@ def sensor_deviations(value: object) -> dict[str, tuple[float, ...]]:
         if not isinstance(name, str):
             raise TypeError(f"sensor_sigma must have names of sensors as keys, got {name!r}")
         label = f"sensor_sigma[{name!r}]"
-        if isinstance(entry, str) or not isinstance(entry, Iterable):
+        if not _is_several(entry):
             result[name] = (deviation(label, entry),)
         else:
             result[name] = tuple(deviation(f"{label}[{i}]", e) for i, e in enumerate(entry))
     return result
+
+
+def _is_several(value: object) -> TypeGuard[Iterable[object]]:
+    """Whether a value has entries; arrays of no dimension are called iterable, too."""
+    single = isinstance(value, str) or (isinstance(value, np.ndarray) and value.ndim == 0)
+    return isinstance(value, Iterable) and not single

@@ -13,10 +13,11 @@ import numpy as np
 
 from dashpot.calibrate import setters
 from dashpot.calibrate.physical_values import check_bounds
-from dashpot.calibrate.setters import Element, System
+from dashpot.calibrate.setters import System
 from dashpot.calibrate.transforms import Transform, TransformName
 from dashpot.checks import number, number_array
 from dashpot.materials import Material
+from dashpot.object_ids import Element
 
 MaterialField = Literal[
     "stiffness",
@@ -44,8 +45,8 @@ class Parameter:
 
     Make one with `material`, `pair` or `model`, or directly with any function ``apply(system,
     value)``, where ``system`` is the problem's private copy (`dashpot.Engine`, or `mujoco.MjModel`
-    when the problem steps with MuJoCo). Without ``apply`` the value only reaches the function that
-    builds the system (see `Problem`).
+    when the problem steps with MuJoCo). Without ``apply`` the value only reaches the functions that
+    build the system or give the initial states (see `Problem`), of which there has to be one.
 
     Parameters
     ----------

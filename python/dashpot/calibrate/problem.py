@@ -20,6 +20,7 @@ from dashpot.calibrate.observables import Sensor, body_id, find_sensor
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.problem_entries import (
     all_of,
+    check_reach,
     check_sensors,
     check_shapes,
     check_targets,
@@ -149,6 +150,7 @@ class Problem:
                 raise TypeError(f"start_states must be a function, got {self.start_states!r}")
             if self.initial_state != "given":
                 raise ValueError("start_states needs initial_state='given'")
+        check_reach(self.parameters, self.system, self.start_states is not None)
         model = model_of(self.build(self.start))
         check_targets(self.parameters, model)
         object.__setattr__(self, "_sensors", {})

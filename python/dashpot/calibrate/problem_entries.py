@@ -13,6 +13,7 @@ from dashpot.calibrate.observables import find_sensor
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter
 from dashpot.calibrate.trajectory import UNIT_TOLERANCE, Trajectory
+from dashpot.engine import Engine
 
 Entry = TypeVar("Entry")
 
@@ -35,6 +36,22 @@ def check_unique(kind: str, names: list[str]) -> None:
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"two {kind} entries are named {name!r}")
+
+
+def check_reach(parameters: Sequence[Parameter], system: object, starts: bool) -> None:
+    """Raise ValueError where a parameter reaches neither the system nor, with `starts`, its state.
+
+    Without an ``apply`` only functions of all values get it.
+    """
+    if starts or not isinstance(system, Engine | mujoco.MjModel):
+        return
+    for parameter in parameters:
+        if parameter.apply is None:
+            raise ValueError(
+                f"parameter '{parameter.name}' sets nothing: make it with Parameter.material, pair "
+                "or model, give it an apply, or give Problem a function of the values that builds "
+                "the system"
+            )
 
 
 def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> None:

@@ -13,12 +13,10 @@ import numpy as np
 from dashpot.calibrate.physical_values import check_inertia
 from dashpot.engine import Engine
 from dashpot.materials import Material
-from dashpot.object_ids import object_id
+from dashpot.object_ids import Element, object_id
 
 System: TypeAlias = Engine | mujoco.MjModel
 Setter = Callable[[System, float], None]
-# What identifies a geom, body, joint ... of a model: its name or its id.
-Element: TypeAlias = str | int
 
 _FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
 _DAMPING_FORMS = ("damping", "damping_ratio", "restitution")

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.checks import is_data_of, number_array, require_finite
-from dashpot.object_ids import object_id
+from dashpot.object_ids import Element, object_id
 
 if TYPE_CHECKING:
     from dashpot.engine import Engine
 
-Geom: TypeAlias = str | int
+Geom: TypeAlias = Element
 
 
 def model_of(engine: Engine | mujoco.MjModel) -> mujoco.MjModel:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.checks import number
-from dashpot.object_ids import object_id
+from dashpot.object_ids import Element, object_id
 from dashpot.query import arguments
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Closest:
 def closest(
     engine: Engine | mujoco.MjModel,
     data: mujoco.MjData,
-    body: str | int | None = None,
+    body: Element | None = None,
     *,
     radius: float,
 ) -> Closest:
