@@ -71,6 +71,26 @@ def test_lift_does_the_work_that_the_box_gains():
     assert end.total == pytest.approx(start.total, abs=1e-3 * gained)
 
 
+@pytest.mark.parametrize("timeconst", [0.0, 0.02])
+def test_work_lifts_and_tilts_a_plate_from_its_first_pose_on(timeconst):
+    """The first pose is no motion: what it lifts the plate by is not in the work, as of a jump."""
+    engine, data = make(PLATE, mocap_timeconst=timeconst)
+    mass, first = engine.model.body_mass[1], 0.001
+    before = engine.energy(data).total
+    data.qpos[2] = 3.0  # the box falls by itself
+    data.mocap_pos[0, 2] = first
+    start = engine.energy(data).total
+    falls = 9.81 * engine.model.body_mass[2] * (3.0 - 0.15)
+    assert start - before - falls == pytest.approx(9.81 * mass * first, abs=1e-9)
+    for k in range(100):
+        angle = 0.001 * k
+        data.mocap_pos[0] = [0.01 * np.sin(0.1 * k), 0.0, first * (k + 1)]
+        data.mocap_quat[0] = [np.cos(angle), np.sin(angle), 0.0, 0.0]
+        engine.step(data)
+        # 36 kg, 360 J a metre: to rounding.
+        assert engine.energy(data).total == pytest.approx(start, abs=1e-11)
+
+
 def test_friction_carries_a_box_along_and_around():
     engine, data = make(PLATE)
 

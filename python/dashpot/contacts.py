@@ -131,7 +131,8 @@ class Energy:
     first order in the time step. ``work`` is what actuators, applied forces, gravity compensation
     and the motion of mocap bodies did, its negative what they took. Where the user moves springs or
     masses in jumps (states, far jumps of mocap bodies, edits of the model), energy changes by what
-    that does.
+    that does. So it does by the weight of mocap bodies, times what it is lifted, where they get
+    their first pose after the energy was asked for: they are taken there without motion.
     """
 
     kinetic: float
