@@ -154,7 +154,7 @@ def fit(
     stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
     objective = objectives[-1]
-    check_count(objective.measured_count, objective.size)
+    check_count(objective.measured_count, objective.unknowns)
     errors_kind = _errors_kind(errors, problem, objective)
     warn_of_noisy_starts(problem)
     warn_of_strange_falls(problem)

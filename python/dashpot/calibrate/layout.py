@@ -14,20 +14,25 @@ T = TypeVar("T", np.float64, np.bool_)
 
 @dataclass(frozen=True)
 class Layout:
-    """Residuals of poses (frames, bodies, 6), then of sensors (frames, channels), in one row."""
+    """Residuals in a row: poses (frames, bodies, 6), sensors (frames, channels), starts (starts,).
+
+    The last are of initial states that are known beforehand, but not exactly.
+    """
 
     frames: int
     bodies: int
     channels: int
+    starts: int = 0
 
     @property
     def size(self) -> int:
         """Number of residuals."""
-        return self.frames * (6 * self.bodies + self.channels)
+        return self.frames * (6 * self.bodies + self.channels) + self.starts
 
     def split(self, rows: NDArray[T]) -> tuple[NDArray[T], NDArray[T]]:
         """Return (..., frames, bodies, 6) and (..., frames, channels) of rows (..., size)."""
-        poses, sensors = np.split(rows, [6 * self.frames * self.bodies], axis=-1)
+        ends = [6 * self.frames * self.bodies, self.size - self.starts]
+        poses, sensors, _ = np.split(rows, ends, axis=-1)
         shape = rows.shape[:-1]
         return (
             poses.reshape(*shape, self.frames, self.bodies, 6),
@@ -39,3 +44,13 @@ class Layout:
         poses, sensors = self.split(rows)
         flat = poses.reshape(*poses.shape[:-2], 6 * self.bodies)
         return np.concatenate([flat, sensors], axis=-1)
+
+    def in_live_channels(self, row: Array, least: float) -> NDArray[np.bool_]:
+        """Return (size,) whether the channel of each residual has one of this size, or larger.
+
+        A channel is a component of all frames, or of a start.
+        """
+        large = np.abs(row) >= least
+        parts = [np.broadcast_to(part.any(axis=0), part.shape) for part in self.split(large)]
+        starts = large[self.size - self.starts :]
+        return np.concatenate([*(part.reshape(-1) for part in parts), starts])

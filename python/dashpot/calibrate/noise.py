@@ -6,8 +6,9 @@ from collections.abc import Iterable, Mapping
 from typing import TypeGuard
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from dashpot.checks import number
+from dashpot.checks import number, number_array
 
 
 def deviation(name: str, value: object) -> float:
@@ -43,6 +44,17 @@ def sensor_deviations(value: object) -> dict[str, tuple[float, ...]]:
         else:
             result[name] = tuple(deviation(f"{label}[{i}]", e) for i, e in enumerate(entry))
     return result
+
+
+def initial_deviations(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    """Return how well an initial state is known: one standard deviation, or one a coordinate."""
+    sigma = np.array(number_array(name, value))
+    if sigma.ndim > 1 or not (sigma >= 0.0).all():
+        raise ValueError(
+            f"{name} must be one number or one for each degree of freedom, >= 0, 0 where it is "
+            f"known exactly and inf where not at all; got {value!r}"
+        )
+    return sigma
 
 
 def _is_several(value: object) -> TypeGuard[Iterable[object]]:

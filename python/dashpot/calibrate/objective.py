@@ -3,12 +3,13 @@
 A point of the search is the vector of the parameters' search coordinates, followed, where initial
 states are estimated, by one block per trajectory: velocity (nv) and, if wanted, displacement of
 the initial position (nv, a tangent vector as ``mj_integratePos`` takes it). Where parameters are
-held at given values, points have these blocks alone.
+held at given values, points have these blocks alone. What of a block is known beforehand adds
+residuals of its own to those of the trajectory, or is held (`dashpot.calibrate.known_starts`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -19,6 +20,7 @@ from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.candidates import Candidate, SimulationError, batch, failure_of
 from dashpot.calibrate.differences import derivatives_along
 from dashpot.calibrate.idle_states import without_idle_states
+from dashpot.calibrate.known_starts import KnownStarts
 from dashpot.calibrate.observations import observed, simulated
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.setters import System, model_of
@@ -52,12 +54,19 @@ class Objective:
         self._model = model
         self._qpos, self._qvel = problem.initial_states(model, held)
         self._observed = [observed(problem, t, model) for t in problem.trajectories]
-        counts = [observed.residuals for observed in self._observed]
-        #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
-        self.offsets = np.concatenate([[0], np.cumsum(counts)])
         #: Of each trajectory.
         self.layouts = problem.layouts()
+        #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
+        self.offsets = np.concatenate([[0], np.cumsum([layout.size for layout in self.layouts])])
         self._measured = np.concatenate(problem.measured())
+        sigma = problem.start_sigma
+        rest = np.zeros(sigma.shape)  # displacements
+        rest[:, : model.nv] = self._qvel[:, : sigma.shape[1]]
+        self._known = KnownStarts(sigma, rest)
+        #: Which residuals are of the motion, not of its start.
+        self._moving = np.concatenate(
+            [np.arange(layout.size) < layout.size - layout.starts for layout in self.layouts]
+        )
 
     @property
     def parameters(self) -> int:
@@ -74,6 +83,11 @@ class Objective:
     def size(self) -> int:
         """Length of a point."""
         return self.parameters + self.initial_size * len(self._observed)
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers of a point are not held."""
+        return self.size - int(np.count_nonzero(self._known.held))
 
     @property
     def residual_count(self) -> int:
@@ -101,9 +115,7 @@ class Objective:
         live = np.empty(self.residual_count, dtype=bool)
         for t, layout in enumerate(self.layouts):
             rows = slice(self.offsets[t], self.offsets[t + 1])
-            poses, sensors = layout.split(np.abs(residuals[rows]))
-            parts = (np.broadcast_to((p >= _LIVE).any(axis=0), p.shape) for p in (poses, sensors))
-            live[rows] = np.concatenate([part.reshape(-1) for part in parts])
+            live[rows] = layout.in_live_channels(residuals[rows], _LIVE)
         live &= self._measured
         return live if live.any() else self._measured
 
@@ -163,13 +175,13 @@ class Objective:
         candidates, failures = self._candidates(points)
         self.evaluations += len(points)
         try:
-            residuals[list(candidates)] = self._simulate(candidates.values())
+            residuals[list(candidates)] = self._simulate(candidates, points)
         except ValueError:
             # One after the other tells which fail, and the same whatever the number of threads.
             self.evaluations += len(candidates)
             for v, candidate in candidates.items():
                 try:
-                    residuals[v] = self._simulate([candidate])[0]
+                    residuals[v] = self._simulate({v: candidate}, points)[0]
                 except ValueError as error:
                     failures[v] = failure_of(self.values(points[v]), error)
         return residuals, [failures[v] for v in sorted(failures)]
@@ -205,18 +217,20 @@ class Objective:
         if widths is None:
             widths = np.array([p.difference for p in self.unknown])
         lower, upper = self.bounds()
-        directions = count + self.initial_size
-        steps = np.zeros((directions, self.size))
+        free = np.flatnonzero(~self._known.held.all(axis=0))
+        steps = np.zeros((count + free.size, self.size))
         steps[np.arange(count), np.arange(count)] = widths
         initial_steps = self._initial_differences()
-        for j in range(self.initial_size):
+        for row, j in enumerate(free, start=count):
             columns = count + j + self.initial_size * np.arange(len(self._observed))
-            steps[count + j, columns] = initial_steps[j]
+            steps[row, columns] = initial_steps[j]
         up, down = (np.clip(point + sign * steps, lower, upper) for sign in (1.0, -1.0))
         derivatives = derivatives_along(
             self.attempt, point, up, down if base is None else down[:count], base
         )
-        shared, own = (np.ascontiguousarray(d.T) for d in np.split(derivatives, [count]))
+        own = np.zeros((self.residual_count, self.initial_size))
+        own[:, free] = derivatives[count:].T
+        shared = np.ascontiguousarray(derivatives[:count].T)
         jacobian = ArrowMatrix(shared, own, self.offsets)
         return without_idle_states(jacobian, self.attempt, point, base, self.differences())
 
@@ -258,9 +272,15 @@ class Objective:
         if not self.initial_size:
             return None, None
         nv = int(self._model.nv)
-        blocks = point[self.parameters :].reshape(-1, self.initial_size)
+        blocks = self._states(point)
         displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
         return blocks[:, :nv].copy(), displacement
+
+    def _states(self, points: Array) -> Array:
+        """Return the initial states (..., trajectories, s) of points."""
+        own = points[..., self.parameters :]
+        shape = (*points.shape[:-1], len(self._observed), self.initial_size)
+        return self._known.with_held(own.reshape(shape))
 
     def _initial_differences(self) -> Array:
         nv = int(self._model.nv)
@@ -289,7 +309,7 @@ class Objective:
                 continue
             systems[key] = system
             if self.initial_size:
-                blocks = point[self.parameters :].reshape(-1, self.initial_size)
+                blocks = self._states(point)
                 qvel = blocks[:, :nv]
                 if self.initial_size > nv:
                     qpos = qpos.copy()
@@ -299,10 +319,15 @@ class Objective:
         self._systems = systems  # keeps models alive during the batch and for the next one
         return candidates, failures
 
-    def _simulate(self, candidates: Collection[Candidate]) -> Array:
-        """Return the residuals (candidates, residual_count); raise ValueError where one fails."""
+    def _simulate(self, candidates: Mapping[int, Candidate], points: Array) -> Array:
+        """Return the residuals (candidates, residual_count); raise ValueError where one fails.
+
+        Candidates are by the row of `points` that they are of.
+        """
         if not candidates:
             return np.empty((0, self.residual_count))
-        variants, qpos, qvel = batch(candidates)
-        residuals = _core.residuals(variants, self._observed, qpos, qvel, self.nthread)
-        return np.where(self._measured, residuals, 0.0)
+        variants, qpos, qvel = batch(candidates.values())
+        found = np.empty((len(candidates), self.residual_count))
+        found[:, self._moving] = _core.residuals(variants, self._observed, qpos, qvel, self.nthread)
+        found[:, ~self._moving] = self._known.residuals(self._states(points[list(candidates)]))
+        return np.where(self._measured, found, 0.0)

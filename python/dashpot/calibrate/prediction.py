@@ -195,7 +195,7 @@ def predictions(
 def _initial_states(heads: Problem, values: Mapping[str, float], loss: Loss, nthread: int) -> Array:
     """Return the unknowns of the initial states that fit the heads of trajectories best."""
     objective = Objective(heads, nthread=nthread, held=values)
-    check_count(objective.measured_count, objective.size)
+    check_count(objective.measured_count, objective.unknowns)
     # Each iteration takes a point and its Jacobian.
     budget = Budget(_MOST_ITERATIONS * (objective.initial_size + 1), lambda *_: None)
     search = Search(objective, loss, budget)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.clock import falls_up, gravity_of, in_millimetres, in_milliseconds
 from dashpot.calibrate.first_guess import free_bodies, free_joint, initial_state, robust_guess
+from dashpot.calibrate.known_starts import is_reading, start_sigma
 from dashpot.calibrate.layout import Layout
 from dashpot.calibrate.noise import deviation, position_deviations, sensor_deviations
 from dashpot.calibrate.observables import Sensor, body_id, find_sensor
@@ -25,12 +26,13 @@ from dashpot.calibrate.problem_entries import (
     check_shapes,
     check_targets,
     check_unique,
+    checked_states,
 )
 from dashpot.calibrate.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.setters import System, model_of
 from dashpot.calibrate.systems import Builder, own_system, put_in
 from dashpot.calibrate.trajectory import Trajectory
-from dashpot.checks import number, number_array, positive_count
+from dashpot.checks import number, positive_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -81,7 +83,8 @@ class Problem:
         every trajectory is estimated too. ``"pose_and_velocity"``: the initial position as well:
         the choice for measured poses. With the other two a trajectory without ``initial_qpos``
         starts at its first observed pose as if that had no noise, and intervals are too narrow.
-        For intervals a state counts as known to 10 m, 10 rad, 100 m/s and 100 rad/s beforehand.
+        What of it is known beforehand trajectories say (``initial_qpos_sigma``). For intervals a
+        state counts as known to 10 m, 10 rad, 100 m/s and 100 rad/s at least.
 
     Raises
     ------
@@ -100,6 +103,7 @@ class Problem:
     start_states: StartStates | None = None
     sensor_sigma: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
+    _start_sigma: Array = field(init=False, repr=False)
 
     if TYPE_CHECKING:
         # What is taken, which is more than the types that fields have in the end.
@@ -165,6 +169,8 @@ class Problem:
             check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
+        known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
+        object.__setattr__(self, "_start_sigma", np.array(known))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -176,6 +182,14 @@ class Problem:
         """(6,) standard deviations of x, y, z (m) and rotations about them (rad), inf included."""
         position = np.broadcast_to(np.asarray(self.position_sigma, dtype=np.float64), 3)
         return np.concatenate([position, np.full(3, self.rotation_sigma)])
+
+    @property
+    def start_sigma(self) -> Array:
+        """(trajectories, s) how well the estimated velocities, then positions are known before.
+
+        0: exactly; inf: not at all, as they are by default.
+        """
+        return self._start_sigma
 
     @property
     def start(self) -> dict[str, float]:
@@ -205,13 +219,23 @@ class Problem:
     def layouts(self) -> list[Layout]:
         """Return by trajectory where its residuals within the window stand."""
         return [
-            Layout(t.frames, len(t.bodies), sum(v.shape[1] for v in t.sensors.values()))
-            for t in self._used()
+            Layout(
+                t.frames,
+                len(t.bodies),
+                sum(v.shape[1] for v in t.sensors.values()),
+                int(np.count_nonzero(is_reading(sigma))),
+            )
+            for t, sigma in zip(self._used(), self.start_sigma, strict=True)
         ]
 
     def measured(self) -> list[NDArray[np.bool_]]:
         """Return by trajectory which of its residuals (as `layouts`) are of what was measured."""
-        return [np.concatenate([m.reshape(-1) for m in self._seen(t)]) for t in self._used()]
+        return [
+            np.concatenate(
+                [*(m.reshape(-1) for m in self._seen(t)), np.ones(layout.starts, dtype=bool)]
+            )
+            for t, layout in zip(self._used(), self.layouts(), strict=True)
+        ]
 
     def sensors(self, trajectory: Trajectory) -> list[Sensor]:
         """Return the sensors that a trajectory observes, in order."""
@@ -239,17 +263,7 @@ class Problem:
         count = len(self.trajectories)
         if self.start_states is not None:
             starts = self.start_states(self.start if values is None else values)
-            qpos, qvel = (
-                number_array(f"{name} of start_states", array)
-                for name, array in zip(("qpos", "qvel"), starts, strict=True)
-            )
-            for name, array, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv)):
-                if array.shape != (count, size) or not np.isfinite(array).all():
-                    raise ValueError(
-                        f"start_states must return finite {name} of shape ({count}, {size}), "
-                        f"got {array.shape}"
-                    )
-            return qpos, qvel
+            return checked_states(starts, count, model)
         qpos = np.empty((count, model.nq))
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):

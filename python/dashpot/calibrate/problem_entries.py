@@ -7,12 +7,13 @@ from typing import TypeVar
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.observables import find_sensor
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.setters import MaterialSetter, ModelSetter, PairSetter
 from dashpot.calibrate.trajectory import UNIT_TOLERANCE, Trajectory
+from dashpot.checks import number_array
 from dashpot.engine import Engine
 
 Entry = TypeVar("Entry")
@@ -88,12 +89,41 @@ def check_shapes(trajectory: Trajectory, model: mujoco.MjModel) -> None:
         value = getattr(trajectory, name)
         if value is not None and value.shape != (size,):
             raise ValueError(f"{label}: {name} must be ({size},), got {value.shape}")
+    for name in ("initial_qpos_sigma", "initial_qvel_sigma"):
+        value = getattr(trajectory, name)
+        if value is not None and value.shape not in ((), (model.nv,)):
+            raise ValueError(
+                f"{label}: {name} must be ({model.nv},) or one number, got {value.shape}"
+            )
     if trajectory.initial_qpos is not None:
         _check_quaternions(label, trajectory.initial_qpos, model)
     if trajectory.control is not None and trajectory.control.shape[1] != model.nu:
         raise ValueError(
             f"{label}: control must have {model.nu} columns, got {trajectory.control.shape[1]}"
         )
+
+
+def checked_states(
+    states: tuple[ArrayLike, ArrayLike], count: int, model: mujoco.MjModel
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return qpos (count, nq) and qvel (count, nv) of ``start_states``; raise where they are not.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Naming which of them it is.
+    """
+    qpos, qvel = (
+        number_array(f"{name} of start_states", array)
+        for name, array in zip(("qpos", "qvel"), states, strict=True)
+    )
+    for name, array, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv)):
+        if array.shape != (count, size) or not np.isfinite(array).all():
+            raise ValueError(
+                f"start_states must return finite {name} of shape ({count}, {size}), "
+                f"got {array.shape}"
+            )
+    return qpos, qvel
 
 
 def _check_quaternions(label: str, qpos: NDArray[np.float64], model: mujoco.MjModel) -> None:

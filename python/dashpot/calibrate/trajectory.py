@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.frame_grid import check_grid, frame_numbers
-from dashpot.checks import number, number_array
+from dashpot.calibrate.noise import initial_deviations
+from dashpot.calibrate.trajectory_fields import (
+    finite_field,
+    frozen,
+    poses_field,
+    readings_field,
+)
+from dashpot.checks import number
 
 Array = NDArray[np.float64]
 T = TypeVar("T", np.float64, np.bool_)
@@ -57,6 +64,14 @@ class Trajectory:
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
         from the first five frames (with a robust loss from as many as fly freely, outliers aside).
+    initial_qpos_sigma, initial_qvel_sigma
+        (nv,), or one number for all degrees of freedom: how well `initial_qpos` and `initial_qvel`
+        are known, as standard deviations, m, rad, m/s and rad/s (rotations of free joints about the
+        axes of the body). 0: exactly, so that the degree of freedom stays as it is given; inf: not
+        at all, and the given is where the search starts. What lies between counts as a reading of
+        it beside those of the motion. None: not at all. They act where the problem estimates the
+        start, else it counts as known. Hold with 0 what nothing observes, as a body at rest in a
+        place that is known: free, it is moved and turned at will to make up for parameters.
     control
         (n - 1, nu) controls held constant between successive frames, through gaps too. None: zero.
     sensors
@@ -82,6 +97,8 @@ class Trajectory:
     initial_qvel: Array | None = None
     control: Array | None = None
     sensors: Mapping[str, Array] = field(default_factory=dict)
+    initial_qpos_sigma: Array | None = None
+    initial_qvel_sigma: Array | None = None
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
@@ -98,6 +115,8 @@ class Trajectory:
             initial_qvel: ArrayLike | None = None,
             control: ArrayLike | None = None,
             sensors: Mapping[str, ArrayLike] = ...,
+            initial_qpos_sigma: ArrayLike | None = None,
+            initial_qvel_sigma: ArrayLike | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -117,7 +136,7 @@ class Trajectory:
             )
         if not (bodies or self.sensors) or len(set(bodies)) != len(bodies):
             raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
-        time = self._finite("time", self.time)
+        time = finite_field(f"{self._label}: time", self.time)
         if time.ndim != 1 or time.size < 2:
             raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
         try:
@@ -129,8 +148,8 @@ class Trajectory:
         object.__setattr__(self, "_frame_number", frame)
         object.__setattr__(self, "_spacing", spacing)
         n, b = time.size, len(bodies)
-        position = self._poses("position", self.position, n, b, 3)
-        quaternion = self._poses("quaternion", self.quaternion, n, b, 4)
+        position = poses_field(f"{self._label}: position", self.position, (n, b, 3))
+        quaternion = poses_field(f"{self._label}: quaternion", self.quaternion, (n, b, 4))
         missing = np.isnan(quaternion)
         partly = np.argwhere(missing.any(axis=-1) & ~missing.all(axis=-1))
         if partly.size:
@@ -139,7 +158,10 @@ class Trajectory:
                 f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
             )
         self._check_measured(position, quaternion)
-        sensors = {name: self._readings(name, value, n) for name, value in self.sensors.items()}
+        sensors = {
+            name: readings_field(self._label, name, value, n)
+            for name, value in self.sensors.items()
+        }
         object.__setattr__(self, "sensors", sensors)
         norm = np.linalg.norm(quaternion, axis=-1)
         off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
@@ -150,14 +172,14 @@ class Trajectory:
                 f"{norm[frame, body]:.6g}; unit quaternions are needed"
             )
         object.__setattr__(self, "bodies", bodies)
-        object.__setattr__(self, "time", _frozen(time))
-        object.__setattr__(self, "position", _frozen(position))
-        object.__setattr__(self, "quaternion", _frozen(quaternion / norm[..., None]))
+        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "position", frozen(position))
+        object.__setattr__(self, "quaternion", frozen(quaternion / norm[..., None]))
         for name, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
             value = getattr(self, name)
             if value is None:
                 continue
-            array = self._finite(name, value)
+            array = finite_field(f"{self._label}: {name}", value)
             if array.ndim != ndim:
                 raise ValueError(f"{self._label}: {name} must be {ndim}-D, got {array.shape}")
             if name == "control" and array.shape[0] != n - 1:
@@ -165,7 +187,17 @@ class Trajectory:
                     f"{self._label}: control must have a row for each of the {n - 1} frame "
                     f"intervals, got {array.shape[0]}"
                 )
-            object.__setattr__(self, name, _frozen(array))
+            object.__setattr__(self, name, frozen(array))
+        for name in ("initial_qpos", "initial_qvel"):
+            value = getattr(self, f"{name}_sigma")
+            if value is None:
+                continue
+            sigma = initial_deviations(f"{self._label}: {name}_sigma", value)
+            if np.isfinite(sigma).any() and getattr(self, name) is None:
+                raise ValueError(
+                    f"{self._label}: {name}_sigma says how well {name} is known, which is not given"
+                )
+            object.__setattr__(self, f"{name}_sigma", frozen(sigma))
 
     @classmethod
     def of_sensors(
@@ -177,6 +209,8 @@ class Trajectory:
         initial_qpos: ArrayLike | None = None,
         initial_qvel: ArrayLike | None = None,
         control: ArrayLike | None = None,
+        initial_qpos_sigma: ArrayLike | None = None,
+        initial_qvel_sigma: ArrayLike | None = None,
     ) -> Trajectory:
         """Return a trajectory of which sensors alone were observed; fields as in the class.
 
@@ -199,6 +233,8 @@ class Trajectory:
             initial_qvel=initial_qvel,
             control=control,
             sensors=sensors,
+            initial_qpos_sigma=initial_qpos_sigma,
+            initial_qvel_sigma=initial_qvel_sigma,
         )
 
     def __repr__(self) -> str:
@@ -268,42 +304,3 @@ class Trajectory:
         nothing = np.isnan(position).all() and np.isnan(quaternion).all()
         if self.bodies and nothing and not self.sensors:
             raise ValueError(f"{self._label}: all positions and quaternions are nan")
-
-    def _finite(self, field: str, value: ArrayLike, *, lost: bool = False) -> Array:
-        """Return a new array of finite numbers; with `lost`, NaN too, of what is masked or None."""
-        array = np.array(number_array(f"{self._label}: {field}", value, missing_as_nan=lost))
-        bad = np.argwhere(np.isinf(array) if lost else ~np.isfinite(array))
-        if bad.size:
-            index = tuple(int(i) for i in bad[0])
-            raise ValueError(f"{self._label}: {field}{list(index)} is {array[index]}")
-        return array
-
-    def _readings(self, name: str, value: ArrayLike, n: int) -> Array:
-        if not isinstance(name, str):
-            raise TypeError(f"{self._label}: sensors must have names as keys, got {name!r}")
-        array = self._finite(f"sensors[{name!r}]", value, lost=True)
-        if array.shape == (n,):
-            array = array[:, None]
-        if array.ndim != 2 or array.shape[0] != n:
-            raise ValueError(
-                f"{self._label}: sensors[{name!r}] must be ({n}, size) or ({n},) for {n} times, "
-                f"got {array.shape}"
-            )
-        return _frozen(array)
-
-    def _poses(self, field: str, value: ArrayLike, n: int, b: int, width: int) -> Array:
-        array = self._finite(field, value, lost=True)
-        if b == 1 and array.shape == (n, width):
-            array = array[:, None, :]
-        if array.shape != (n, b, width):
-            raise ValueError(
-                f"{self._label}: {field} must be ({n}, {b}, {width}) for {n} times and {b} "
-                f"bodies, got {array.shape}"
-            )
-        return array
-
-
-def _frozen(array: Array) -> Array:
-    array = np.ascontiguousarray(array)
-    array.flags.writeable = False
-    return array

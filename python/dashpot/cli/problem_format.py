@@ -28,11 +28,11 @@ bounds = [1e2, 1e6]
 
 [[trajectories]]                 # observations
 file = "throw.npz"               # arrays time, position, quaternion, and if known
-bodies = ["ball"]                #   initial_qpos, initial_qvel, control, sensors.NAME; or a .csv
-                                 #   file with columns time,x,y,z,qw,qx,qy,qz (ball.x, ... for
-                                 #   several), sensors.NAME (sensors.NAME.0, .1 ... for several);
-                                 #   nan or an empty cell: not measured in that frame; without
-                                 #   bodies sensors alone
+bodies = ["ball"]                #   initial_qpos, initial_qvel (and with _sigma how well),
+                                 #   control, sensors.NAME; or a .csv file with columns time,
+                                 #   x,y,z,qw,qx,qy,qz (ball.x, ... for several), sensors.NAME
+                                 #   (sensors.NAME.0, .1 ... for several); nan or an empty cell:
+                                 #   not measured in that frame; without bodies sensors alone
 
 [fit]                            # options of dashpot.calibrate.fit; optional
 method = "least_squares"

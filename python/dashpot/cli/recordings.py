@@ -24,7 +24,9 @@ def read_npz(file: Path, bodies: Sequence[str]) -> dict[str, Any]:
         Naming the array that is unknown or missing.
     """
     required = ("time", "position", "quaternion") if bodies else ("time",)
-    optional = ("initial_qpos", "initial_qvel", "control")
+    optional = (
+        "initial_qpos", "initial_qvel", "initial_qpos_sigma", "initial_qvel_sigma", "control"
+    )  # fmt: skip
     with np.load(file, allow_pickle=False) as archive:
         if not isinstance(archive, np.lib.npyio.NpzFile):
             raise ValueError("it holds one array; an .npz archive of named arrays is needed")
