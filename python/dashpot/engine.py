@@ -51,7 +51,8 @@ class Engine(ReadableOptions):
     MuJoCo (which resets the state of the data that it is given), and a geom that grows needs
     its ``geom_rbound`` and ``geom_aabb`` too. Save the model that you gave, not :attr:`model`,
     to make an engine of it later: an engine of an engine's model reserves contact memory once
-    more, and its states are of another size. Threads may share an engine: steps, each on data
+    more, and its states are of another size. Options are fixed when an engine is made, and can be
+    read from attributes of their names. Threads may share an engine: steps, each on data
     of its own, take turns, and rollouts and copies of the engine see its model as it is between
     steps.
 
