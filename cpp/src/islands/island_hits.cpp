@@ -42,16 +42,12 @@ struct Hits {
     return motion;
   }
 
-  double hit_speed(const RowGroup& c) const {
-    return c.kind == RowKind::kContact ? kHitSpeed * rows.metre : kHitSpeed;
-  }
-
   bool is_hit(const RowGroup& c, bool alone) const {
     // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
     const Motion motion = motion_of(c);
     return motion.gap - step.length * motion.closing() < 0.0 &&
-           std::abs(motion.rate) > std::max(hit_speed(c), 2.0 * std::abs(motion.change));
+           std::abs(motion.rate) > std::max(hit_speed(rows, c), 2.0 * std::abs(motion.change));
   }
 
   // Whether what was hit in the last step, and hangs at its deepest as this one begins, is still
@@ -63,7 +59,8 @@ struct Hits {
     const double w = rows.inverse_mass[c.row], throws = old.stiffness * old.compression * w;
     return old.was_hit_now() &&
            (is_short_hit(old.stiffness, w, step.length) || c.is_of_round_hit) &&
-           step.length * throws > std::max(hit_speed(c), kHitLoads * std::abs(motion_of(c).change));
+           step.length * throws >
+               std::max(hit_speed(rows, c), kHitLoads * std::abs(motion_of(c).change));
   }
 
   double onset(const RowGroup& c) const {

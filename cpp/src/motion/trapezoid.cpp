@@ -29,7 +29,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   drives_.find(model_, d, memory.held_motion(), trees, left_half_);
   recall_equalities(step, rows, trees);
   translations_.find(model_, d, rows, trees, first_);
-  holding_rows_.find_at_start(step, rows, trees);
+  holding_rows_.find_at_start(step, rows, data, trees);
   if (find_scales(d, length, whole, memory, motion)) {
     if (!whole) correct_speeds();
     book_second_half(ledger);

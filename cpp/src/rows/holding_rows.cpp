@@ -6,6 +6,7 @@
 #include "dashpot/lanes/instruction_sets.hpp"
 #include "dashpot/lanes/lane_blocks.hpp"
 #include "dashpot/lanes/lanes.hpp"
+#include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/mass_weighted.hpp"
 
 namespace dashpot {
@@ -22,6 +23,17 @@ int held_side(const RowGroup& c, const Trees& trees) {
   if ((c.tree[0] >= 0) == (c.tree[1] >= 0)) return -1;
   const int side = c.tree[0] >= 0 ? 0 : 1;
   return trees.tree[c.tree[side]].free_body ? -1 : side;
+}
+
+// Whether the spring of a contact or limit, compressed (m, > 0), throws back what hits it.
+bool is_in_hit(const Rows& rows, const RowGroup& c, const RowData& data, double stiffness,
+               double compression, double length) {
+  double rate[kMaxRows], load[kMaxRows];
+  gather(rows, c, data.velocity.data(), rate);
+  gather(rows, c, data.smooth_acceleration.data(), load);
+  const double kappa = stiffness * rows.inverse_mass[c.row];
+  const double swing = std::hypot(rate[0], (kappa * compression + load[0]) / std::sqrt(kappa));
+  return swing > std::max(hit_speed(rows, c), 2.0 * std::abs(load[0]) * length);
 }
 
 [[gnu::always_inline]] inline double dot(const double* a, const double* b, int count) {
@@ -54,19 +66,24 @@ void HoldingRows::reset(const Trees& trees) {
   held_.resize(trees.tree.size());
 }
 
-void HoldingRows::find_at_start(const StepView& step, const Rows& rows, const Trees& trees) {
+void HoldingRows::find_at_start(const StepView& step, const Rows& rows, const RowData& data,
+                                const Trees& trees) {
   reset(trees);
+  const auto throws_back = [&](const RowGroup& c, double stiffness, double compression) {
+    return is_in_hit(rows, c, data, stiffness, compression, step.length);
+  };
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
     if (c.kind == RowKind::kContact && step.matches[i].nearest >= 0 && !step.matches[i].parted) {
       const RememberedContact before = step.memory.contact(step.matches[i].nearest);
+      if (throws_back(c, before.stiffness, before.compression)) continue;
       const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
                                           before.slide_stiffness, before.spin_stiffness,
                                           before.roll_stiffness,  before.roll_stiffness};
       add(rows, trees, i, stiffness, before.sticking != 0.0, step.length, true);
     } else if (c.kind == RowKind::kUnilateral) {
       const RememberedConstraint before = step.memory.constraint(step.constraints[c.input].memory);
-      if (before.deformation < 0.0)
+      if (before.deformation < 0.0 && !throws_back(c, before.stiffness, -before.deformation))
         add(rows, trees, i, &before.stiffness, false, step.length, true);
     }
   }
@@ -77,8 +94,12 @@ void HoldingRows::find_at_end(const Rows& rows, const RowData& data, const Trees
   reset(trees);
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
-    if (c.kind == RowKind::kBilateral || (c.is_unilateral() && data.deformation[c.row] < 0.0))
-      add(rows, trees, i, rows.stiffness.data() + c.row, data.sticking[i], length, false);
+    const double* stiffness = rows.stiffness.data() + c.row;
+    const double compression = -data.deformation[c.row];
+    if (c.kind == RowKind::kBilateral ||
+        (c.is_unilateral() && compression > 0.0 &&
+         !is_in_hit(rows, c, data, *stiffness, compression, length)))
+      add(rows, trees, i, stiffness, data.sticking[i], length, false);
   }
 }
 

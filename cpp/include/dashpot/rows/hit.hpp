@@ -44,6 +44,9 @@ using HitFrequency = std::function<double(const ContactInput& contact, double in
 // slowly leave with 17 % of the impulse wrong, not 8; with 5 mm/s a pile at rest passed for hit. Of
 // contacts in a model's own unit of length (Rows::metre); a limit has the same number in rad/s.
 inline constexpr double kHitSpeed = 0.02;
+inline double hit_speed(const Rows& rows, const RowGroup& group) {
+  return group.kind == RowKind::kContact ? kHitSpeed * rows.metre : kHitSpeed;
+}
 // How many times the load of smooth forces the spring of what is hit bears.
 inline constexpr double kHitLoads = 4.0;
 // A hit is short in a step whose length times omega is more than this: it lasts no longer than the

@@ -19,7 +19,15 @@
 //
 // A row holds if it is compressed at the end of a step, its friction if it sticks, and if its
 // spring is too stiff for the step to see it swing, K w H^2 > 1. Rows between two trees hold
-// neither against the ground.
+// neither against the ground. Nor does a row hold what hits it: that is thrown back with its whole
+// velocity, whatever smooth forces gain meanwhile. A hit is where the spring, compressed by x,
+// swings farther about where the load b of smooth forces presses it, x = -b / (K w), than that load
+// makes it in two steps,
+//
+//     u^2 + (K w x + b)^2 / (K w)  >  (2 b H)^2,      u: gap rate,
+//
+// and faster than kHitSpeed (hit.hpp). To book what the spring of a leg gains within the step as
+// borne by a contact that throws its foot back gave the foot a fifth of its energy in a hit.
 
 #pragma once
 
@@ -37,7 +45,8 @@ class HoldingRows {
  public:
   // Finds the rows that held at the end of the last step. Needs inv(H) of trees on which rows act,
   // as all that follows does.
-  void find_at_start(const StepView& step, const Rows& rows, const Trees& trees);
+  void find_at_start(const StepView& step, const Rows& rows, const RowData& data,
+                     const Trees& trees);
   // Finds those that hold at the end of this step, after its micro-steps; equalities hold too. H is
   // the inertia whose factor the trees have then.
   void find_at_end(const Rows& rows, const RowData& data, const Trees& trees, double length);
