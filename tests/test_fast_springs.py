@@ -34,7 +34,10 @@ def carried(held_by: str, servo: bool, mass: float, integrator: str) -> dashpot.
 @pytest.mark.parametrize("servo", [False, True], ids=["spring", "servo"])
 @pytest.mark.parametrize("held_by", HELD_BY)
 def test_an_undamped_oscillation_keeps_its_amplitude(held_by, servo, turn, integrator):
-    """Velocity Verlet keeps v^2 + omega^2 x^2 (1 - (omega H)^2 / 4)."""
+    """Servos are held: velocity Verlet keeps v^2 + omega^2 x^2 (1 - (omega H)^2 / 4).
+
+    Springs act along in micro-steps of H / 13 at most, in which that is 0.1 % of the exact motion.
+    """
     omega = turn / DT
     engine = carried(held_by, servo, STIFFNESS / omega**2, integrator)
     data = engine.make_data()
@@ -44,7 +47,7 @@ def test_an_undamped_oscillation_keeps_its_amplitude(held_by, servo, turn, integ
     for _ in range(200):
         engine.step(data)
         most = max(most, abs(data.qpos[1]))
-    largest = SPEED / omega / np.sqrt(1.0 - turn**2 / 4.0)
+    largest = SPEED / omega / np.sqrt(1.0 - turn**2 / 4.0 if servo else 1.0)
     # Samples miss the turning point by at most turn / 2 of the phase. The first step, which nothing
     # is known before, and steps in which a jump of the drive cannot be told from its motion, give
     # or take a little.

@@ -88,8 +88,25 @@ void Stepper::Impl::find_mean_displacement(const mjData_* d) {
   });
 }
 
+// Over a way x from the shift s on, -k (s + x / 2) in the mean.
+void Stepper::Impl::find_spring_changes() {
+  ways.spring_change.clear();
+  const Trees& trees = motion.trees();
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& tree = trees.tree[index];
+    if (!tree.sprung || !goes_as_in_microsteps(index)) continue;
+    ways.spring_change.resize(ways.mean.size(), 0.0);
+    for (int i = 0; i < tree.dof_count; ++i) {
+      const int dof = tree.dof_begin + i, k = tree.begin + i;
+      ways.spring_change[dof] =
+          -trees.stiffness[k] * (leapfrog.way_back()[k] + 0.5 * ways.mean[dof]);
+    }
+  }
+}
+
 void Stepper::Impl::account_smooth_work(mjData_* d) {
   find_mean_displacement(d);
+  find_spring_changes();
   if (trapezoid.load())
     for (int index = 0; index < motion.tree_count(); ++index) {
       if (!goes_as_in_microsteps(index)) continue;
@@ -103,7 +120,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
       {motion.start_velocity().data(), ways.mean.data(), motion.smooth_acceleration().data(),
        &on_trees.touched, host::is_runge_kutta(model) ? &runge_kutta.forces() : nullptr,
        ways.beyond_stages.data(), &motion.integrated(), data.braked.data(),
-       ways.added_velocity.data()});
+       ways.added_velocity.data(), ways.spring_change});
   ledger.dissipated_damping -= smooth_work.damping;
   ledger.work += smooth_work.applied + work_ahead_of_servos();
   leave_to_rows_by_stages(d);
@@ -130,6 +147,8 @@ void Stepper::Impl::leave_to_rows_by_stages(mjData_* d) {
       left += forces.constraint[dof] * even +
               host::smooth_force(d, dof) * (even - ways.of_microsteps[k]) -
               stage_work.of_rows()[dof];
+      if (held_stages.has_mean_springs(index))
+        left += data.pulled[k] * (even - (ways.mean[dof] - ways.beyond_stages[dof])) / clock.length;
       pushed |= forces.constraint[dof] != 0.0;
     }
     if (pushed)

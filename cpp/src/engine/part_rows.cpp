@@ -51,21 +51,19 @@ void Stepper::Impl::find_row_turns(mjData_* d) {
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
-  damp_held_trees(d);
+  act_along_in_held_trees(d);
   assemble_rows(model, d, parameters, constraints, contacts, row_turns, motion, rows, materials,
                 team);
 }
 
-// Lets dampers act in the micro-steps of trees that rows may hold. Dry friction has no position to
-// keep, and leaves a tree the dampers of MuJoCo's integrator. What the last step left over was
-// found with those of its micro-steps.
-void Stepper::Impl::damp_held_trees(mjData_* d) {
+// Lets dampers and springs act in the micro-steps of trees that rows may hold. Dry friction has no
+// position to keep, and leaves a tree the dampers and springs of MuJoCo's integrator. What the last
+// step left over was found with the dampers of its micro-steps.
+void Stepper::Impl::act_along_in_held_trees(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   const HeldMotion before = memory(d).held_motion();
   if (!before.length) return;
-  may_be_held.resize(motion.tree_count());
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
-    may_be_held[tree] = before.length[tree] > 0.0;
+  may_be_held.assign(motion.tree_count(), 0);
   const auto hold = [&](const std::array<int, 2>& trees) {
     for (int tree : trees)
       if (tree >= 0) may_be_held[tree] = 1;
@@ -73,8 +71,10 @@ void Stepper::Impl::damp_held_trees(mjData_* d) {
   for (const ContactInput& contact : contacts) hold(contact.tree);
   for (const ConstraintInput& constraint : constraints)
     if (constraint.kind != RowKind::kSlider) hold(constraint.tree);
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (may_be_held[tree]) motion.damp_in_microsteps(d, tree);
+  for (int tree = 0; tree < motion.tree_count(); ++tree) {
+    if (may_be_held[tree]) motion.spring_in_microsteps(tree);
+    if (may_be_held[tree] || before.length[tree] > 0.0) motion.damp_in_microsteps(d, tree);
+  }
 }
 
 void Stepper::Impl::finish_last_step(mjData_* d) {

@@ -73,7 +73,7 @@ void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
   for (int index = 0; index < motion.tree_count(); ++index)
     if (on_trees.touched[index]) motion.leave_dampers_to_stages(d, index);
   held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
-                   clock.length);
+                   on_trees.held, clock.length);
   try {
     runge_kutta.find_motion(model, d, new_control, held_stages, find_contacts);
   } catch (...) {

@@ -47,6 +47,9 @@ struct WaysOfTrees {
   // stages they go.
   AlignedDoubles of_microsteps;
   std::vector<double> beyond_stages;
+  // What springs that act in the micro-steps changed by in the mean over the way. Empty where none
+  // act there.
+  std::vector<double> spring_change;
 };
 
 // What knock_on.hpp asks of the part.

@@ -76,7 +76,7 @@ struct Stepper::Impl {
   HitFrequency hit_frequency() const;
   void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
-  void damp_held_trees(mjData_* d);
+  void act_along_in_held_trees(mjData_* d);
 
   // What rows do over the part, by either law.
   void update_complementarity_free(mjData_* d);
@@ -122,6 +122,7 @@ struct Stepper::Impl {
   void account_smooth_work(mjData_* d);
   void leave_to_rows_by_stages(mjData_* d);
   double work_ahead_of_servos() const;
+  void find_spring_changes();
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;
@@ -169,7 +170,7 @@ struct Stepper::Impl {
   ComFreeGroups comfree_groups;
 
   // What they do.
-  std::vector<char> may_be_held;  // by tree: rows that have a position may move it, or have
+  std::vector<char> may_be_held;  // by tree: rows that have a position may move it
   Islands islands;
   RowData data;
   AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from

@@ -28,12 +28,12 @@ bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double re
   return amplitude - balance <= bearable_compression(rows, c, recovery_speed);
 }
 
-// Whether an island is one frictionless row of trees without dampers, whose flow is closed form
-// over any time, with overlap that recovers at one speed or not at all.
+// Whether an island is one frictionless row of trees without dampers or springs, whose flow is
+// closed form over any time, with overlap that recovers at one speed or not at all.
 bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
                  const RowData& data) {
   for (int tree : island.tree)
-    if (trees.tree[tree].damped) return false;
+    if (trees.tree[tree].damped || trees.tree[tree].sprung) return false;
   const int index = *island.group.begin();
   const RowGroup& c = rows.group[index];
   const double time = island.microsteps * island.duration, offset = data.offset[index];
@@ -58,7 +58,7 @@ struct IslandLoop {
   const SweepFunctions& sweeps = fastest_sweeps();
   std::vector<IslandTree> island_trees;
   AlignedDoubles velocity, displacement, force, impulse, moment, acceleration;
-  AlignedDoubles coordinate_impulse, slowing, drag;
+  AlignedDoubles coordinate_impulse, slowing, drag, way, pull;
   AlignedDoubles force_of_slices, impulse_of_slices;
 
   void start(const Trees& trees, const Island& island, RowData& data);
@@ -88,7 +88,7 @@ struct IslandLoop {
 // After every micro-step forces and impulses are zero again, but for those on the ground.
 void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) {
   for (auto* array : {&velocity, &displacement, &force, &impulse, &moment, &acceleration,
-                      &coordinate_impulse, &slowing, &drag}) {
+                      &coordinate_impulse, &slowing, &drag, &way, &pull}) {
     array->resize(trees.coordinates, 0.0);
     std::fill_n(array->begin(), kGroundCoordinates, 0.0);
   }
@@ -103,9 +103,10 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
     island_trees.push_back({t, blocks.other_slices(index)});
-    for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked})
+    for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked, &data.pulled})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
+    if (t.sprung) std::copy_n(data.shift.begin() + t.begin, t.count, way.begin() + t.begin);
   }
 }
 
@@ -140,6 +141,10 @@ IslandMotion IslandLoop::motion(const Trees& trees, RowData& data) {
   m.slowing = slowing.data();
   m.drag = drag.data();
   m.braked = data.braked.data();
+  m.stiffness = trees.stiffness.data();
+  m.way = way.data();
+  m.pull = pull.data();
+  m.pulled = data.pulled.data();
   return m;
 }
 

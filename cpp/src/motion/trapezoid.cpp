@@ -7,6 +7,7 @@
 #include "dashpot/motion/turning_parts.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/joint_springs.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {
@@ -63,17 +64,20 @@ void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion)
 
 void Trapezoid::find_potential_forces(const mjData_* d, const TreeMotion& motion) {
   potential_.resize(motion.start_velocity().size());
+  joint_spring_.resize(potential_.size());
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!holds(index) || host::is_free_body(model_, index)) continue;
     const Tree& t = motion.trees().tree[index];
-    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
+    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
       potential_[i] = host::potential_force(model_, d, i);
+      joint_spring_[i] = host::joint_spring_force(model_, d, i);
+    }
   }
 }
 
-double Trapezoid::changing_potential(const mjData_* d, const HeldMotion& before, int tree,
-                                     int dof) const {
-  return before.gravity_ahead[tree] != 0.0 ? host::spring_force(d, dof) : potential_[dof];
+double Trapezoid::changing_potential(const mjData_* d, bool gravity_ahead, int dof) const {
+  const double held = gravity_ahead ? host::spring_force(d, dof) : potential_[dof];
+  return held - joint_spring_[dof];
 }
 
 void Trapezoid::recall_equalities(const StepView& step, const Rows& rows, const Trees& trees) {
@@ -124,7 +128,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
     for (int i = 0; i < t.dof_count && !host::is_free_body(model_, index); ++i) {
       const int dof = t.dof_begin + i;
       const double turning = potential_[dof] - host::positional_force(d, dof);
-      const double potential = changing_potential(d, before, index, dof);
+      const double potential = changing_potential(d, before.gravity_ahead[index] != 0.0, dof);
       force[i] += weight * potential - 0.5 * turning;
       coupled.wanted +=
           weight * potential * before.displacement[dof] + lead[index] * velocity[dof] * turning;

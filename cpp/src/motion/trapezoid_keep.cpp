@@ -60,13 +60,14 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
   const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
   weight = (half - back) / (end.length + lead - back);
   for (int i = 0; i < t.count; ++i)
-    force[i] = end.data.coordinate_impulse[t.begin + i] / end.length;
+    force[i] =
+        (end.data.coordinate_impulse[t.begin + i] + end.data.pulled[t.begin + i]) / end.length;
   const double* velocity = host::velocity(d);
   double* seen = generalized_.data() + t.dof_begin;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
     const double turning = potential_[dof] - host::positional_force(d, dof);
-    const double potential = in_middle ? host::spring_force(d, dof) : potential_[dof];
+    const double potential = changing_potential(d, in_middle, dof);
     now.potential[dof] = potential;
     force[i] += host::smooth_force(d, dof) + turning + gravity_load_[dof];
     energy += 0.5 * velocity[dof] * momentum_[dof] +

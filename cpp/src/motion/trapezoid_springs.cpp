@@ -12,7 +12,8 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
   const HeldMotion before = memory.held_motion();
   const int trees = motion.tree_count();
   const auto change_of = [&](const CoupledEnergy& coupled, int tree, int dof) {
-    const double change = changing_potential(d, before, tree, dof) - before.potential[dof];
+    const double change =
+        changing_potential(d, before.gravity_ahead[tree] != 0.0, dof) - before.potential[dof];
     return coupled.follows_drives ? change + drives_.servo_change(dof) : change;
   };
   for (int index = 0; index < trees; ++index) {

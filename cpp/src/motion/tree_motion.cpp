@@ -8,6 +8,7 @@
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/joint_springs.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
@@ -40,6 +41,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   host::prepare_effective_inertia(model_, d);
   host::read_welded_parts(model_, tree_count(), parts_, team);
   host::find_effective_inertia(model_, d, parts_, trees_, team);
+  host::find_joint_springs(model_, trees_);
   data.reset_motion(trees_.coordinates);
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
@@ -140,6 +142,12 @@ double TreeMotion::translation_by_turning(const mjData_* d, int index) {
 void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
   if (inverted_[index]) return;
   host::damp_in_microsteps(model_, d, index, trees_);
+}
+
+void TreeMotion::spring_in_microsteps(int index) {
+  Tree& t = trees_.tree[index];
+  const auto first = trees_.stiffness.begin() + t.begin;
+  t.sprung = std::any_of(first, first + t.count, [](double stiffness) { return stiffness != 0.0; });
 }
 
 void TreeMotion::leave_dampers_to_stages(const mjData_* d, int index) {

@@ -90,6 +90,8 @@ void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStag
   activation_.assign(d->act, d->act + m->na);
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
   acceleration_[0].assign(d->qacc, d->qacc + m->nv);
+  find_spring_changes(m, 0, held);
+  add_response_of_springs(m, d, 0);
   bar(m, d, 0, held);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
   read_forces(m, d, 0);
@@ -175,8 +177,27 @@ void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& 
   }
   velocity_[stage].assign(d->qvel, d->qvel + m->nv);
   acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
+  find_spring_changes(m, stage, held);
+  add_response_of_springs(m, d, stage);
   bar(m, d, stage, held);
   activation_rate_[stage].assign(d->act_dot, d->act_dot + m->na);
+}
+
+// The way to a stage is what `mean_velocity_` has led there by.
+void RungeKutta::find_spring_changes(const mjModel* m, int stage, const HeldStages& held) {
+  spring_change_.clear();
+  if (!held.have_mean_springs()) return;
+  for (int i = 0; i < m->nv; ++i) {
+    const double way = stage > 0 ? m->opt.timestep * mean_velocity_[i] : 0.0;
+    spring_change_.push_back(held.spring_change(i, way));
+  }
+}
+
+void RungeKutta::add_response_of_springs(const mjModel* m, mjData* d, int stage) {
+  if (spring_change_.empty()) return;
+  spring_response_.resize(m->nv);
+  mj_solveM(m, d, spring_response_.data(), spring_change_.data(), 1);
+  mju_addTo(acceleration_[stage].data(), spring_response_.data(), static_cast<int>(m->nv));
 }
 
 void RungeKutta::bar(const mjModel* m, const mjData* d, int stage, HeldStages& held) {
@@ -217,6 +238,8 @@ void RungeKutta::read_forces(const mjModel* m, const mjData* d, int stage) {
   smooth_force_[stage].assign(d->qfrc_smooth, d->qfrc_smooth + m->nv);
   driving_forces(m, d, driving_force_[stage]);
   damping_forces(m, d, damping_force_[stage]);
+  if (spring_change_.empty()) return;
+  mju_addTo(smooth_force_[stage].data(), spring_change_.data(), static_cast<int>(m->nv));
 }
 
 void RungeKutta::find_mean_forces(const mjModel* m) {

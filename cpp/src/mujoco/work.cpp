@@ -90,6 +90,7 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Ste
   undamped_force_.resize(m->nv);
   for (int i = 0; i < m->nv; ++i) {
     undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
+    if (!motion.spring_change.empty()) undamped_force_[i] += motion.spring_change[i];
     if (!has_stages(motion, m->dof_treeid[i])) continue;
     const StageForces& stages = *motion.stages;
     damping_force_[i] = stages.damping.mean[i];

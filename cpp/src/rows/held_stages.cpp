@@ -5,13 +5,15 @@
 namespace dashpot {
 
 void HeldStages::find(const Rows& rows, const RowData& data, const Trees& trees,
-                      const AlignedDoubles& start, const double* added, double length) {
+                      const AlignedDoubles& start, const double* added,
+                      const std::vector<char>& moved, double length) {
   trees_ = &trees;
   length_ = length;
   rows_.find_at_end(rows, data, trees, length);
   mean_acceleration_.assign(trees.above.size(), 0.0);
   way_.assign(mean_acceleration_.size(), 0.0);
   find_landed(rows, data);
+  find_mean_springs(data, moved);
   for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
     if (!hold(index)) continue;
     const Tree& tree = trees.tree[index];
@@ -42,6 +44,24 @@ void HeldStages::find_landed(const Rows& rows, const RowData& data) {
     if (data.deformation[c.row] - way[0] < 0.0) continue;
     for (int tree : c.tree)
       if (tree >= 0) lands_[tree] = 1;
+  }
+}
+
+void HeldStages::find_mean_springs(const RowData& data, const std::vector<char>& moved) {
+  have_springs_ = false;
+  springs_.assign(trees_->tree.size(), 0);
+  for (size_t index = 0; index < trees_->tree.size(); ++index) {
+    const Tree& t = trees_->tree[index];
+    if (!t.sprung || !moved[index]) continue;
+    springs_[index] = 1;
+    if (!have_springs_)
+      for (auto* array : {&mean_pull_, &stiffness_}) array->assign(trees_->above.size(), 0.0);
+    have_springs_ = true;
+    for (int i = 0; i < t.dof_count; ++i) {
+      const int dof = t.dof_begin + i, k = t.begin + i;
+      mean_pull_[dof] = data.pulled[k] / length_;
+      stiffness_[dof] = trees_->stiffness[k];
+    }
   }
 }
 

@@ -37,7 +37,7 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
 
 void RowData::reset_motion(int coordinates) {
   for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse,
-                      &shift, &braked, &added_acceleration})
+                      &shift, &braked, &pulled, &added_acceleration})
     array->assign(coordinates, 0.0);
   velocity[kSurfaceCoordinate] = 1.0;
   smooth_acceleration[kTurningCoordinate] = 1.0;

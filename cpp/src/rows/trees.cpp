@@ -95,6 +95,7 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   factor.resize(inverse.size(), 0.0);
   cross_damping.resize(inverse.size(), 0.0);
   damping.resize(coordinates, 0.0);
+  stiffness.resize(coordinates, 0.0);
   inverse_root.resize(coordinates, 0.0);
   tree.push_back(t);
   above.insert(above.end(), above_dofs, above_dofs + dof_count);

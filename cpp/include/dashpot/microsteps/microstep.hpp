@@ -27,6 +27,13 @@
 // ought to, which drives it for z from pi to 2 pi, and just below pi it would settle into motion
 // that turns round in every step.
 //
+// Springs of joints, K, act along, too: beside F there is their pull
+//
+//     -K (x + h v / 2),    x' = x + h (v + v') / 2,
+//
+// x: how far the tree has gone, from where it fell back to (leapfrog.hpp); held over the step they
+// would add some K (x1 - x0)^2 / 2 to what a hit throws back in it.
+//
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work
 //     p (u_0 + u_1) / 2 + (J a) (h p / 2 - r) ,

@@ -115,6 +115,35 @@ template <Sweep kSweep, typename Jacobian, typename Law>
         m.braked + i);
 }
 
+// Finds the pull of a tree's springs in the middle of the micro-step, adds it and its moment to
+// those of the rows, and goes half of the way.
+[[gnu::always_inline]] static inline void add_pull(const Tree& t, const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    const Lanes middle = load_lanes(m.way + i) + 0.5 * m.h * load_lanes(m.velocity + i);
+    const Lanes pull = -load_lanes(m.stiffness + i) * middle;
+    store_lanes(middle, m.way + i);
+    store_lanes(pull, m.pull + i);
+    store_lanes(load_lanes(m.force + i) + pull, m.force + i);
+    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * pull, m.moment + i);
+  }
+}
+
+// Adds the impulse of its springs over the micro-step.
+[[gnu::always_inline]] static inline void add_impulse_of_springs(const Tree& t,
+                                                                 const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
+    const Lanes impulse = m.h * load_lanes(m.pull + i);
+    store_lanes(load_lanes(m.impulse + i) + impulse, m.impulse + i);
+    store_lanes(load_lanes(m.pulled + i) + impulse, m.pulled + i);
+  }
+}
+
+// Goes the other half of the way, by the velocity at the end of the micro-step.
+[[gnu::always_inline]] static inline void go_on(const Tree& t, const IslandMotion& m) {
+  for (int i = t.begin; i < t.begin + t.count; i += kLanes)
+    store_lanes(load_lanes(m.way + i) + 0.5 * m.h * load_lanes(m.velocity + i), m.way + i);
+}
+
 [[gnu::always_inline]] static inline void set_to_zero(const Tree& t, double* applied) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) store_lanes(Lanes{}, applied + i);
 }
@@ -138,6 +167,7 @@ template <Sweep kSweep>
   if constexpr (kSweep == Sweep::kSmoothMotion) {
     if (of.slices) take_slices(of, m.slice_size, m.force_of_slices, m.force);
     if (t.damped) add_drag(t, m);
+    if (t.sprung) add_pull(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
       store_lanes(a, m.acceleration + i);
@@ -158,8 +188,10 @@ template <Sweep kSweep>
     static_assert(kSweep == Sweep::kContactMotion);
     if (of.slices) take_slices(of, m.slice_size, m.impulse_of_slices, m.impulse);
     if (t.damped) add_impulse_of_drag(t, m);
+    if (t.sprung) add_impulse_of_springs(t, m);
     respond(t, m.inverse, m.impulse, m.velocity);
     if (t.damped) account_drag(t, m);
+    if (t.sprung) go_on(t, m);
     set_to_zero(t, m.force);
     set_to_zero(t, m.impulse);
   }

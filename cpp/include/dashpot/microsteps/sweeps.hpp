@@ -70,6 +70,9 @@ struct IslandMotion {
   const double *start_motion, *added, *damping, *cross_damping;
   double lag = 0.0;  // T - e of microstep.hpp, s
   double *slowing, *drag, *braked;
+  // Of sprung trees: how far they have gone, and what their springs pull with because of that.
+  const double* stiffness;
+  double *way, *pull, *pulled;
 };
 
 // A micro-step is four sweeps, over rows and trees in turn; one sweep over rows comes before the

@@ -17,6 +17,9 @@
 // Forces of actuators, and those that users apply, most often follow from the motion too. So a' has
 // their change e' - e, unless no s near 1 is left with it, or they jump (drive_changes.hpp).
 //
+// Linear springs of slides and hinges act along in the micro-steps (microstep.hpp): g has their
+// mean force, and p has none of its change.
+//
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
 // half a step on. The mean is what there is in the middle of the step, found on the line through
@@ -135,8 +138,8 @@ class Trapezoid {
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
   void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
-  // What of p the second half of a tree's last step has.
-  double changing_potential(const mjData_* d, const HeldMotion& before, int tree, int dof) const;
+  // What of p the second half of a tree's step has: of one with gravity ahead, springs alone.
+  double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
   void find_energies(const mjData_* d, double length, const TreeMotion& motion);
   // Finds what of it is in translations that coupled trees have in common.
   void find_common_momenta(const mjData_* d, const TreeMotion& motion);
@@ -177,7 +180,9 @@ class Trapezoid {
   std::vector<double> wrench_, force_, second_half_, added_;       // by motion coordinate
   std::vector<double> load_response_;                              // of one tree, by the same
   std::vector<double> generalized_, momentum_, momentum_of_half_;  // by degree of freedom
-  std::vector<double> potential_;  // by the same: forces that have one, where rows may hold trees
+  // By the same, where rows may hold trees: forces that have a potential, and what linear springs
+  // of single joints have of them.
+  std::vector<double> potential_, joint_spring_;
   struct {
     std::vector<double> motion, momentum;  // generalized, of all trees
   } translation_;

@@ -77,6 +77,8 @@ class TreeMotion {
   double translation_by_turning(const mjData_* d, int tree);
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
   void damp_in_microsteps(const mjData_* d, int tree);
+  // Lets the springs of its joints act there (mujoco/joint_springs.hpp).
+  void spring_in_microsteps(int tree);
   // Takes the dampers of a tree out of the factor of its inertia, after the micro-steps of RK4.
   void leave_dampers_to_stages(const mjData_* d, int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.

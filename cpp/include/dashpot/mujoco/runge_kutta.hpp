@@ -10,8 +10,9 @@
 // x: positions, velocities and activations; accelerations in f are inv(M) (smooth forces + F).
 // Where F is zero this is mj_RungeKutta to the bit; where F balances the smooth forces, rest stays.
 // Trees that equalities couple follow the trapezoidal rule instead (trapezoid.hpp). Another one
-// that rows hold moves along them as it did in the micro-steps (held_stages.hpp). A light
-// foot would otherwise leave the ground within the stages and take load off the spring of its leg.
+// that rows hold moves along them as it did in the micro-steps, with the mean force that its
+// springs had there (held_stages.hpp). A light foot would otherwise leave the ground within the
+// stages and take load off the spring of its leg.
 
 #pragma once
 
@@ -80,6 +81,8 @@ class RungeKutta {
   void find_slopes(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
                    const FindContacts& find_contacts);
   void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
+  void find_spring_changes(const mjModel_* m, int stage, const HeldStages& held);
+  void add_response_of_springs(const mjModel_* m, mjData_* d, int stage);
   void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
   void bar(const mjModel_* m, const mjData_* d, int stage, HeldStages& held);
   void find_mean_slope();
@@ -102,6 +105,9 @@ class RungeKutta {
       row_force_;
   StageForces forces_;
   std::vector<double> barred_, barring_force_;  // of one stage
+  // Of one stage, by degree of freedom: what is added to the forces of springs, empty where nothing
+  // is, and to accelerations.
+  std::vector<double> spring_change_, spring_response_;
 };
 
 }  // namespace dashpot::host

@@ -12,10 +12,12 @@
 //     H sum w_i r_i v_i  -  f b  +  u'C(b, u),    b = x' - H sum w_i v_i,
 //
 // f being without the bias, and C(u, u) the Coriolis and centrifugal forces, a bilinear form: along
-// b, u'M u / 2 changes by u'C(b, u). What rows are booked with beyond that they have dissipated.
-// With it the ledger closes to the order of RK4 where dry friction acts on velocities that change,
-// and to second order in what a tree turns by where an impact sends it farther, or less far, than
-// its mean force does in the stages.
+// b, u'M u / 2 changes by u'C(b, u). Where stages have the mean force P / H of springs beside that
+// of the start (held_stages.hpp), micro-steps book P (v0 + v1) / 2 more, and rows gave P sum w_i
+// v_i more. What rows are booked with beyond what they gave they have dissipated. With it the
+// ledger closes to the order of RK4 where dry friction acts on velocities that change, and to
+// second order in what a tree turns by where an impact sends it farther, or less far, than its mean
+// force does in the stages.
 
 #pragma once
 

@@ -75,6 +75,8 @@ struct StepMotion {
   const std::vector<char>* integrated;
   const double* braked;  // RowData::braked
   const double* added;   // velocity that the last step left to trees in flight (nv)
+  // Mean change of springs over a way in the micro-steps (nv); empty where none act there.
+  const std::vector<double>& spring_change;
 };
 
 // Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,

@@ -52,9 +52,9 @@ struct RowData {
   std::vector<double> drift;
 
   // Per motion coordinate: velocity at the start, which smooth forces know of; what of the smooth
-  // acceleration is no part of the integrator's; and the energy (J) that the drag of damped trees
-  // took (microstep.hpp).
-  AlignedDoubles start_motion, added_acceleration, braked;
+  // acceleration is no part of the integrator's; the energy (J) that the drag of damped trees took,
+  // and the impulse of the pull of sprung ones (microstep.hpp).
+  AlignedDoubles start_motion, added_acceleration, braked, pulled;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
   // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in

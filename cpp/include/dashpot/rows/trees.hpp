@@ -39,6 +39,7 @@ struct Tree {
   int inverse = 0;            // offset in Trees::inverse
   bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
   bool cross_damped = false;  // and D is more than a diagonal
+  bool sprung = false;        // its springs act in the micro-steps, too
 };
 
 // The motion coordinate of degree of freedom i of a tree.
@@ -60,6 +61,9 @@ struct Trees {
   // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
   AlignedDoubles damping, cross_damping;
   double implicit_time = 0.0;
+  // By motion coordinate of trees that are no free bodies: stiffness of the joint's spring (N/m,
+  // N m/rad), which acts in the micro-steps of sprung trees.
+  AlignedDoubles stiffness;
   // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
   // does not come from derivatives.
   std::vector<double> joint_damping;
