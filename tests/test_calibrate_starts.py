@@ -58,7 +58,7 @@ def test_a_search_that_noise_explains_goes_on_until_it_converges(monkeypatch):
     """On a rough cost the first local search may end before: a share of the budget, no verdict."""
     problem = throws((8e3, 25.0, 0.25))
     for iterations in (2, 6):
-        monkeypatch.setattr(strategy, "_MOST_ITERATIONS", iterations)
+        monkeypatch.setattr(strategy, "MOST_ITERATIONS", iterations)
         assert not fit(problem, starts=0).converged
         result = fit(problem)
         assert result.noise_explains

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
-from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.identifiability import judge, leaders, noise_explains
-from dashpot.calibrate.intervals import Covariance, check_count
+from dashpot.calibrate.intervals import check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import Search
+from dashpot.calibrate.settlement import End, settle
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.checks import (
     number,
@@ -65,6 +65,9 @@ def fit(
     at once, from the best start.
     A model that is not quite right explains no end, and such fits spend most of their budget on
     better ones; ``starts=0`` saves that.
+    What noise explains may be a bad valley yet: the cost is then followed along each parameter to
+    its bounds, all other unknowns refitted, and the search goes on from where it is lower, if
+    anywhere (see `dashpot.calibrate.settlement`).
     On rough ground, as of blocks that slide from the first frame on, a search ends where the cost
     changes by a small part of what one standard error does.
 
@@ -110,8 +113,8 @@ def fit(
         stated noise explains the residuals.
     max_evaluations
         Budget of the search in simulated sets of trajectories, those for its derivatives included.
-        It takes one iteration at least; derivatives for the intervals come on top, and
-        ``Fit.evaluations`` counts all.
+        It takes one iteration at least; derivatives for the intervals, and what follows the cost
+        along the parameters, come on top, and ``Fit.evaluations`` counts all.
     errors
         ``"independent"`` residuals; ``"clustered"``: residuals of a trajectory hang together
         (model error); ``"auto"``: clustered from 20 trajectories on and five per unknown.
@@ -166,27 +169,13 @@ def fit(
             search = run_searches(
                 objectives, budget, chosen_loss, method, starts, local_searches, seed
             )
-        point, searched = search.best_point, objective.evaluations
-        residuals = objective.residuals(point)[0]
-        estimated, departure, failure = covariance_around(
-            objective,
-            point,
-            residuals,
-            chosen_loss,
-            errors_kind,
-            confidence,
-            seed if search.converged else None,
-        )
+        end, beside = settle(search, errors_kind, confidence, seed)
     return _result(
         problem,
         objective,
-        point,
-        residuals,
-        estimated,
-        departure,
-        failure,
+        end,
         search,
-        evaluations=budget.spent + objective.evaluations - searched,
+        evaluations=budget.spent + beside,
         seconds=time.perf_counter() - began,
         method=method,
         errors=errors_kind,
@@ -197,11 +186,7 @@ def fit(
 def _result(
     problem: Problem,
     objective: Objective,
-    point: Array,
-    residuals: Array,
-    estimated: Covariance,
-    departure: Array,
-    failure: str | None,
+    end: End,
     search: Search,
     *,
     evaluations: int,
@@ -210,6 +195,7 @@ def _result(
     errors: str,
     confidence: float,
 ) -> Fit:
+    point, residuals, estimated = end.point, end.residuals, end.covariance
     half_width = estimated.half_width(confidence)
     correlation = estimated.correlation
     live = int(np.count_nonzero(objective.live(residuals)))
@@ -218,8 +204,10 @@ def _result(
     unfinished = None
     if not search.converged:
         unfinished = f"the search ended before it converged ({search.message})"
-    elif failure is not None:
-        unfinished = f"simulations next to the estimate fail ({failure})"
+    elif end.failure is not None:
+        unfinished = f"simulations next to the estimate fail ({end.failure})"
+    elif end.elsewhere is not None:
+        unfinished = f"the search ended in a bad valley (the cost is lower at {end.elsewhere})"
     leading = leaders(problem.parameters, point[: objective.parameters], correlation)
     estimates = tuple(
         judge(
@@ -233,7 +221,7 @@ def _result(
             unfinished=unfinished,
             unexplained=None if explained else estimated.residual_variance,
             clustered=errors == "clustered",
-            nonlinearity=float(departure[i]),
+            nonlinearity=float(end.departure[i]),
             leader=leading[i],
         )
         for i, parameter in enumerate(problem.parameters)

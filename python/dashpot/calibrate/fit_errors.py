@@ -28,14 +28,16 @@ def covariance_around(
     errors: str,
     confidence: float,
     seed: int | None,
-) -> tuple[Covariance, Array, str | None]:
+) -> tuple[Covariance, Array, ArrowMatrix, str | None]:
     """Return the covariance of a linear model over its own region, and its departure from one.
+
+    Then follow the Jacobian by differences that it starts from, and why simulations fail, if so.
 
     That is the region that the covariance implies. It starts from a Jacobian whose differences of
     parameters are as wide as the intervals that it gives: they start wide and shrink, never below
     the parameters' own. Where `seed` is None, as no interval around the end of a search that has
     not converged is that of a minimum, it ends there; and so it does where simulations in the
-    region fail, of which the last value returned tells.
+    region fail.
     """
     live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
@@ -56,14 +58,14 @@ def covariance_around(
         widths = wanted
     # Data without any noise leave a region of no size.
     if seed is None or estimated.residual_variance == 0.0:
-        return estimated, np.zeros(objective.size), None
+        return estimated, np.zeros(objective.size), jacobian, None
     slopes = loss.slopes(residuals)
     rise = float(slopes[live].mean())
     if not rise > 0.0:
-        return estimated, np.zeros(objective.size), None
+        return estimated, np.zeros(objective.size), jacobian, None
     relative = slopes / rise if loss.robust else None
     try:
         region = over_its_region(objective, point, jacobian, from_jacobian, relative, seed)
     except SimulationError as error:
-        return estimated, np.zeros(objective.size), str(error)
-    return *region, None
+        return estimated, np.zeros(objective.size), jacobian, str(error)
+    return *region, jacobian, None

@@ -57,12 +57,16 @@ class Covariance:
         Of Student's t.
     residual_variance
         Near 1 when the noise was stated rightly and the model is right; see `residual_variance`.
+    dispersion
+        (p,) twice the rise of the cost, all else refitted, at one standard error: 1 where the noise
+        was stated rightly, of the linear loss the residual variance.
     """
 
     blocks: Array
     parameters: int
     degrees_of_freedom: int
     residual_variance: float
+    dispersion: Array
 
     @property
     def matrix(self) -> Array:
@@ -165,7 +169,8 @@ def covariance(
     rise = float(slopes.mean())
     if not rise > 0:
         each = np.diag(np.full(count + matrix.own.shape[1], np.inf))
-        return Covariance(np.stack([each] * matrix.trajectories), count, degrees, variance)
+        blocks = np.stack([each] * matrix.trajectories)
+        return Covariance(blocks, count, degrees, variance, np.full(count, np.inf))
     all_scores = loss.scores(residuals)
     ranges = offsets
     if hold is not None and matrix.own.shape[1]:
@@ -189,7 +194,12 @@ def covariance(
     with np.errstate(invalid="ignore"):
         # Data without any noise leave a variance of 0, and what they do not determine stays so.
         blocks = np.where(np.isinf(blocks), np.inf, factor * blocks)
-    return Covariance(blocks, count, degrees, variance)
+    dispersion = np.full(count, factor * rise)
+    if offsets is not None:
+        unit = np.diagonal(inverse.independent()[0])[:count]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            dispersion = np.diagonal(blocks[0])[:count] / unit * rise
+    return Covariance(blocks, count, degrees, variance, dispersion)
 
 
 def pseudo_inverse(jacobian: ArrowMatrix) -> ArrowInverse:

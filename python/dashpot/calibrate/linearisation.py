@@ -210,8 +210,8 @@ def over_its_region(
     rng = np.random.default_rng(seed)
     count = objective.parameters
     floor = objective.differences()
-    near, hold = _NEAR / _POSSIBLE * possible(objective), possible(objective)
-    region = _region(covariance(local, near), _FIRST_REGION, floor, count)
+    close, hold = near(objective), possible(objective)
+    region = _region(covariance(local, close), _FIRST_REGION, floor, count)
     failures, regions = 0, 0
     while True:
         try:
@@ -223,7 +223,7 @@ def over_its_region(
             region /= _NARROWER**2
             continue
         regions += 1
-        implied = _region(covariance(model.jacobian, near), 1.0, floor, count)
+        implied = _region(covariance(model.jacobian, close), 1.0, floor, count)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.sqrt(np.diag(implied[0]) / np.diag(region[0]))[:count]
         ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
@@ -265,6 +265,11 @@ def _region(estimated: Covariance, wider: float, floor: Array, count: int) -> Ar
 
 def _diagonal(blocks: Array) -> Array:
     return np.diagonal(blocks, axis1=1, axis2=2)
+
+
+def near(objective: Objective) -> Array:
+    """Return the standard deviations (s,) of initial states within which they are drawn."""
+    return _NEAR / _POSSIBLE * possible(objective)
 
 
 def possible(objective: Objective) -> Array:

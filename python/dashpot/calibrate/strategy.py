@@ -42,7 +42,7 @@ _AUTOMATIC_STARTS = 32
 # One part of as many of the budget goes to the search from the given start.
 _FIRST_SHARE = 4
 # Of one local search; those that need more are lost in a bad valley.
-_MOST_ITERATIONS = 40
+MOST_ITERATIONS = 40
 
 
 def run_searches(
@@ -85,12 +85,12 @@ def run_automatic(
     begin = objective.start(robust=loss.robust)
     if method == "least_squares":
         with budget.share(_FIRST_SHARE), _going_on(final):
-            least_squares(final, begin, _MOST_ITERATIONS)
+            least_squares(final, begin, MOST_ITERATIONS)
         if not final.best_explained(_EXPLAINED):
             with budget.share(_FIRST_SHARE):
                 _wake(final)
         if final.best_explained(_EXPLAINED):
-            _finish(final)
+            finish(final)
             return final
     if budget.left < 2 * _AUTOMATIC_STARTS:
         if method != "least_squares":
@@ -115,16 +115,16 @@ def run_automatic(
         _evolve(searches, starts[0], method, seed)
         return final
     _descend(searches, starts)
-    _finish(final)
+    finish(final)
     return final
 
 
-def _finish(search: Search) -> None:
+def finish(search: Search) -> None:
     """Go on from the best end until it has converged, as on a rough cost, or nothing is left."""
     while not search.converged and search.budget.left > 0:
         before = search.best_cost
         try:
-            least_squares(search, search.best_point, _MOST_ITERATIONS)
+            least_squares(search, search.best_point, MOST_ITERATIONS)
         except SimulationError:
             return
         search.end_where_level(before)
@@ -136,7 +136,7 @@ def _wake(search: Search) -> None:
         return
     for start in waking_starts(search):
         with _going_on(search):
-            least_squares(search, start, _MOST_ITERATIONS)
+            least_squares(search, start, MOST_ITERATIONS)
         if search.best_explained(_EXPLAINED) or search.budget.left == 0:
             break
 
@@ -230,7 +230,7 @@ def _go_on(searches: list[Search], first: int, point: Array, ends: _Ends | None)
         search = searches[window]
         early = window < len(searches) - 1
         level = EARLY_LEVEL if early else LEVEL
-        point, residuals = least_squares(search, point, _MOST_ITERATIONS, level=level)
+        point, residuals = least_squares(search, point, MOST_ITERATIONS, level=level)
         if ends is None or not early:
             continue
         cost = float(search.costs(residuals))

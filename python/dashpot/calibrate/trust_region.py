@@ -102,13 +102,13 @@ def minimise(
 
     point, residuals = start, residuals_at(start)
     cost = cost_of(point, residuals)
-    linear = _Linear(jacobian_at(point), residuals, loss, hold, point - start)
+    linear = Linear(jacobian_at(point), residuals, loss, hold, point - start)
     scale = linear.norms
     radius = float(np.linalg.norm(scale * point)) or 1.0
     costs = [cost]
     for _ in range(most_evaluations - 1):
         room = lower - point[:count], upper - point[:count]
-        step = _step_in_bounds(linear, scale, radius, *room)
+        step = step_in_bounds(linear, scale, radius, *room)
         predicted = linear.reduction(step)
         if not predicted > 0.0:
             return Minimum(point, residuals, True, "no step lowers the cost")
@@ -140,12 +140,12 @@ def minimise(
             changed = "the cost" if level else "the point"
             return Minimum(point, residuals, True, f"{changed} changes no more")
         if point is new_point:
-            linear = _Linear(jacobian_at(point), residuals, loss, hold, point - start)
+            linear = Linear(jacobian_at(point), residuals, loss, hold, point - start)
             scale = np.maximum(scale, linear.norms)
     return Minimum(point, residuals, False, "")
 
 
-class _Linear:
+class Linear:
     """The linear problem ``min |W (J s + r)|^2 + hold^2 |s + x - x0|^2`` around a point.
 
     Rows of each trajectory are compressed by QR to as many as there are unknowns; damped problems
@@ -236,7 +236,7 @@ class _Linear:
         return step, whitened
 
 
-def _within(linear: _Linear, scale: Array, radius: float, fixed: Array) -> Array:
+def _within(linear: Linear, scale: Array, radius: float, fixed: Array) -> Array:
     """Return the step that lowers the model most within ``|scale s| <= radius``."""
     step, whitened = linear.step(np.zeros_like(scale), fixed)
     length = float(np.linalg.norm(scale * step))
@@ -255,8 +255,8 @@ def _within(linear: _Linear, scale: Array, radius: float, fixed: Array) -> Array
     return step
 
 
-def _step_in_bounds(
-    linear: _Linear, scale: Array, radius: float, lower: Array, upper: Array
+def step_in_bounds(
+    linear: Linear, scale: Array, radius: float, lower: Array, upper: Array
 ) -> Array:
     """Return the step of `_within` whose parameters stay in (p,) `lower` to `upper`."""
     count = len(lower)

@@ -1,0 +1,108 @@
+"""What the end of a search is worth: its intervals, and whether the cost is lower elsewhere.
+
+Noise of some hundred residuals hides valleys: it explains a cost of three standard deviations of
+its own above the least one, which is more than ten standard errors of a parameter. So where an end
+counts as explained, the cost is followed along each parameter to its bounds, all else refitted
+(`dashpot.calibrate.profiles`), and the search goes on from where that is lower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.candidates import SimulationError
+from dashpot.calibrate.fit_errors import covariance_around
+from dashpot.calibrate.identifiability import MAX_VARIANCE, noise_explains
+from dashpot.calibrate.intervals import Covariance
+from dashpot.calibrate.linearisation import near
+from dashpot.calibrate.profiles import Place, Profiles
+from dashpot.calibrate.search import Search, least_squares
+from dashpot.calibrate.strategy import MOST_ITERATIONS, finish
+
+Array = NDArray[np.float64]
+
+# The search goes on where the cost is lower by more than one standard error raises it, so often at
+# most.
+_LOWER = 0.5
+_MOST_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The end of a search.
+
+    Attributes
+    ----------
+    point, residuals
+        (n,) and (m,).
+    covariance, departure
+        Of the estimate, and in standard errors how far that is from a linear one, (n,).
+    failure
+        Why simulations next to it fail; None where they do not.
+    elsewhere
+        Values of the parameters where the cost is lower, but no search went on from.
+    """
+
+    point: Array
+    residuals: Array
+    covariance: Covariance
+    departure: Array
+    failure: str | None
+    elsewhere: str | None = None
+
+
+def settle(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, int]:
+    """Return the end of a search, and how many simulations that took beside the search.
+
+    Searches that profiles of the cost bring about are part of `search`, and of its budget.
+    """
+    objective = search.objective
+    beside = 0
+    for _ in range(_MOST_ROUNDS):
+        before = objective.evaluations
+        end, lowest = _examine(search, errors, confidence, seed)
+        beside += objective.evaluations - before
+        if lowest is None or search.budget.left == 0:
+            break
+        try:
+            least_squares(search, lowest.point, MOST_ITERATIONS)
+            finish(search)
+        except SimulationError:
+            break
+    return end, beside
+
+
+def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, Place | None]:
+    """Return the best point of a search as its end, and where the cost is lower, if anywhere."""
+    objective, loss, point = search.objective, search.loss, search.best_point
+    residuals = objective.residuals(point)[0]
+    covariance, departure, jacobian, failure = covariance_around(
+        objective, point, residuals, loss, errors, confidence, seed if search.converged else None
+    )
+    end = End(point, residuals, covariance, departure, failure)
+    variance = covariance.residual_variance
+    live = int(np.count_nonzero(objective.live(residuals)))
+    doubtful = variance > MAX_VARIANCE and not noise_explains(variance, live, robust=loss.robust)
+    half_widths = covariance.half_width(confidence)[: objective.parameters]
+    known = np.isfinite(half_widths) & (half_widths > 0.0)
+    if failure is not None or not search.converged or doubtful or not known.any():
+        return end, None
+    ranges = [c.search_bounds[1] - c.search_bounds[0] for c in objective.coordinates]
+    units = np.concatenate([ranges, np.tile(near(objective), len(objective.layouts))])
+    lower, upper = (bound[: objective.parameters] for bound in objective.bounds())
+    dispersion = float(np.min(covariance.dispersion[known]))
+    profiles = Profiles(loss, (lower, upper), units, 0.5 * dispersion)
+    begin = Place(point, residuals, profiles.cost(residuals))
+    sides = profiles.around(
+        lambda points: objective.attempt(points)[0], begin, jacobian, half_widths
+    )
+    places = [place for both in sides for side in both for place in side]
+    lowest = min(places, key=lambda place: place.cost, default=begin)
+    if lowest.cost >= begin.cost - _LOWER * dispersion:
+        return end, None
+    values = objective.values(lowest.point).items()
+    end = replace(end, elsewhere=", ".join(f"{name} = {value:.4g}" for name, value in values))
+    return end, lowest
