@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
-from dashpot.calibrate.identifiability import judge, leaders, noise_explains
+from dashpot.calibrate.identifiability import judge, leaders, noise_explains, noise_overstated
 from dashpot.calibrate.intervals import check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
@@ -21,6 +21,7 @@ from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import Search
 from dashpot.calibrate.settlement import End, settle
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
+from dashpot.calibrate.whiteness import whiteness
 from dashpot.checks import (
     number,
     number_array,
@@ -78,9 +79,14 @@ def fit(
     ``absolute_sigma``: noise stated too small or too large by the same factor everywhere changes
     no interval. But where residuals are far larger than stated, no parameter counts as identified
     (unless errors are clustered): the model is not right then, and scaling does not tell what that
-    does to the estimates. Intervals are those of a linear model over their own width, and contain
-    what it leaves over (see `dashpot.calibrate.linearisation`); around the end of a search that has
-    not converged they are rougher, and no parameter counts as identified.
+    does to the estimates. Noise stated too large would hide that, so residuals have to be white
+    too: in a bad valley, or of a model that is not right, those of neighbouring frames are alike.
+    Noise that is so itself, as of a tracker that smooths, counts as such a misfit; of every third
+    frame alone it may be white.
+
+    Intervals are those of a linear model over their own width, and contain what it leaves over (see
+    `dashpot.calibrate.linearisation`); around the end of a search that has not converged they are
+    rougher, and no parameter counts as identified.
 
     Parameters
     ----------
@@ -198,9 +204,12 @@ def _result(
     point, residuals, estimated = end.point, end.residuals, end.covariance
     half_width = estimated.half_width(confidence)
     correlation = estimated.correlation
-    live = int(np.count_nonzero(objective.live(residuals)))
-    robust = search.loss.robust
-    explained = noise_explains(estimated.residual_variance, live, robust=robust)
+    counted = objective.live(residuals)
+    live = int(np.count_nonzero(counted))
+    variance, robust = estimated.residual_variance, search.loss.robust
+    explained = noise_explains(variance, live, robust=robust)
+    white = whiteness(objective, residuals, counted)
+    overstated = not white.exact and noise_overstated(variance, live, robust=robust)
     unfinished = None
     if not search.converged:
         unfinished = f"the search ended before it converged ({search.message})"
@@ -219,7 +228,9 @@ def _result(
             names=problem.names,
             confidence=confidence,
             unfinished=unfinished,
-            unexplained=None if explained else estimated.residual_variance,
+            unexplained=None if explained else variance,
+            overstated=variance if overstated else None,
+            together=0.0 if white.exact else white.correlation,
             clustered=errors == "clustered",
             nonlinearity=float(end.departure[i]),
             leader=leading[i],
@@ -239,7 +250,7 @@ def _result(
         residuals=tuple(poses for poses, _ in parts),
         cost=float(search.costs(residuals)),
         cost_history=np.array(search.budget.history),
-        residual_variance=estimated.residual_variance,
+        residual_variance=variance,
         live_residuals=live,
         evaluations=evaluations,
         seconds=seconds,

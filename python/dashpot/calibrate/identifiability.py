@@ -9,6 +9,8 @@ A parameter is called *not identified* when
   above 1 by more than three standard deviations) and errors are those of independent residuals: the
   model differs from what was observed, or the search ended in a bad valley, and intervals that are
   scaled with the residuals, as they are here, then hold for neither, or
+* a third of the variance of residuals hangs together from frame to frame, as a misfit does, which
+  noise that is stated too large hides, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or its interval reaches one: the data then say nothing of how far it
   would go on, as where friction never slips, or
@@ -25,8 +27,8 @@ explain the residuals.
 An estimate at a bound always names it, beside any other reason.
 
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
-combination of the two much better than each. So is noise that is somewhat larger than stated, and a
-cost so rough over the interval that this makes most of its width.
+combination of the two much better than each. So is noise that is somewhat larger than stated, or
+far smaller, and a cost so rough over the interval that this makes most of its width.
 """
 
 from __future__ import annotations
@@ -47,6 +49,9 @@ MAX_FACTOR = 4.0
 HIGH_CORRELATION = 0.95
 # Residual variance up to which noise counts as stated not quite rightly (22 % too small).
 MAX_VARIANCE = 1.5
+# Share of the variance, as the correlation of neighbouring frames tells it, that a misfit may have:
+# as much as in `MAX_VARIANCE` where noise is stated rightly.
+_MOST_MISFIT = 1.0 - 1.0 / MAX_VARIANCE
 # Where a tenth of the residuals lies far beyond the quantile of `intervals.residual_variance`:
 # (Phi^-1(0.5 + 0.35 / 0.9) / Phi^-1(0.85))^2.
 _OUTLIERS_MAKE = 1.39
@@ -101,6 +106,15 @@ def noise_explains(residual_variance: float, count: int, *, robust: bool = False
     return bool(residual_variance <= 1.0 + 3.0 * math.sqrt(2.0 / count))
 
 
+def noise_overstated(residual_variance: float, count: int, *, robust: bool = False) -> bool:
+    """Whether the variance of `count` weighted residuals is far below 1, by three sigma and more.
+
+    "Far" is what `MAX_VARIANCE` is above 1.
+    """
+    spread = math.sqrt((3.6 if robust else 2.0) / count)
+    return bool(residual_variance < min(1.0 / MAX_VARIANCE, 1.0 - 3.0 * spread))
+
+
 def percent(confidence: float) -> str:
     """Return a confidence as a percentage with all its digits, such as 99.9%."""
     return f"{100.0 * confidence:.6g}%"
@@ -135,6 +149,8 @@ def judge(
     confidence: float,
     unfinished: str | None = None,
     unexplained: float | None = None,
+    overstated: float | None = None,
+    together: float = 0.0,
     clustered: bool = False,
     nonlinearity: float = 0.0,
     leader: str | None = None,
@@ -155,6 +171,10 @@ def judge(
         Why the interval is not that of a minimum, in words; None where it is.
     unexplained
         Residual variance where the stated noise does not explain it, else None.
+    overstated
+        Residual variance where the stated noise is far larger, else None.
+    together
+        Correlation of the residuals of neighbouring frames; 0 where data had no noise.
     clustered
         Whether errors are clustered, and so do not need the noise to explain the residuals.
     nonlinearity
@@ -191,6 +211,13 @@ def judge(
         reason = bound or _reason(parameter, z, half_width, lower, upper, confidence)
         if reason is None and leader is not None:
             reason = f"it goes along with {leader}, whose estimate lies at a bound"
+        if reason is None and together > _MOST_MISFIT and not clustered:
+            reason = (
+                "residuals hang together from frame to frame, with a correlation of "
+                f"{together:.2f}, as a misfit does: the stated noise is too large and hides it, or "
+                "has such a correlation, and its interval, "
+                f"{' to '.join(interval_ends(lower, upper))}, does not know of that"
+            )
     if bound is not None and reason is not None and reason != bound:
         reason = f"{bound}, and {reason}"
     partner = _partner(parameter.name, correlation, names)
@@ -202,6 +229,10 @@ def judge(
         if unexplained is not None:
             statement += (
                 f"; but noise does not explain the residuals, whose variance is {unexplained:.3g}"
+            )
+        if overstated is not None:
+            statement += (
+                f"; noise is stated too large: the variance of the residuals is {overstated:.3g}"
             )
         if nonlinearity > 1.0:
             statement += "; most of the interval is the roughness of the cost, so it is a rough one"

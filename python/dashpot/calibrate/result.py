@@ -17,6 +17,7 @@ from dashpot.calibrate.identifiability import (
     interval_digits,
     interval_ends,
     noise_explains,
+    noise_overstated,
     percent,
 )
 from dashpot.calibrate.losses import LossName
@@ -143,6 +144,16 @@ class Fit:
         )
 
     @property
+    def noise_overstated(self) -> bool:
+        """Whether the stated noise is far larger than the residuals: their variance is below 0.67.
+
+        Data without any noise are so too.
+        """
+        return noise_overstated(
+            self.residual_variance, self.live_residuals, robust=self.loss != "linear"
+        )
+
+    @property
     def combinations(self) -> tuple[Combination, ...]:
         """Products of powers of parameters that the data know independently of each other.
 
@@ -232,6 +243,8 @@ class Fit:
                 raise ValueError(f"truth has no value of {', '.join(missing)}")
         explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
         caption = f"{explained} the residuals: their variance is {self.residual_variance:.3g}"
+        if self.noise_overstated:
+            caption += ", so that noise is stated too large"
         if self.errors == "independent":
             caption += "; intervals are scaled with it"
         if not self.converged:
@@ -309,6 +322,7 @@ class Fit:
             "confidence": self.confidence,
             "converged": self.converged,
             "noise_explains": self.noise_explains,
+            "noise_overstated": self.noise_overstated,
             "message": self.message,
             "metrics": self.metrics(),
         }

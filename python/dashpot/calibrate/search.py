@@ -15,6 +15,7 @@ from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.trust_region import Minimum, minimise
+from dashpot.calibrate.whiteness import whiteness
 
 Array = NDArray[np.float64]
 # Relative changes at which least squares stops: of the cost, far below the half unit by which one
@@ -68,23 +69,28 @@ class Search:
         """Whether normal noise of the stated size explains the cost of residuals.
 
         Twice the cost is then about the number of degrees of freedom times the mean loss of unit
-        normal noise, to within so many of its standard deviations. Robust losses are for data with
-        outliers: up to a tenth of the residuals may be far off, and the others are judged alone.
+        normal noise, to within so many of its standard deviations, or less. That tells little where
+        noise is stated too large, so residuals have to be white, too. Robust losses are for data
+        with outliers: up to a tenth of the residuals may be far off, and the others are judged
+        alone.
         A bad valley that leaves noise and no more in nine tenths of the residuals is not told from
         these, nor is it by the loss.
         """
-        noisy = residuals[self.objective.live(residuals)]
+        counted = self.objective.live(residuals)
+        noisy = residuals[counted]
         if not np.isfinite(noisy).all():
             return False
         if self.loss.robust:
-            near = noisy[np.abs(noisy) < _OUTLYING]
-            if len(near) < (1.0 - _MOST_OUTLIERS) * len(noisy):
+            counted &= np.abs(residuals) < _OUTLYING
+            if np.count_nonzero(counted) < (1.0 - _MOST_OUTLIERS) * len(noisy):
                 return False
-            noisy = near
+            noisy = residuals[counted]
         degrees = max(1, len(noisy) - self.objective.size)
         mean, variance = self.loss.normal_moments()
         limit = degrees * mean + deviations * np.sqrt(degrees * variance)
-        return bool(self.loss.values(noisy).sum() < limit)
+        if self.loss.values(noisy).sum() >= limit:
+            return False
+        return whiteness(self.objective, residuals, counted).holds(deviations)
 
     def best_explained(self, deviations: float) -> bool:
         """Whether noise explains the best point so far, as `explained` says."""

@@ -1,0 +1,155 @@
+"""Calibration: noise that is stated larger than it is, below which a misfit hides."""
+
+import math
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate.layout import Layout
+from dashpot.calibrate.whiteness import whiteness
+
+BALL = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="ball" pos="0 0 .3"><freejoint/><geom name="ball" size=".05" mass=".3"/></body>
+  </worldbody>
+</mujoco>
+"""
+TRUTH = {"stiffness": 8e3, "restitution": 0.6, "sliding_friction": 0.25}
+START = {"stiffness": 2e3, "restitution": 0.4, "sliding_friction": 0.5}
+BOUNDS = {"stiffness": (1e2, 1e6), "restitution": (0.05, 0.99), "sliding_friction": (0.01, 2.0)}
+POSITION_NOISE, ROTATION_NOISE = 2e-4, 2e-3
+
+
+def ball(values):
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
+    material = dashpot.Material(
+        values["stiffness"], restitution=values["restitution"], friction=values["sliding_friction"]
+    )
+    engine.set_pair_material("ball", "floor", material)
+    return engine
+
+
+def spinning_throw(seed, frames=150):
+    """Throw a ball that spins, seen for 0.6 s; frames are 4 ms apart."""
+    engine, rng = ball(TRUTH), np.random.default_rng(seed)
+    data = engine.make_data()
+    data.qvel[:] = [1.2, 0.1, 0.0, 0.0, 20.0, 0.0]
+    position, quaternion = np.empty((frames, 3)), np.empty((frames, 4))
+    for k in range(frames):
+        if k:
+            engine.step(data, 2)
+        position[k] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
+        quaternion[k] = data.qpos[3:7]
+        mujoco.mju_quatIntegrate(quaternion[k], ROTATION_NOISE * rng.normal(size=3), 1.0)
+    return Trajectory("throw", 0.004 * np.arange(frames), position, quaternion, "ball")
+
+
+def problem(seed, larger):
+    """Return a fit to which noise is stated larger than it is by a factor."""
+    unknown = [
+        Parameter.pair("ball", "floor", name, start=START[name], bounds=BOUNDS[name])
+        for name in TRUTH
+    ]
+    return Problem(
+        ball(START),
+        unknown,
+        [spinning_throw(seed)],
+        larger * POSITION_NOISE,
+        larger * ROTATION_NOISE,
+        initial_state="pose_and_velocity",
+    )
+
+
+@pytest.fixture(scope="module")
+def right():
+    return fit(problem(0, 1.0))
+
+
+@pytest.mark.parametrize("larger", [2.5, 10.0])
+def test_noise_stated_too_large_changes_no_interval(right, larger):
+    """In the valley of friction 0.024 residuals have a variance of 6.3 true ones: 1 or far less."""
+    result = fit(problem(0, larger))
+    assert result.residual_variance * larger**2 == pytest.approx(right.residual_variance, rel=1e-3)
+    assert result.noise_overstated
+    assert not right.noise_overstated
+    for name, value in TRUTH.items():
+        found, expected = result[name], right[name]
+        assert found.identified
+        assert found.lower < value < found.upper
+        # Both searches end within a tenth of a standard error; regions are drawn anew.
+        assert abs(found.value - expected.value) < 0.1 * expected.standard_error
+        assert found.standard_error == pytest.approx(expected.standard_error, rel=0.1)
+        assert "noise is stated too large: the variance of" in found.statement
+        assert "noise" not in expected.statement
+    assert "so that noise is stated too large" in str(result.table().caption)
+
+
+@pytest.mark.parametrize("larger", [2.5, 10.0])
+def test_a_misfit_that_noise_stated_too_large_hides_is_said(larger):
+    result = fit(problem(0, larger), starts=0)
+    assert result.noise_explains
+    assert result["sliding_friction"].value < 0.05
+    for estimate in result.estimates:
+        assert not estimate.identified
+        assert "residuals hang together from frame to frame" in estimate.statement
+
+
+def layouts(*frames):
+    """Stand in for an objective of trajectories with one body and two channels of sensors."""
+    shapes = [Layout(n, 1, 2) for n in frames]
+    return SimpleNamespace(
+        layouts=shapes, offsets=np.concatenate([[0], np.cumsum([s.size for s in shapes])])
+    )
+
+
+def rows(objective, frames):
+    """Return frames (n, 8) of all trajectories in the order of residuals."""
+    parts, first = [], 0
+    for shape in objective.layouts:
+        own = frames[first : first + shape.frames]
+        parts += [own[:, :6].reshape(-1), own[:, 6:].reshape(-1)]
+        first += shape.frames
+    return np.concatenate(parts)
+
+
+def test_white_noise_of_any_sizes_is_white():
+    """Deviations are standard normal: 300 of them have a mean of 0 +- 0.058, a spread of 4 %."""
+    objective, rng = layouts(40, 60), np.random.default_rng(2)
+    sizes = np.exp(rng.normal(size=8))
+    found = []
+    for _ in range(300):
+        noise = rows(objective, sizes * rng.normal(size=(100, 8)))
+        found.append(whiteness(objective, noise, np.ones(noise.size, dtype=bool)).deviations)
+    assert abs(np.mean(found)) < 3.3 * 0.058
+    assert np.std(found) == pytest.approx(1.0, abs=3.3 * 0.041)
+
+
+def test_the_correlation_of_a_first_order_process_is_its_own():
+    objective, rng = layouts(4000), np.random.default_rng(3)
+    process = rng.normal(size=(4000, 8))
+    for k in range(1, 4000):
+        process[k] = 0.6 * process[k - 1] + 0.8 * process[k]
+    noise = rows(objective, process)
+    found = whiteness(objective, noise, np.ones(noise.size, dtype=bool))
+    # Bartlett: the variance of the estimate is (1 - 0.6^2) / 32000.
+    assert found.correlation == pytest.approx(0.6, abs=3.3 * math.sqrt(0.64 / 32000))
+    assert not found.holds(3.0)
+    # Of data without noise nothing is told, nor of frames that do not count.
+    assert whiteness(objective, 1e-4 * noise, np.ones(noise.size, dtype=bool)).holds(3.0)
+    assert whiteness(objective, noise, np.zeros(noise.size, dtype=bool)).holds(3.0)
+
+
+def test_frames_do_not_go_along_with_those_of_another_trajectory():
+    """Two frames each, alike from the end of one to the beginning of the next alone."""
+    objective = layouts(2, 2)
+    frames = np.stack([np.full(8, 1.0), np.tile([1.0, -1.0], 4)] * 2)
+    noise = rows(objective, frames)
+    found = whiteness(objective, noise, np.ones(noise.size, dtype=bool))
+    assert found.correlation == 0.0
