@@ -105,7 +105,7 @@ def statement(
         parameter,
         z=z,
         standard_error=error,
-        half_width=half_width,
+        interval=(z - half_width, z + half_width),
         correlation=np.array(correlation),
         names=("k", "d"),
         **{"confidence": 0.95, **options},
@@ -141,11 +141,12 @@ def test_statements():
 )
 def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(value, reason):
     parameter = Parameter.material("ball", "restitution", start=0.5, bounds=(0.01, 0.99))
+    z = parameter.coordinate.to_search(value)
     found = judge(
         parameter,
-        z=parameter.coordinate.to_search(value),
+        z=z,
         standard_error=5e-3,
-        half_width=0.01,
+        interval=(z - 0.01, z + 0.01),
         correlation=np.ones(1),
         names=("restitution",),
         confidence=0.95,

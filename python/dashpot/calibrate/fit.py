@@ -85,7 +85,8 @@ def fit(
     frame alone it may be white.
 
     Intervals are those of a linear model over their own width, and contain what it leaves over (see
-    `dashpot.calibrate.linearisation`); around the end of a search that has not converged they are
+    `dashpot.calibrate.linearisation`), and go on to where the cost itself has risen by as much as
+    their confidence asks for; around the end of a search that has not converged they are
     rougher, and no parameter counts as identified.
 
     Parameters
@@ -202,7 +203,6 @@ def _result(
     confidence: float,
 ) -> Fit:
     point, residuals, estimated = end.point, end.residuals, end.covariance
-    half_width = estimated.half_width(confidence)
     correlation = estimated.correlation
     counted = objective.live(residuals)
     live = int(np.count_nonzero(counted))
@@ -223,7 +223,7 @@ def _result(
             parameter,
             z=float(point[i]),
             standard_error=float(estimated.standard_error[i]),
-            half_width=float(half_width[i]),
+            interval=(float(end.intervals[i, 0]), float(end.intervals[i, 1])),
             correlation=correlation[i],
             names=problem.names,
             confidence=confidence,

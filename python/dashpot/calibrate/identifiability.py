@@ -74,7 +74,8 @@ class Estimate:
         In the same unit, to first order in the search coordinate; inf where the data say nothing.
         It is scaled with the residuals (`Fit.residual_variance`), not with the stated noise.
     lower, upper
-        Ends of the confidence interval; the bounds where the data say nothing.
+        Ends of the confidence interval; the bounds where the data say nothing. They go on to where
+        the cost has risen enough, farther than `standard_error` says where that is flat.
     identified
         Whether the data identify it.
     statement
@@ -143,7 +144,7 @@ def judge(
     *,
     z: float,
     standard_error: float,
-    half_width: float,
+    interval: tuple[float, float],
     correlation: Array,
     names: tuple[str, ...],
     confidence: float,
@@ -161,8 +162,8 @@ def judge(
     ----------
     parameter
         The parameter.
-    z, standard_error, half_width
-        Estimate, its standard error and the half-width of its interval in the search coordinate.
+    z, standard_error, interval
+        Estimate, its standard error and the ends of its interval in the search coordinate.
     correlation
         Correlations with the parameters `names`.
     confidence
@@ -198,7 +199,7 @@ def judge(
             identified=False,
             statement=f"not identified: {bound or independent}",
         )
-    lower, upper = coordinate.to_value(z - half_width), coordinate.to_value(z + half_width)
+    lower, upper = (coordinate.to_value(end) for end in interval)
     if unfinished is not None:
         reason: str | None = unfinished
     elif unexplained is not None and unexplained > MAX_VARIANCE and not clustered:
@@ -208,7 +209,7 @@ def judge(
             f"{' to '.join(interval_ends(lower, upper))}, is that of neither"
         )
     else:
-        reason = bound or _reason(parameter, z, half_width, lower, upper, confidence)
+        reason = bound or _reason(parameter, interval, lower, upper, confidence)
         if reason is None and leader is not None:
             reason = f"it goes along with {leader}, whose estimate lies at a bound"
         if reason is None and together > _MOST_MISFIT and not clustered:
@@ -287,8 +288,7 @@ def leaders(
 
 def _reason(
     parameter: Parameter,
-    z: float,
-    half_width: float,
+    interval: tuple[float, float],
     lower: float,
     upper: float,
     confidence: float,
@@ -296,14 +296,12 @@ def _reason(
     share = _share(parameter, lower, upper)
     if share > MAX_RANGE_SHARE:
         return f"its {percent(confidence)} interval covers {share:.0%} of the allowed range"
-    if parameter.transform == "log" and 2 * half_width > math.log(MAX_FACTOR):
+    if parameter.transform == "log" and interval[1] - interval[0] > math.log(MAX_FACTOR):
         return (
             f"the ends of its {percent(confidence)} interval, {lower:.3g} and {upper:.3g}, differ "
             f"by more than a factor of {MAX_FACTOR:g}"
         )
-    for side, z_end, bound in (
-        (0, z - half_width, parameter.bounds[0]), (1, z + half_width, parameter.bounds[1])
-    ):  # fmt: skip
+    for side, (z_end, bound) in enumerate(zip(interval, parameter.bounds, strict=True)):
         if _at_bounds(parameter, z_end)[side]:
             return (
                 f"its {percent(confidence)} interval reaches the {('lower', 'upper')[side]} bound "

@@ -90,10 +90,13 @@ class Covariance:
         np.fill_diagonal(correlation, 1.0)
         return np.clip(correlation, -1.0, 1.0)
 
+    def quantile(self, confidence: float) -> float:
+        """Half-width of a two-sided Student t interval in standard errors."""
+        return float(special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * confidence))
+
     def half_width(self, confidence: float) -> Array:
         """(n,) half-widths of the two-sided Student t intervals."""
-        factor = special.stdtrit(self.degrees_of_freedom, 0.5 + 0.5 * confidence)
-        return np.asarray(factor * self.standard_error)
+        return np.asarray(self.quantile(confidence) * self.standard_error)
 
 
 def check_count(residuals: int, unknowns: int) -> None:

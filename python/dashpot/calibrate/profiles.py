@@ -153,6 +153,25 @@ class Profiles:
         return best, jacobian
 
 
+def reach(places: list[Place], held: int, begin: Place, floor: float, rise: float) -> float:
+    """Return how far from its value at the beginning a parameter goes before the cost rises enough.
+
+    Beyond the last place where the cost is above `floor` by less than `rise` it is interpolated,
+    its root by a line, as that of a parabola is one. 0 where all places are higher.
+    """
+    ways = np.array([abs(float(place.point[held] - begin.point[held])) for place in places])
+    heights = np.sqrt(np.maximum([place.cost - floor for place in places], 0.0))
+    wanted = float(np.sqrt(rise))
+    below = np.flatnonzero(heights < wanted)
+    if below.size == 0:
+        return 0.0
+    last = below[-1]
+    if last + 1 == len(places):
+        return float(ways[last])
+    share = (wanted - heights[last]) / (heights[last + 1] - heights[last])
+    return float(ways[last] + share * (ways[last + 1] - ways[last]))
+
+
 def _distances(first: float, room: float) -> Array:
     """Return distances that double from `first` on, the last being `room`; none without either."""
     if not (0.0 < first < np.inf and room > 0.0):

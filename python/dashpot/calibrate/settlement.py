@@ -3,7 +3,10 @@
 Noise of some hundred residuals hides valleys: it explains a cost of three standard deviations of
 its own above the least one, which is more than ten standard errors of a parameter. So where an end
 counts as explained, the cost is followed along each parameter to its bounds, all else refitted
-(`dashpot.calibrate.profiles`), and the search goes on from where that is lower.
+(`dashpot.calibrate.profiles`), and the search goes on from where that is lower. Intervals go on to
+where the cost has risen by what their confidence asks for: with t the quantile of Student's
+distribution, ``t^2 / 2`` times the dispersion (Meeker and Escobar, The American Statistician 49,
+1995). Curvature does not tell that where one side is flat, as of friction that soon holds.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.identifiability import MAX_VARIANCE, noise_explains
 from dashpot.calibrate.intervals import Covariance
 from dashpot.calibrate.linearisation import near
-from dashpot.calibrate.profiles import Place, Profiles
+from dashpot.calibrate.profiles import Place, Profiles, reach
 from dashpot.calibrate.search import Search, least_squares
 from dashpot.calibrate.strategy import MOST_ITERATIONS, finish
 
@@ -40,6 +43,8 @@ class End:
         (n,) and (m,).
     covariance, departure
         Of the estimate, and in standard errors how far that is from a linear one, (n,).
+    intervals
+        (p, 2) ends of the parameters' intervals in search coordinates.
     failure
         Why simulations next to it fail; None where they do not.
     elsewhere
@@ -50,6 +55,7 @@ class End:
     residuals: Array
     covariance: Covariance
     departure: Array
+    intervals: Array
     failure: str | None
     elsewhere: str | None = None
 
@@ -82,12 +88,14 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     covariance, departure, jacobian, failure = covariance_around(
         objective, point, residuals, loss, errors, confidence, seed if search.converged else None
     )
-    end = End(point, residuals, covariance, departure, failure)
+    half_widths = covariance.half_width(confidence)[: objective.parameters]
+    known = np.isfinite(half_widths) & (half_widths > 0.0)
+    middle = point[: objective.parameters]
+    intervals = np.stack([middle - half_widths, middle + half_widths], axis=1)
+    end = End(point, residuals, covariance, departure, intervals, failure)
     variance = covariance.residual_variance
     live = int(np.count_nonzero(objective.live(residuals)))
     doubtful = variance > MAX_VARIANCE and not noise_explains(variance, live, robust=loss.robust)
-    half_widths = covariance.half_width(confidence)[: objective.parameters]
-    known = np.isfinite(half_widths) & (half_widths > 0.0)
     if failure is not None or not search.converged or doubtful or not known.any():
         return end, None
     ranges = [c.search_bounds[1] - c.search_bounds[0] for c in objective.coordinates]
@@ -100,7 +108,15 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
         lambda points: objective.attempt(points)[0], begin, jacobian, half_widths
     )
     places = [place for both in sides for side in both for place in side]
-    lowest = min(places, key=lambda place: place.cost, default=begin)
+    lowest = min([begin, *places], key=lambda place: place.cost)
+    quantile = covariance.quantile(confidence)
+    rises = 0.5 * quantile**2 * covariance.dispersion
+    for i in map(int, np.flatnonzero(known)):
+        below, above = (reach(side, i, begin, lowest.cost, rises[i]) for side in sides[i])
+        intervals[i] = (
+            min(intervals[i, 0], middle[i] - below),
+            max(intervals[i, 1], middle[i] + above),
+        )
     if lowest.cost >= begin.cost - _LOWER * dispersion:
         return end, None
     values = objective.values(lowest.point).items()
