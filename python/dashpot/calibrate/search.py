@@ -85,7 +85,7 @@ class Search:
             if np.count_nonzero(counted) < (1.0 - _MOST_OUTLIERS) * len(noisy):
                 return False
             noisy = residuals[counted]
-        degrees = max(1, len(noisy) - self.objective.size)
+        degrees = max(1, len(noisy) - self.objective.unknowns)
         mean, variance = self.loss.normal_moments()
         limit = degrees * mean + deviations * np.sqrt(degrees * variance)
         if self.loss.values(noisy).sum() >= limit:
