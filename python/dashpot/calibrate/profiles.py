@@ -29,7 +29,7 @@ _HOPELESS = 4.0
 # The first value is at most this share of the way to the bound off.
 _LONGEST_FIRST = 0.25
 # Refits at one value, and the share of the rise of the cost that they have to take back.
-_MOST_REFITS = 3
+_MOST_REFITS = 6
 _WORTHWHILE = 0.1
 # Steps are at most so many ranges of parameters, or tenths of a metre or radian, m/s or rad/s of
 # initial states, long: what data hardly determine stays near.
@@ -170,6 +170,20 @@ def reach(places: list[Place], held: int, begin: Place, floor: float, rise: floa
         return float(ways[last])
     share = (wanted - heights[last]) / (heights[last + 1] - heights[last])
     return float(ways[last] + share * (ways[last + 1] - ways[last]))
+
+
+def beyond_a_hill(places: list[Place], end: Place, rise: float) -> Place | None:
+    """Return the lowest place of a walk that lies below one before it by more than `rise`, if any.
+
+    Its refit need not have ended. Hopeless places are none.
+    """
+    highest, found = end.cost, None
+    for place in places:
+        lower = place.cost < min(highest - rise, _HOPELESS * end.cost)
+        if lower and (found is None or place.cost < found.cost):
+            found = place
+        highest = max(highest, place.cost)
+    return found
 
 
 def _distances(first: float, room: float) -> Array:

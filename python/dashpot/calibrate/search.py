@@ -108,6 +108,12 @@ class Search:
         # Some losses are finite at infinity.
         return np.asarray(np.where(np.isfinite(residuals).all(axis=-1), costs, np.inf))
 
+    def take_over(self, other: Search) -> None:
+        """Go on with the end of another search over the same objective as the best point."""
+        self.best_point, self.best_residuals = other.best_point, other.best_residuals
+        self.best_cost = other.best_cost
+        self.converged, self.message = other.converged, other.message
+
     def evaluate(self, points: Array) -> Array:
         """Return the residuals of `points`, infinite where one fails, keeping the best point."""
         before = self.objective.evaluations

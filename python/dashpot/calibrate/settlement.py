@@ -3,7 +3,8 @@
 Noise of some hundred residuals hides valleys: it explains a cost of three standard deviations of
 its own above the least one, which is more than ten standard errors of a parameter. So where an end
 counts as explained, the cost is followed along each parameter to its bounds, all else refitted
-(`dashpot.calibrate.profiles`), and the search goes on from where that is lower. Intervals go on to
+(`dashpot.calibrate.profiles`), and the search goes on from where that is lower, or falls again
+beyond a hill, where refits without derivatives of their own may lag. Intervals go on to
 where the cost has risen by what their confidence asks for: with t the quantile of Student's
 distribution, ``t^2 / 2`` times the dispersion (Meeker and Escobar, The American Statistician 49,
 1995). Curvature does not tell that where one side is flat, as of friction that soon holds.
@@ -21,7 +22,7 @@ from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.identifiability import MAX_VARIANCE, noise_explains
 from dashpot.calibrate.intervals import Covariance
 from dashpot.calibrate.linearisation import near
-from dashpot.calibrate.profiles import Place, Profiles, reach
+from dashpot.calibrate.profiles import Place, Profiles, beyond_a_hill, reach
 from dashpot.calibrate.search import Search, least_squares
 from dashpot.calibrate.strategy import MOST_ITERATIONS, finish
 
@@ -69,20 +70,33 @@ def settle(search: Search, errors: str, confidence: float, seed: int) -> tuple[E
     beside = 0
     for _ in range(_MOST_ROUNDS):
         before = objective.evaluations
-        end, lowest = _examine(search, errors, confidence, seed)
+        end, place = _examine(search, errors, confidence, seed)
         beside += objective.evaluations - before
-        if lowest is None or search.budget.left == 0:
+        if place is None or search.budget.left == 0:
             break
+        trial = Search(objective, search.loss, search.budget)
         try:
-            least_squares(search, lowest.point, MOST_ITERATIONS)
-            finish(search)
+            least_squares(trial, place.point, MOST_ITERATIONS)
         except SimulationError:
             break
+        if trial.best_cost >= search.best_cost - _LOWER * _dispersion(end.covariance):
+            break
+        search.take_over(trial)
+        finish(search)
     return end, beside
 
 
+def _dispersion(covariance: Covariance) -> float:
+    """Return the least of the parameters that are determined."""
+    known = covariance.standard_error[: covariance.parameters]
+    return float(np.min(covariance.dispersion[np.isfinite(known)]))
+
+
 def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, Place | None]:
-    """Return the best point of a search as its end, and where the cost is lower, if anywhere."""
+    """Return the best point of a search as its end, and from where the cost may be lower, if so.
+
+    That is where it is, or else the lowest place beyond a hill.
+    """
     objective, loss, point = search.objective, search.loss, search.best_point
     residuals = objective.residuals(point)[0]
     covariance, departure, jacobian, failure = covariance_around(
@@ -101,7 +115,7 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     ranges = [c.search_bounds[1] - c.search_bounds[0] for c in objective.coordinates]
     units = np.concatenate([ranges, np.tile(near(objective), len(objective.layouts))])
     lower, upper = (bound[: objective.parameters] for bound in objective.bounds())
-    dispersion = float(np.min(covariance.dispersion[known]))
+    dispersion = _dispersion(covariance)
     profiles = Profiles(loss, (lower, upper), units, 0.5 * dispersion)
     begin = Place(point, residuals, profiles.cost(residuals))
     sides = profiles.around(
@@ -118,7 +132,13 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
             max(intervals[i, 1], middle[i] + above),
         )
     if lowest.cost >= begin.cost - _LOWER * dispersion:
-        return end, None
+        beyond = [
+            beyond_a_hill(side, begin, 0.5 * quantile**2 * dispersion)
+            for both in sides
+            for side in both
+        ]
+        found = [place for place in beyond if place is not None]
+        return end, min(found, key=lambda place: place.cost, default=None)
     values = objective.values(lowest.point).items()
     end = replace(end, elsewhere=", ".join(f"{name} = {value:.4g}" for name, value in values))
     return end, lowest
