@@ -3,52 +3,29 @@
 import math
 from types import SimpleNamespace
 
-import mujoco
 import numpy as np
 import pytest
 
-import dashpot
-from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate import Parameter, Problem, fit
 from dashpot.calibrate.layout import Layout
 from dashpot.calibrate.whiteness import whiteness
+from spinning_throws import BOUNDS, TRUTH, ball, observed
 
-BALL = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 .1"/>
-    <body name="ball" pos="0 0 .3"><freejoint/><geom name="ball" size=".05" mass=".3"/></body>
-  </worldbody>
-</mujoco>
-"""
-TRUTH = {"stiffness": 8e3, "restitution": 0.6, "sliding_friction": 0.25}
 START = {"stiffness": 2e3, "restitution": 0.4, "sliding_friction": 0.5}
-BOUNDS = {"stiffness": (1e2, 1e6), "restitution": (0.05, 0.99), "sliding_friction": (0.01, 2.0)}
 POSITION_NOISE, ROTATION_NOISE = 2e-4, 2e-3
-
-
-def ball(values):
-    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
-    material = dashpot.Material(
-        values["stiffness"], restitution=values["restitution"], friction=values["sliding_friction"]
-    )
-    engine.set_pair_material("ball", "floor", material)
-    return engine
 
 
 def spinning_throw(seed, frames=150):
     """Throw a ball that spins, seen for 0.6 s; frames are 4 ms apart."""
-    engine, rng = ball(TRUTH), np.random.default_rng(seed)
-    data = engine.make_data()
-    data.qvel[:] = [1.2, 0.1, 0.0, 0.0, 20.0, 0.0]
-    position, quaternion = np.empty((frames, 3)), np.empty((frames, 4))
-    for k in range(frames):
-        if k:
-            engine.step(data, 2)
-        position[k] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
-        quaternion[k] = data.qpos[3:7]
-        mujoco.mju_quatIntegrate(quaternion[k], ROTATION_NOISE * rng.normal(size=3), 1.0)
-    return Trajectory("throw", 0.004 * np.arange(frames), position, quaternion, "ball")
+    return observed(
+        seed,
+        frames=frames,
+        substeps=2,
+        speed=1.2,
+        spin=20.0,
+        position_noise=POSITION_NOISE,
+        rotation_noise=ROTATION_NOISE,
+    )
 
 
 def problem(seed, larger):

@@ -3,52 +3,29 @@
 import math
 from types import SimpleNamespace
 
-import mujoco
 import numpy as np
 import pytest
 
-import dashpot
-from dashpot.calibrate import Parameter, Problem, Trajectory, fit, settlement
+from dashpot.calibrate import Parameter, Problem, fit, settlement
 from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.profiles import Place, Profiles, beyond_a_hill
+from spinning_throws import BOUNDS, TRUTH, ball, observed
 
-BALL = """
-<mujoco>
-  <option timestep="0.002"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 .1"/>
-    <body name="ball" pos="0 0 .3"><freejoint/><geom name="ball" size=".05" mass=".3"/></body>
-  </worldbody>
-</mujoco>
-"""
-TRUTH = {"stiffness": 8e3, "restitution": 0.6, "sliding_friction": 0.25}
-BOUNDS = {"stiffness": (1e2, 1e6), "restitution": (0.05, 0.99), "sliding_friction": (0.01, 2.0)}
 POSITION_NOISE, ROTATION_NOISE = 2e-3, 2e-2
-
-
-def ball(values):
-    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
-    material = dashpot.Material(
-        values["stiffness"], restitution=values["restitution"], friction=values["sliding_friction"]
-    )
-    engine.set_pair_material("ball", "floor", material)
-    return engine
 
 
 def spinning_throw(seed, frames=60):
     """Throw a ball at 0.8 m/s with 10 rad/s of spin: it slides in its first contacts alone."""
-    engine, rng = ball(TRUTH), np.random.default_rng(seed)
-    data = engine.make_data()
-    data.qvel[:] = [0.8, 0.1, 0.0, 0.0, 10.0, 0.0]
-    position, quaternion = np.empty((frames, 3)), np.empty((frames, 4))
-    for k in range(frames):
-        if k:
-            engine.step(data, 5)
-        position[k] = data.qpos[:3] + POSITION_NOISE * rng.normal(size=3)
-        quaternion[k] = data.qpos[3:7]
-        mujoco.mju_quatIntegrate(quaternion[k], ROTATION_NOISE * rng.normal(size=3), 1.0)
-    return Trajectory("throw", 0.01 * np.arange(frames), position, quaternion, "ball")
+    return observed(
+        seed,
+        frames=frames,
+        substeps=5,
+        speed=0.8,
+        spin=10.0,
+        position_noise=POSITION_NOISE,
+        rotation_noise=ROTATION_NOISE,
+    )
 
 
 def problem(seed, held=()):
