@@ -35,7 +35,7 @@ class KnownStarts:
 
     @property
     def held(self) -> NDArray[np.bool_]:
-        """(trajectories, s) whether an unknown is none."""
+        """(trajectories, s) whether it is held as given, and so not estimated."""
         return np.equal(self.sigma, 0.0)
 
     def with_held(self, states: Array) -> Array:
