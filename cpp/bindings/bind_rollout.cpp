@@ -3,11 +3,14 @@
 #include <pybind11/stl.h>
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
+#include <vector>
 
 #include "dashpot/mujoco/model_view.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
@@ -21,88 +24,94 @@ namespace dashpot::bindings {
 namespace {
 
 using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Output = py::array_t<double, py::array::c_style>;
 
-// The rollouts of an engine. Of threads that roll out at once one has the workers that are kept,
-// the others make their own.
-class SharedRollouts {
+// What rollouts of an engine step with.
+class RolloutWorkers {
  public:
-  SharedRollouts(std::uintptr_t model_address, std::shared_ptr<ModelLock> lock,
+  RolloutWorkers(std::uintptr_t model_address, std::shared_ptr<ModelLock> lock,
                  const Parameters& parameters)
       : model_(reinterpret_cast<mjModel_*>(model_address)),
         lock_(std::move(lock)),
-        parameters_(parameters),
-        kept_(parameters) {}
+        simulations_(parameters) {}
 
-  py::tuple run(const Array& initial_state, const std::optional<Array>& control, int nstep,
-                int nthread, bool with_memory, bool differentiable) {
-    const ModelSizes sizes = sizes_of(model_);
-    if (initial_state.ndim() != 2) throw std::invalid_argument("initial_state must be 2-D");
-    if (nstep < 1) throw std::invalid_argument("nstep must be >= 1");
+  const mjModel_* model() const { return model_; }
+  SimulationPool& simulations() { return simulations_; }
 
-    RolloutInput input;
-    input.nbatch = static_cast<int>(initial_state.shape(0));
-    input.nstep = nstep;
-    const py::ssize_t nstate = initial_state.shape(1);
-    if (nstate == sizes.full_physics) {
-      input.kind = StateKind::kFullPhysics;
-    } else if (nstate == sizes.integration) {
-      input.kind = StateKind::kIntegration;
-    } else {
-      throw std::invalid_argument("initial_state has rows of neither state size");
-    }
-    input.record = with_memory ? input.kind : StateKind::kFullPhysics;
-    input.initial_state = initial_state.data();
-    input.differentiable = differentiable;
-    if (control) {
-      if (control->ndim() != 3 || control->shape(0) != input.nbatch || control->shape(1) != nstep ||
-          control->shape(2) != sizes.nu) {
-        throw std::invalid_argument("control must be (nbatch, nstep, nu)");
-      }
-      input.control = control->data();
-    }
-    const auto batch = static_cast<py::ssize_t>(input.nbatch),
-               steps = static_cast<py::ssize_t>(nstep);
-    Array state({batch, steps, with_memory ? nstate : py::ssize_t(sizes.full_physics)});
-    Array sensordata({batch, steps, static_cast<py::ssize_t>(sizes.nsensordata)});
-    double* state_out = state.mutable_data();
-    double* sensor_out = sensordata.mutable_data();
-    {
-      const py::gil_scoped_release release;
-      std::unique_lock<ModelLock> alone(*lock_);
-      host::follow_edited_masses(model_);  // here, for the workers share its arrays
-      const host::ModelView view(model_);
-      alone.unlock();
-      const std::unique_lock<std::mutex> have_kept(using_kept_, std::try_to_lock);
-      if (have_kept) {
-        kept_.run(view.get(), input, nthread, state_out, sensor_out, handle_signals);
-      } else {
-        Rollouts(parameters_)
-            .run(view.get(), input, nthread, state_out, sensor_out, handle_signals);
-      }
-    }
-    return py::make_tuple(state, sensordata);
+  // The model as it is between steps.
+  host::ModelView view() {
+    const std::lock_guard<ModelLock> alone(*lock_);
+    host::follow_edited_masses(model_);  // here, for simulations share its arrays
+    return host::ModelView(model_);
   }
 
  private:
   mjModel_* model_;
   std::shared_ptr<ModelLock> lock_;
-  Parameters parameters_;
-  std::mutex using_kept_;
-  Rollouts kept_;
+  SimulationPool simulations_;
 };
+
+void require_shape(const char* name, const py::array& array, std::vector<py::ssize_t> shape) {
+  bool fits = array.ndim() == static_cast<py::ssize_t>(shape.size());
+  for (std::size_t i = 0; fits && i < shape.size(); ++i) fits = array.shape(i) == shape[i];
+  if (!fits) throw std::invalid_argument(std::string(name) + " has the wrong shape");
+}
+
+void run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
+         const std::optional<Array>& control, int control_spec, int nthread, bool differentiable,
+         Output state, Output sensordata) {
+  const ModelSizes sizes = sizes_of(workers.at(0)->model());
+  if (state.ndim() != 3) throw std::invalid_argument("state must be 3-D");
+  const py::ssize_t nbatch = state.shape(0), nstep = state.shape(1);
+  const auto kind_of = [&](py::ssize_t nstate) {
+    if (nstate == sizes.full_physics) return StateKind::kFullPhysics;
+    if (nstate == sizes.integration) return StateKind::kIntegration;
+    throw std::invalid_argument("states have rows of neither state size");
+  };
+  RolloutInput input;
+  input.nbatch = static_cast<int>(nbatch);
+  input.nstep = static_cast<int>(nstep);
+  input.kind = kind_of(initial_state.shape(initial_state.ndim() - 1));
+  input.record = kind_of(state.shape(2));
+  input.initial_state = initial_state.data();
+  input.control_spec = control_spec;
+  input.differentiable = differentiable;
+  require_shape("initial_state", initial_state, {nbatch, initial_state.shape(1)});
+  require_shape("sensordata", sensordata, {nbatch, nstep, py::ssize_t(sizes.nsensordata)});
+  if (control) {
+    input.ncontrol = input_size(workers[0]->model(), control_spec);
+    require_shape("control", *control, {nbatch, nstep, py::ssize_t(input.ncontrol)});
+    input.control = control->data();
+  }
+  double* const state_out = state.mutable_data();
+  double* const sensor_out = sensordata.mutable_data();
+
+  const py::gil_scoped_release release;
+  std::map<RolloutWorkers*, host::ModelView> views;
+  std::vector<RolloutModel> models;
+  for (RolloutWorkers* each : workers) {
+    auto found = views.find(each);
+    if (found == views.end()) found = views.emplace(each, each->view()).first;
+    models.push_back({found->second.get(), &each->simulations()});
+  }
+  roll_out(models, input, nthread, state_out, sensor_out, handle_signals);
+}
 
 }  // namespace
 
 void bind_rollout(py::module_& module) {
-  py::class_<SharedRollouts>(module, "Rollouts", "Rolls out one model; see dashpot.rollout.")
+  py::class_<RolloutWorkers>(module, "RolloutWorkers",
+                             "What rollouts of an engine step with, kept from call to call.")
       .def(py::init<std::uintptr_t, std::shared_ptr<ModelLock>, const Parameters&>(),
-           py::arg("model_address"), py::arg("lock"), py::arg("parameters"))
-      .def("run", &SharedRollouts::run, py::arg("initial_state"), py::arg("control"),
-           py::arg("nstep"), py::arg("nthread"), py::arg("with_memory"),
-           py::arg("differentiable") = false,
-           "Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`,\n"
-           "the last states have the second half of their velocities, which the next step would\n"
-           "add, and no motion is small.");
+           py::arg("model_address"), py::arg("lock"), py::arg("parameters"));
+  module.def(
+      "roll_out", &run, py::arg("workers"), py::arg("initial_state"), py::arg("control"),
+      py::arg("control_spec"), py::arg("nthread"), py::arg("differentiable"),
+      py::arg("state").noconvert(), py::arg("sensordata").noconvert(),
+      "Roll out on threads, GIL released, and write states and sensor data; see\n"
+      "dashpot.rollout. `workers`: one for all rollouts, or one for each. If\n"
+      "`differentiable`, the last states have the second half of their velocities, which the\n"
+      "next step would add, and no motion is small.");
 }
 
 }  // namespace dashpot::bindings

@@ -27,7 +27,7 @@ __all__: list[str] = [
     "ObservedTrajectory",
     "Options",
     "Parameters",
-    "Rollouts",
+    "RolloutWorkers",
     "StepStats",
     "Stepper",
     "StiffnessRule",
@@ -54,6 +54,7 @@ __all__: list[str] = [
     "residuals",
     "restitution_to_damping_ratio",
     "return_to_limit",
+    "roll_out",
     "solref_to_spring",
     "solref_to_spring_at_rest",
 ]
@@ -439,9 +440,9 @@ class Stepper:
         nstep: typing.SupportsInt | typing.SupportsIndex,
     ) -> StepStats: ...
 
-class Rollouts:
+class RolloutWorkers:
     """
-    Rolls out one model; see dashpot.rollout.
+    What rollouts of an engine step with, kept from call to call.
     """
     def __init__(
         self,
@@ -449,20 +450,6 @@ class Rollouts:
         lock: ModelLock,
         parameters: Parameters,
     ) -> None: ...
-    def run(
-        self,
-        initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,
-        nstep: typing.SupportsInt | typing.SupportsIndex,
-        nthread: typing.SupportsInt | typing.SupportsIndex,
-        with_memory: bool,
-        differentiable: bool = False,
-    ) -> tuple:
-        """
-        Roll out on threads, GIL released. Returns (state, sensordata). If `differentiable`,
-        the last states have the second half of their velocities, which the next step would
-        add, and no motion is small.
-        """
 
 class ObservedTrajectory:
     """
@@ -690,6 +677,23 @@ def return_to_limit(
 ) -> tuple:
     """
     Impulses (n, m) and whether they stick (n); see dashpot.law.return_to_limit.
+    """
+
+def roll_out(
+    workers: collections.abc.Sequence[RolloutWorkers],
+    initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,
+    control_spec: typing.SupportsInt | typing.SupportsIndex,
+    nthread: typing.SupportsInt | typing.SupportsIndex,
+    differentiable: bool,
+    state: numpy.typing.NDArray[numpy.float64],
+    sensordata: numpy.typing.NDArray[numpy.float64],
+) -> None:
+    """
+    Roll out on threads, GIL released, and write states and sensor data; see
+    dashpot.rollout. `workers`: one for all rollouts, or one for each. If
+    `differentiable`, the last states have the second half of their velocities, which the
+    next step would add, and no motion is small.
     """
 
 def solref_to_spring(

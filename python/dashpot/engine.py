@@ -30,7 +30,7 @@ class _Built:
 
     parameters: _core.Parameters | None = None
     stepper: _core.Stepper | None = None
-    rollouts: _core.Rollouts | None = None
+    rollouts: _core.RolloutWorkers | None = None
 
 
 class Engine(ReadableOptions):
@@ -483,11 +483,11 @@ class Engine(ReadableOptions):
         built.parameters = parameters
         return parameters
 
-    def _rollout_workers(self) -> _core.Rollouts:
+    def _rollout_workers(self) -> _core.RolloutWorkers:
         """Workers that roll out the model, kept until a material changes."""
         built = self._built
         if built.rollouts is None:
-            built.rollouts = _core.Rollouts(
+            built.rollouts = _core.RolloutWorkers(
                 self.model._address, self._lock, self._parameters(built)
             )
         return built.rollouts

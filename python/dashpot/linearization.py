@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot import _core
 from dashpot.checks import finite_array, positive_number, thread_count
 from dashpot.engine import Engine
 
@@ -111,9 +112,19 @@ def linearize(
     states = [_displaced(model, base, start, 0, 0.0)]
     for column, side in zip(columns, of_side, strict=True):
         states.append(_displaced(model, base, start, int(column), sides[column, side]))
-    workers, threads = engine._rollout_workers(), thread_count(nthread)
-    steps = workers.run(finite_array("state", states), None, 1, threads, True, differentiable=True)
-    state, sensor = (values[:, 0] for values in steps)
+    stepped = np.empty((len(states), 1, len(states[0])))
+    sensordata = np.empty((len(states), 1, model.nsensordata))
+    _core.roll_out(
+        [engine._rollout_workers()],
+        finite_array("state", states),
+        control=None,
+        control_spec=0,
+        nthread=thread_count(nthread),
+        differentiable=True,
+        state=stepped,
+        sensordata=sensordata,
+    )
+    state, sensor = stepped[:, 0], sensordata[:, 0]
 
     index = np.zeros(sides.shape, dtype=int)  # of the step of each side; 0, that of no displacement
     index[columns, of_side] = 1 + np.arange(len(columns))

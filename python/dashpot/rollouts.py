@@ -2,24 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dashpot.checks import finite_array, positive_count, thread_count
+from dashpot import _core
+from dashpot.checks import finite_array, positive_count, thread_count, whole_number
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 
+_FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
+_GIVEN_FROM_OUTSIDE = int(mujoco.mjtState.mjSTATE_USER)
+_USER_DATA = int(mujoco.mjtState.mjSTATE_USERDATA)
+
 
 def rollout(
-    engine: Engine,
+    engine: Engine | Sequence[Engine],
     initial_state: ArrayLike,
     control: ArrayLike | None = None,
     *,
+    control_spec: int | mujoco.mjtState = _CONTROLS,
     nstep: int | None = None,
     nthread: int | None = None,
     with_memory: bool = True,
+    state: Array | None = None,
+    sensordata: Array | None = None,
 ) -> tuple[Array, Array]:
     """Step many initial states, or many control sequences, in parallel C++ threads.
 
@@ -31,7 +43,8 @@ def rollout(
     ----------
     engine
         Steps; it is only read, as it is before or after the steps that other threads take with it.
-        Its model must not be edited meanwhile.
+        Its model must not be edited meanwhile. Or a sequence of nbatch engines, one for each
+        rollout, whose models have the same sizes: other materials, masses or options, say.
     initial_state
         (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
         mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
@@ -41,16 +54,25 @@ def rollout(
         bodies, so that a rollout goes on from an earlier one bit for bit. Where the two sizes are
         equal they hold the same.
     control
-        (nu,), (nstep, nu) or (nbatch, nstep, nu), dimensions of size 1 repeated. None: zero, or,
-        for integration states, the controls in the state.
+        (ncontrol,), (nstep, ncontrol) or (nbatch, nstep, ncontrol), dimensions of size 1 repeated;
+        ``ncontrol == mj_stateSize(model, control_spec)``. None: zero, or, for integration states,
+        what the state holds.
+    control_spec
+        What `control` holds, bits of ``mjtState``: controls, and with them or in their place
+        applied forces, poses of mocap bodies and which equalities are active, in the order of
+        ``mj_setState`` (``mjSTATE_CTRL | mjSTATE_MOCAP_POS``, say). Not user data, where contact
+        memory lies.
     nstep
-        Number of steps, >= 1. None: from `control`, else 1.
+        Number of steps, >= 1. None: from `control`, `state` or `sensordata`, else 1.
     nthread
         Number of threads, >= 1. None: one per core. The engine keeps their data for the next call.
     with_memory
         False: integration states come back as full-physics states. Contact memory is most of the
         state of a robot, 100 kB of it in every step: with it, many rollouts take several times as
         long and as much memory.
+    state, sensordata
+        Where to write what is returned, C-contiguous, of float64 and of the shapes below. None: new
+        arrays. After an exception they hold some of it.
 
     Returns
     -------
@@ -64,19 +86,99 @@ def rollout(
     Raises
     ------
     TypeError
-        If `engine` is no `Engine`, and for arguments that are not numbers.
+        If `engine` is no `Engine` or sequence of them, `state` or `sensordata` no array of float64,
+        and for arguments that are not numbers.
     ValueError
-        For shapes that do not fit and numbers that are not finite, naming argument and index; and
-        where a rollout fails, naming rollout and step.
+        For shapes that do not fit and numbers that are not finite, naming argument and index, for
+        bits in `control_spec` that are nothing given from outside, and where a rollout fails,
+        naming rollout and step.
     DivergenceError
         Where a rollout diverges, naming rollout and step.
     """
-    if not isinstance(engine, Engine):
-        raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
-    model = engine.model
+    engines = _engines(engine)
+    spec = _control_spec(control_spec)
+    if not isinstance(with_memory, bool | np.bool_):
+        raise TypeError(f"with_memory must be True or False, got {with_memory!r}")
+    starts = _initial_states(engines[0].model, initial_state)
+    controls = None if control is None else _controls(engines[0].model, spec, control)
+    outputs = {"state": state, "sensordata": sensordata}
+    given = {name: array for name, array in outputs.items() if array is not None}
+    for name, array in given.items():
+        _check_output(name, array)
+
+    repeated = {"engine": len(engines), "initial_state": len(starts)}
+    nbatch = _common("nbatch", repeated, given, controls, axis=0)
+    nsteps = {} if nstep is None else {"nstep": positive_count("nstep", nstep)}
+    steps = _common("nstep", nsteps, given, controls, axis=1)
+
+    start_size = starts.shape[1]
+    full_size = _size(engines[0].model, _FULL_PHYSICS)
+    shapes = {
+        "state": (nbatch, steps, start_size if with_memory else full_size),
+        "sensordata": (nbatch, steps, engines[0].model.nsensordata),
+    }
+    _check_same_sizes(engines, spec, with_contact_memory=start_size != full_size)
+    for name, array in given.items():
+        if array.shape != shapes[name]:
+            raise ValueError(f"{name} must be of shape {shapes[name]}, got {array.shape}")
+    if len(given) == 2 and np.may_share_memory(given["state"], given["sensordata"]):
+        raise ValueError("state and sensordata share memory")
+    states, sensors = (given.get(name, np.empty(shapes[name])) for name in shapes)
+
+    starts = _repeated(starts, (nbatch, start_size), given)
+    if controls is not None:
+        controls = _repeated(controls, (nbatch, steps, controls.shape[2]), given)
+    _core.roll_out(
+        [each._rollout_workers() for each in engines],
+        starts,
+        controls,
+        control_spec=spec,
+        nthread=thread_count(nthread),
+        differentiable=False,
+        state=states,
+        sensordata=sensors,
+    )
+    return states, sensors
+
+
+def _engines(engine: Engine | Sequence[Engine]) -> list[Engine]:
+    if isinstance(engine, Engine):
+        return [engine]
+    if not isinstance(engine, Sequence) or isinstance(engine, str):
+        raise TypeError(
+            f"engine is {type(engine).__name__}; it must be a dashpot.Engine or a sequence of them"
+        )
+    for index, each in enumerate(engine):
+        if not isinstance(each, Engine):
+            raise TypeError(
+                f"engine[{index}] is {type(each).__name__}; it must be a dashpot.Engine"
+            )
+    if not engine:
+        raise ValueError("engine is an empty sequence")
+    return list(engine)
+
+
+def _control_spec(control_spec: int | mujoco.mjtState) -> int:
+    if isinstance(control_spec, mujoco.mjtState):
+        control_spec = int(control_spec)
+    spec = whole_number("control_spec", control_spec, lowest=1)
+    if spec & _USER_DATA:
+        raise ValueError(
+            f"control_spec {spec} has mjSTATE_USERDATA: engines keep contact memory in user data"
+        )
+    if spec & ~_GIVEN_FROM_OUTSIDE:
+        raise ValueError(
+            f"control_spec {spec} has bits that are not in mjSTATE_USER ({_GIVEN_FROM_OUTSIDE}): "
+            "only what is given from outside can be a control"
+        )
+    return spec
+
+
+def _initial_states(model: mujoco.MjModel, initial_state: ArrayLike) -> Array:
+    """Return checked states, (1 or nbatch, nstate)."""
     sizes = {
-        "mjSTATE_FULLPHYSICS": _state_size(model, mujoco.mjtState.mjSTATE_FULLPHYSICS),
-        "mjSTATE_INTEGRATION": _state_size(model, mujoco.mjtState.mjSTATE_INTEGRATION),
+        "mjSTATE_FULLPHYSICS": _size(model, _FULL_PHYSICS),
+        "mjSTATE_INTEGRATION": _size(model, _INTEGRATION),
     }
     states = np.atleast_2d(finite_array("initial_state", initial_state))
     if states.ndim != 2 or states.shape[0] == 0 or states.shape[1] not in sizes.values():
@@ -85,43 +187,84 @@ def rollout(
             f"initial_state must be (nbatch, nstate) with nstate {known} of engine.model, "
             f"got shape {states.shape}"
         )
-    controls = None if control is None else finite_array("control", control)
-    if controls is not None:
-        if controls.ndim > 3 or controls.ndim == 0 or controls.shape[-1] != model.nu:
-            raise ValueError(
-                f"control must be (nbatch, nstep, nu) with nu = {model.nu}, "
-                f"got shape {controls.shape}"
-            )
-        controls = controls.reshape((1,) * (3 - controls.ndim) + controls.shape)
-    nbatch = _common("nbatch", {"initial_state": len(states)}, controls, 0)
-    given = {} if nstep is None else {"nstep": positive_count("nstep", nstep)}
-    steps = _common("nstep", given, controls, 1)
-    states = np.ascontiguousarray(np.broadcast_to(states, (nbatch, states.shape[1])))
-    if controls is not None:
-        controls = np.ascontiguousarray(np.broadcast_to(controls, (nbatch, steps, model.nu)))
-    threads = thread_count(nthread)
-    if not isinstance(with_memory, bool | np.bool_):
-        raise TypeError(f"with_memory must be True or False, got {with_memory!r}")
-    return engine._rollout_workers().run(states, controls, steps, threads, bool(with_memory))
+    return states
 
 
-def _state_size(model: mujoco.MjModel, kind: mujoco.mjtState) -> int:
-    return int(mujoco.mj_stateSize(model, int(kind)))
+def _controls(model: mujoco.MjModel, spec: int, control: ArrayLike) -> Array:
+    """Return checked controls, (1 or nbatch, 1 or nstep, ncontrol)."""
+    controls = finite_array("control", control)
+    size = _size(model, spec)
+    if controls.ndim > 3 or controls.ndim == 0 or controls.shape[-1] != size:
+        known = f"nu = {size}" if spec == _CONTROLS else f"ncontrol = {size} by control_spec {spec}"
+        raise ValueError(
+            f"control must be (nbatch, nstep, ncontrol) with {known}, got shape {controls.shape}"
+        )
+    return controls.reshape((1,) * (3 - controls.ndim) + controls.shape)
 
 
-def _common(name: str, given: dict[str, int], control: Array | None, axis: int) -> int:
+def _check_output(name: str, array: object) -> None:
+    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
+        kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
+        raise TypeError(f"{name} must be an array of float64 to write to, got {kind}")
+    if array.ndim != 3:
+        raise ValueError(f"{name} must have three dimensions, got shape {array.shape}")
+    if not (array.flags.c_contiguous and array.flags.writeable and array.flags.aligned):
+        raise ValueError(f"{name} must be C-contiguous, aligned and writeable")
+
+
+def _common(
+    name: str, given: dict[str, int], outputs: dict[str, Array], control: Array | None, *, axis: int
+) -> int:
     """Size of a batch dimension: what is given and control's must agree, 1 repeats.
 
-    A given `nstep` of 1 is a wish, not a size to repeat, but then control must have one step too.
+    A given `nstep` and the sizes of outputs are wishes, not sizes to repeat: of 1, the others have
+    to be 1 too.
     """
-    sizes = dict(given)
+    sizes = dict(given) | {output: array.shape[axis] for output, array in outputs.items()}
     if control is not None:
         sizes["control"] = control.shape[axis]
     result = max(sizes.values(), default=1)
     for argument, size in sizes.items():
-        if size == 0 or size not in (1, result) or (argument == "nstep" and size != result):
+        wished = argument == "nstep" or argument in outputs
+        if size == 0 or size not in (1, result) or (wished and size != result):
             raise ValueError(
                 f"{name} does not agree: "
                 + ", ".join(f"{argument} has {size}" for argument, size in sizes.items())
             )
     return result
+
+
+def _check_same_sizes(engines: list[Engine], spec: int, *, with_contact_memory: bool) -> None:
+    """Raise ValueError naming the first engine whose states, controls or sensors differ."""
+
+    def sizes(model: mujoco.MjModel) -> dict[str, int]:
+        contact_memory = {"an integration state": _size(model, _INTEGRATION)}
+        return {
+            "qpos": model.nq,
+            "qvel": model.nv,
+            "a full-physics state": _size(model, _FULL_PHYSICS),
+            **(contact_memory if with_contact_memory else {}),
+            "a control": _size(model, spec),
+            "sensordata": model.nsensordata,
+        }
+
+    first = sizes(engines[0].model)
+    for index, engine in enumerate(engines):
+        for what, size in sizes(engine.model).items():
+            if size != first[what]:
+                raise ValueError(
+                    f"engines differ: {what} has {size} numbers in engine[{index}], "
+                    f"{first[what]} in engine[0]"
+                )
+
+
+def _repeated(array: Array, shape: tuple[int, ...], outputs: dict[str, Array]) -> Array:
+    """Return an array of the shape to read from while outputs are written."""
+    whole = np.ascontiguousarray(np.broadcast_to(array, shape))
+    if any(np.may_share_memory(whole, output) for output in outputs.values()):
+        return whole.copy()
+    return whole
+
+
+def _size(model: mujoco.MjModel, spec: int) -> int:
+    return int(mujoco.mj_stateSize(model, spec))

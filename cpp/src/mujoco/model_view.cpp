@@ -26,6 +26,8 @@ std::vector<Array> detection_distances(const mjModel* m) {
 
 ModelView::ModelView(const mjModel* model) : view_(std::make_unique<mjModel>()) { update(model); }
 
+ModelView::ModelView(ModelView&&) noexcept = default;
+
 ModelView::~ModelView() = default;
 
 void ModelView::update(const mjModel* model) {

@@ -17,30 +17,25 @@ int state_size(const ModelSizes& sizes, StateKind kind) {
 
 }  // namespace
 
-void Rollouts::run(const mjModel_* model, const RolloutInput& input, int nthread, double* state,
-                   double* sensordata, const Interrupt& interrupt) {
-  const ModelSizes sizes = sizes_of(model);
+void roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input, int nthread,
+              double* state, double* sensordata, const Interrupt& interrupt) {
+  const ModelSizes sizes = sizes_of(models.front().model);
   const int from = state_size(sizes, input.kind), to = state_size(sizes, input.record);
   const int threads = thread_count(nthread, input.nbatch);
-  if (threads > static_cast<int>(simulations_.size())) simulations_.resize(threads);
-  std::vector<char> updated(threads, 0);
+  std::vector<SimulationLoan> loans(threads);
 
   parallel_for(input.nbatch, threads, interrupt, [&](const Worker& worker, int item) {
-    std::unique_ptr<Simulation>& own = simulations_[worker.index()];
-    if (!own) {
-      own = std::make_unique<Simulation>(model, &parameters_);
-    } else if (!updated[worker.index()]) {
-      own->update_model(model);
-    }
-    updated[worker.index()] = 1;
-    Simulation& simulation = *own;
+    const RolloutModel& own = models[models.size() == 1 ? 0 : item];
+    Simulation& simulation = loans[worker.index()].of(*own.simulations, own.model);
     simulation.reset();
     simulation.differentiate(input.differentiable);
     simulation.set_state(input.initial_state + std::size_t(item) * from, input.kind);
     for (int step = 0; step < input.nstep; ++step) {
       worker.look();
       const std::size_t row = std::size_t(item) * input.nstep + step;
-      if (input.control) simulation.set_control(input.control + row * sizes.nu);
+      if (input.control) {
+        simulation.set_inputs(input.control + row * input.ncontrol, input.control_spec);
+      }
       try {
         simulation.step();
         std::copy_n(simulation.sensordata(), sizes.nsensordata,

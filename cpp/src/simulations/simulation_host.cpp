@@ -47,6 +47,10 @@ ModelSizes sizes_of(const mjModel_* model) {
   return sizes;
 }
 
+int input_size(const mjModel_* model, int spec) {
+  return static_cast<int>(mj_stateSize(model, spec));
+}
+
 struct Simulation::Impl {
   explicit Impl(const mjModel* m) : model(m) {}
   host::ModelView model;
@@ -88,6 +92,10 @@ void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
 
 void Simulation::set_control(const double* control) {
   std::copy_n(control, impl_->model.get()->nu, impl_->data->ctrl);
+}
+
+void Simulation::set_inputs(const double* values, int spec) {
+  mj_setState(impl_->model.get(), impl_->data.get(), values, spec);
 }
 
 const double* Simulation::sensordata() const { return impl_->data->sensordata; }

@@ -18,6 +18,7 @@ class ModelView {
   // Of the model as it is now; `model` must outlive the view, and what is shared must not change
   // meanwhile.
   explicit ModelView(const mjModel_* model);
+  ModelView(ModelView&&) noexcept;
   ~ModelView();
   // Takes the values that the model, or another of its sizes, has now; get() stays.
   void update(const mjModel_* model);

@@ -24,6 +24,8 @@ struct ModelSizes {
   int full_physics = 0, integration = 0;  // lengths of the two state vectors
 };
 ModelSizes sizes_of(const mjModel_* model);
+// Length of a vector of what `spec`, bits of mjtState, names.
+int input_size(const mjModel_* model, int spec);
 
 class Simulation {
  public:
@@ -47,7 +49,9 @@ class Simulation {
   void get_state(double* state, StateKind kind) const;
   void set_position_velocity(const double* qpos, const double* qvel);  // (nq,), (nv,)
   void set_control(const double* control);                             // (nu,)
-  const double* sensordata() const;                                    // (nsensordata,)
+  // What is given from outside, as mj_setState takes it: `spec` are bits of mjtState.
+  void set_inputs(const double* values, int spec);
+  const double* sensordata() const;  // (nsensordata,)
 
   // Steps once. Throws std::runtime_error where the state is no longer finite afterwards.
   void step();
