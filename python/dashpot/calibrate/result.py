@@ -12,20 +12,15 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from dashpot.calibrate.combinations import Combination, combinations
-from dashpot.calibrate.identifiability import (
-    Estimate,
-    interval_digits,
-    interval_ends,
-    noise_explains,
-    noise_overstated,
-    percent,
-)
+from dashpot.calibrate.fit_report import fit_dict, fit_table
+from dashpot.calibrate.identifiability import Estimate, noise_explains, noise_overstated
 from dashpot.calibrate.losses import LossName
 from dashpot.calibrate.metrics import root_mean_squares
 from dashpot.calibrate.prediction import Prediction, predict, predictions
 from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.sampling import draw
 from dashpot.calibrate.trajectory import Trajectory
-from dashpot.checks import thread_count
+from dashpot.checks import positive_count, thread_count, whole_number
 from dashpot.tables import table_html, table_text
 
 if TYPE_CHECKING:
@@ -128,6 +123,58 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Estimates by name."""
         return {e.name: e.value for e in self.estimates}
+
+    @property
+    def covariance(self) -> Array:
+        """(parameters, parameters) covariance in the parameters' units, to first order.
+
+        As `scipy.optimize.curve_fit` gives it: scaled with the residuals, and infinite where the
+        data say nothing of a parameter. Intervals follow the cost and go farther where that is not
+        a parabola.
+        """
+        error = np.array([e.standard_error for e in self.estimates])
+        unknown = ~np.isfinite(error)
+        known = np.where(unknown, 1.0, error)
+        return np.asarray(
+            np.where(
+                unknown[:, None] | unknown[None, :],
+                np.inf,
+                self.correlation * np.outer(known, known),
+            )
+        )
+
+    def sample(self, count: int, *, seed: int) -> list[dict[str, float]]:
+        """Draw values of the parameters by name, as likely as the fit holds them.
+
+        ``[fit.problem.build(values) for values in fit.sample(16, seed=1)]`` are engines for
+        `dashpot.rollout`, whose spread is what the fit leaves open.
+
+        Each parameter has the distribution of which its interval is that of the confidence, and
+        together they have the `correlation`; what the data say nothing of is spread over its range
+        (`dashpot.calibrate.sampling`). They hold where the intervals do.
+
+        Parameters
+        ----------
+        count
+            Number of draws, >= 1.
+        seed
+            Of chance, >= 0: the same draws for the same seed.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If a number is no integer or out of range.
+        """
+        values = draw(
+            self.problem.parameters,
+            self.estimates,
+            self.correlation,
+            self.confidence,
+            positive_count("count", count),
+            np.random.default_rng(whole_number("seed", seed, lowest=0)),
+        )
+        names = [e.name for e in self.estimates]
+        return [dict(zip(names, map(float, row), strict=True)) for row in values]
 
     @property
     def noise_explains(self) -> bool:
@@ -237,36 +284,7 @@ class Fit:
         ValueError
             Where `truth` lacks a parameter, naming it.
         """
-        if truth is not None:
-            missing = [e.name for e in self.estimates if e.name not in truth]
-            if missing:
-                raise ValueError(f"truth has no value of {', '.join(missing)}")
-        explained = "the stated noise explains" if self.noise_explains else "more than noise is in"
-        caption = f"{explained} the residuals: their variance is {self.residual_variance:.3g}"
-        if self.noise_overstated:
-            caption += ", so that noise is stated too large"
-        if self.errors == "independent":
-            caption += "; intervals are scaled with it"
-        if not self.converged:
-            caption = f"not converged: {self.message}\n{caption}"
-        table = Table(
-            title=f"Calibration ({self.method}, {self.evaluations} simulations)", caption=caption
-        )
-        table.add_column("parameter")
-        if truth is not None:
-            table.add_column("truth", justify="right")
-        table.add_column("estimate", justify="right")
-        table.add_column(f"{percent(self.confidence)} interval", justify="right")
-        table.add_column("identified")
-        for e in self.estimates:
-            row = [e.name]
-            if truth is not None:
-                row.append(f"{truth[e.name]:.{interval_digits(e.lower, e.upper)}g}")
-            digits = interval_digits(e.lower, e.upper)
-            row += [f"{e.value:.{digits}g}", " – ".join(interval_ends(e.lower, e.upper))]
-            row.append("yes" if e.identified else "no")
-            table.add_row(*row)
-        return table
+        return fit_table(self, truth)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
         """Draw residuals over time, how they are distributed, and correlations of the estimates.
@@ -288,41 +306,4 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but problem and residuals as plain types, for JSON; inf is None."""
-        return {
-            "estimates": [
-                {
-                    "name": e.name,
-                    "value": e.value,
-                    "standard_error": e.standard_error if np.isfinite(e.standard_error) else None,
-                    "lower": e.lower,
-                    "upper": e.upper,
-                    "identified": e.identified,
-                    "nonlinearity": e.nonlinearity,
-                    "statement": e.statement,
-                }
-                for e in self.estimates
-            ],
-            "correlation": self.correlation.tolist(),
-            "combinations": [
-                {
-                    "exponents": dict(c.exponents),
-                    "value": c.value,
-                    "relative_error": c.relative_error,
-                }
-                for c in self.combinations
-            ],
-            "cost": self.cost,
-            "cost_history": self.cost_history.tolist(),
-            "evaluations": self.evaluations,
-            "seconds": self.seconds,
-            "method": self.method,
-            "loss": self.loss,
-            "loss_scale": self.loss_scale,
-            "errors": self.errors,
-            "confidence": self.confidence,
-            "converged": self.converged,
-            "noise_explains": self.noise_explains,
-            "noise_overstated": self.noise_overstated,
-            "message": self.message,
-            "metrics": self.metrics(),
-        }
+        return fit_dict(self)
