@@ -17,6 +17,7 @@ import numpy as np
 
 import dashpot
 from grasps import package_file
+from no_arguments import takes_no_arguments
 
 MODELS = {
     "Shadow hand with its block": (
@@ -49,6 +50,7 @@ def least_times(ways: list[Callable[[int], object]]) -> list[float]:
 
 def main() -> None:
     """Print one line a model."""
+    takes_no_arguments(__doc__)
     for name, (package, path) in MODELS.items():
         model = mujoco.MjModel.from_xml_path(package_file(package, path))
         engine = dashpot.Engine(model)

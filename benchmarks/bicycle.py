@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 import dashpot
+from no_arguments import takes_no_arguments
 from scene import GRAVITY, Array, Run, Scene
 from simulate import DASHPOT, SETTINGS, Setting, make_engine, prepare
 
@@ -131,6 +132,7 @@ def written(modes: Modes) -> str:
 
 def main() -> None:
     """Print one line a way of stepping."""
+    takes_no_arguments(__doc__)
     settings = (DASHPOT, SETTINGS["mujoco default"], SETTINGS["mujoco stiff"])
     for speed in (1.0, 3.0, 5.0, 8.0):
         print(f"{speed:g} m/s, published: {written(published_modes(speed))} 1/s")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from no_arguments import takes_no_arguments
 from piles import BINS, bin_of
 from speed import THREADS, solver_settings, summary, time_scene
 
@@ -21,6 +22,7 @@ FASTEST = ("CG pyramidal sparse", "CG elliptic sparse", "Newton pyramidal sparse
 
 def main() -> None:
     """Print the ratios for each seed, and their medians."""
+    takes_no_arguments(__doc__)
     for name, count in BINS.items():
         fastest = FASTEST if count < max(BINS.values()) else FASTEST[:2]
         settings = [s for s in solver_settings(smoke=False) if s.name.endswith(fastest)]

@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 
 import dashpot
+from no_arguments import takes_no_arguments
 from scene import Array
 
 OBJECTS = {
@@ -88,6 +89,7 @@ def drifts(model: mujoco.MjModel, *, duration: float, peer: bool) -> Array:
 
 def main() -> None:
     """Print one line an object and time step."""
+    takes_no_arguments(__doc__)
     for shape in OBJECTS:
         for timestep in TIMESTEPS:
             texts = []

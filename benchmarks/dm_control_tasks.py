@@ -10,7 +10,7 @@ model's margin) is the deepest of a step's contacts, the median of the steps wit
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -124,7 +124,7 @@ def depth(player: Player) -> str:
     return f"{1e3 * np.median(player.overlap):.2g}" if player.overlap else "-"
 
 
-def main(kinds: list[str]) -> None:
+def main() -> None:
     """Print one row per task."""
     tasks = {
         "suite": suite_tasks,
@@ -132,6 +132,11 @@ def main(kinds: list[str]) -> None:
         "locomotion": locomotion_tasks,
         "aloha": aloha_tasks,
     }
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("kinds", nargs="*", help=f"of {', '.join(tasks)}; all by default")
+    kinds = parser.parse_args().kinds
+    if unknown := set(kinds) - set(tasks):
+        parser.error(f"no such kind: {', '.join(sorted(unknown))}")
     print("| task | step us: dashpot, own | times as long | overlap mm | reward |")
     print("|---|---|---|---|---|")
     for kind in kinds or tasks:
@@ -149,4 +154,4 @@ def main(kinds: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -21,6 +21,7 @@ import numpy as np
 
 import dashpot
 from grasps import package_file
+from no_arguments import takes_no_arguments
 
 # Those that compile without what robosuite adds to them.
 ROBOSUITE = "baxter gr1 iiwa jaco kinova3 panda sawyer spot tiago ur5e xarm7"
@@ -90,6 +91,7 @@ def fall(model: mujoco.MjModel, data: mujoco.MjData, step: Callable[[], object],
 
 def main() -> None:
     """Print one row per robot."""
+    takes_no_arguments(__doc__)
     mujoco.set_mju_user_warning(lambda message: None)
     head = ", ".join(f"{1e3 * dt:g}" for dt in TIMESTEPS)
     print(

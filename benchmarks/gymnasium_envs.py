@@ -15,6 +15,7 @@ import time
 import numpy as np
 
 from dashpot.gymnasium import with_dashpot
+from no_arguments import takes_no_arguments
 
 ENVIRONMENTS = {
     "ant": "AntEnv",
@@ -70,6 +71,7 @@ def depth(player: Player) -> str:
 
 def main() -> None:
     """Print one row per environment."""
+    takes_no_arguments(__doc__)
     print("| environment | step us: dashpot, own | times as long | overlap mm | reward |")
     print("|---|---|---|---|---|")
     for module, name in ENVIRONMENTS.items():

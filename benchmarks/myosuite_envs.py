@@ -13,6 +13,7 @@ import myosuite  # registers the environments
 
 import dashpot
 from gymnasium_envs import CHUNKS, Player, depth
+from no_arguments import takes_no_arguments
 
 ENVIRONMENTS = (
     "myoHandPoseRandom-v0",
@@ -29,6 +30,7 @@ ENVIRONMENTS = (
 
 def main() -> None:
     """Print one row per environment."""
+    takes_no_arguments(__doc__)
     print(f"MyoSuite {myosuite.__version__}")
     print("| environment | step us: dashpot, own | times as long | overlap mm | reward |")
     print("|---|---|---|---|---|")

@@ -20,6 +20,7 @@ from rich.table import Table
 
 import dashpot
 from grasps import package_file
+from no_arguments import takes_no_arguments
 
 TIP = 0.02  # m
 DEPTH = 0.01  # m, commanded below the surface
@@ -130,6 +131,7 @@ ARMS: dict[str, Callable[[], Pressing]] = {"UR5e": ur5e, "Panda": panda}
 
 def main() -> None:
     """Press with every arm at every time step and print the table."""
+    takes_no_arguments(__doc__)
     table = Table(title="Arms pressing on a table, after 5 s")
     for column in ("arm", "dt ms", "speed", "force N", "error of static balance"):
         table.add_column(column)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 
 import mujoco
@@ -265,17 +266,19 @@ def check(scene: RandomScene) -> list[str]:
 
 
 def main() -> None:
-    """Check seeds: `python benchmarks/random_scenes.py 0 10000 [articulated [RK4]]`."""
-    import sys
-
-    first, last = (int(a) for a in sys.argv[1:3])
-    articulated = "articulated" in sys.argv[3:4]
-    integrator = sys.argv[4] if len(sys.argv) > 4 else "implicitfast"
+    """Check the scenes of some seeds."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("first", type=int, help="first seed")
+    parser.add_argument("last", type=int, help="seed to end before")
+    parser.add_argument("kind", nargs="?", choices=("free", "articulated"), default="free")
+    parser.add_argument("integrator", nargs="?", default="implicitfast", help="of articulated ones")
+    arguments = parser.parse_args()
+    first, last = arguments.first, arguments.last
     failures = []
     for seed in range(first, last):
         scene = (
-            random_articulated_scene(seed, integrator=integrator)
-            if articulated
+            random_articulated_scene(seed, integrator=arguments.integrator)
+            if arguments.kind == "articulated"
             else random_scene(seed)
         )
         failures += check(scene)

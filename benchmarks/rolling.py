@@ -16,6 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import dashpot
+from no_arguments import takes_no_arguments
 from scene import Array
 
 MASS, RADIUS, OFFSET, INERTIA = 1.0, 0.05, 0.01, 1e-3
@@ -163,6 +164,7 @@ def phase_error(timestep: float, *, duration: float) -> float:
 
 def main() -> None:
     """Print one line a body and time step."""
+    takes_no_arguments(__doc__)
     for timestep in TIMESTEPS:
         error = phase_error(timestep, duration=5.0)
         print(f"tumbler {1e3 * timestep:g} ms: angle within {error:.1e} rad over 5 s")

@@ -14,6 +14,7 @@ import mujoco
 import dashpot
 from articulated import least_times
 from grasps import package_file
+from no_arguments import takes_no_arguments
 
 ROBOTS = (("Ant", 4), ("Ant", 16), ("Humanoid", 9))
 SPACING = 3.0  # m
@@ -37,6 +38,7 @@ def several(name: str, count: int) -> mujoco.MjModel:
 
 def main() -> None:
     """Print one line a scene."""
+    takes_no_arguments(__doc__)
     for name, count in ROBOTS:
         model = several(name, count)
         ways = []

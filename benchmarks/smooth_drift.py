@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 import dashpot
+from no_arguments import takes_no_arguments
 from random_scenes import random_articulated_scene
 
 CASES = ((7780, 180, 80),)  # seed, steps before, steps
@@ -138,6 +139,7 @@ def drift_of_mechanism(name: str, timestep: float, duration: float = 12.0) -> No
 
 def main() -> None:
     """Print both tables."""
+    takes_no_arguments(__doc__)
     for case in CASES:
         drift_without_rows(*case)
     for name in MECHANISMS:

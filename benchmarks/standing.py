@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 import dashpot
+from no_arguments import takes_no_arguments
 
 STIFFNESS, MASS = 5000.0, 5.0
 TIMESTEPS = (0.001, 0.002, 0.005)
@@ -67,6 +68,7 @@ def last_swing(
 
 
 def main() -> None:
+    takes_no_arguments(__doc__)
     sag = MASS * 9.81 / STIFFNESS
     standing = (-0.5 - sag - SWING_OF_LEG, sag + SWING_OF_LEG)
     scenes = {
