@@ -109,6 +109,9 @@ POGO = """<mujoco><option timestep="{timestep}" integrator="{integrator}"/><worl
       <geom size=".04" mass=".2"/></body></body></worldbody></mujoco>"""
 
 
+CLEAR = -0.495  # m, of the foot; on the floor it is at -0.5
+
+
 def pogo(integrator: str, timestep: float) -> dashpot.Engine:
     """Make a body of 5 kg on a springy leg, half a metre above the floor."""
     xml = POGO.format(timestep=timestep, integrator=integrator)
@@ -121,17 +124,26 @@ def pogo(integrator: str, timestep: float) -> dashpot.Engine:
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_a_pogo_stick_gains_nothing_as_its_foot_bounces(integrator, timestep):
-    """An elastic foot hits the floor some ten times in a stance, and took up to 48 J."""
+    """An elastic foot hits the floor some ten times in a stance, and took up to 48 J.
+
+    In flight positions lead velocities by half a step, so that kinetic and potential energy swing
+    by H/2 of the power of spring and gravity: that less this is what leapfrog keeps.
+    """
     engine = pogo(integrator, timestep)
     data = engine.make_data()
-    start = engine.energy(data).total
-    fall = 5.2 * 9.81 * 0.5
-    most = 0.0
+    mass = np.array([[5.2, 0.2], [0.2, 0.2]])
+    stiffness, weight = np.diag([0.0, DRIVE]), 9.81 * np.array([5.2, 0.2])
+    fall, most = 5.2 * 9.81 * 0.5, 0.0
     for _ in range(round(3.0 / timestep)):
         engine.step(data)
-        energy = engine.energy(data)
-        most = max(most, energy.kinetic + energy.potential + energy.elastic - start)
-    assert most < 0.1 * fall
+        q, v = data.qpos, data.qvel
+        if q.sum() < CLEAR:
+            continue
+        power = -v @ (stiffness @ q + weight)
+        energy = 0.5 * v @ mass @ v + 0.5 * q @ stiffness @ q + weight @ q
+        most = max(most, energy + 0.5 * timestep * power)
+    # Of the foot, which takes some percent of the energy of the fall, omega H is 0.14, 0.28, 0.7.
+    assert most < (0.001 if timestep < 0.005 else 0.05) * fall
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.005])

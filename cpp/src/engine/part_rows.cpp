@@ -106,11 +106,12 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data, team);
   velocity_before = data.velocity;
-  microsteps.run(rows, motion.trees(), islands.all(), parameters.options.recovery_speed,
-                 clock.length, data, team);
+  microsteps.run(rows, motion.trees(), islands.all(), leapfrog.in_time(),
+                 parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
   check_memory();
   find_touched_trees();
+  hold_trees_in_time();
   leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;

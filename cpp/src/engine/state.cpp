@@ -33,6 +33,16 @@ void Stepper::Impl::find_touched_trees() {
   }
 }
 
+// What the last step left in time near rows goes on so, by micro-steps, until it leads or lands.
+// MuJoCo's integrator would take its positions half a step ahead.
+void Stepper::Impl::hold_trees_in_time() {
+  for (const Island& island : islands.all()) {
+    for (int tree : island.tree) {
+      if (leapfrog.in_time()[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
+    }
+  }
+}
+
 // Where the semi-implicit update would take a tree into an overlap that its motion does not have,
 // it takes the motion of the micro-steps: otherwise a tree at rest is thrown back by the recovery
 // of that overlap, step after step. No micro-steps move what only groups of no island reach.

@@ -87,6 +87,7 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory() const;
   void find_touched_trees();
+  void hold_trees_in_time();
   bool lands_in_next_step(const RowGroup& c) const;
 
   // The part anew where blows bring about more contacts (knock_on.cpp).

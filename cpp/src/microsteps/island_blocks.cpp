@@ -58,7 +58,7 @@ struct LanePacker {
       law.inverse_mass[i][lane] = rows.inverse_mass[c.row + i];
       law.deformation[i][lane] = data.deformation[c.row + i];
     }
-    law.bearable[lane] = bearable_compression(rows, c, recovery_speed);
+    law.bearable[lane] = bearable_of(rows, data, c, recovery_speed);
     law.recovery_speed[lane] = recovery_speed_of(rows, data, index, recovery_speed);
     law.offset[lane] = data.offset[index];
     law.sticking[lane] = -1;

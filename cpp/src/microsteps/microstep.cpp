@@ -25,7 +25,7 @@ bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double re
   const double fastest = std::max(std::abs(rate), std::abs(rate - speed));
   const double amplitude =
       std::hypot(data.deformation[c.row] - balance, fastest / std::sqrt(kappa));
-  return amplitude - balance <= bearable_compression(rows, c, recovery_speed);
+  return amplitude - balance <= bearable_of(rows, data, c, recovery_speed);
 }
 
 // Whether an island is one frictionless row of trees without dampers or springs, whose flow is
@@ -208,11 +208,14 @@ MicrostepLoop::MicrostepLoop(int threads) : impl_(std::make_unique<Impl>(threads
 MicrostepLoop::~MicrostepLoop() = default;
 
 void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
-                        double recovery_speed, double time, RowData& data, Team& team) {
+                        const std::vector<char>& in_time, double recovery_speed, double time,
+                        RowData& data, Team& team) {
   std::vector<IslandWork>& work = impl_->work;
   work.assign(islands.size(), IslandWork());
   const auto run_island = [&](const Island& island, int worker, Team& shared_by) {
-    if (stays_apart(rows, island, time, data)) return;
+    const bool goes_in_time = std::any_of(island.tree.begin(), island.tree.end(),
+                                          [&](int tree) { return in_time[tree] != 0; });
+    if (!goes_in_time && stays_apart(rows, island, time, data)) return;
     work[&island - islands.data()] =
         impl_->loops[worker].run(rows, trees, island, recovery_speed, data, shared_by);
   };

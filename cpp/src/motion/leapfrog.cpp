@@ -97,6 +97,17 @@ void Leapfrog::fall_back(const Memory& memory, const TreeMotion& motion, Rows& r
   way_back_ = data.shift;
 }
 
+void Leapfrog::find_acceleration(const Trees& trees, int index, const AlignedDoubles& way,
+                                 const RowData& data) {
+  const Tree& t = trees.tree[index];
+  acceleration_.resize(trees.coordinates);
+  pull_.resize(trees.coordinates);
+  std::copy_n(data.smooth_acceleration.begin() + t.begin, t.count, acceleration_.begin() + t.begin);
+  if (!t.sprung) return;
+  for (int i = t.begin; i < t.begin + t.count; ++i) pull_[i] = -trees.stiffness[i] * way[i];
+  add_response(trees, index, pull_.data() + t.begin, acceleration_.data() + t.begin);
+}
+
 void Leapfrog::find_recovering(const Rows& rows, const RowData& data) {
   for (size_t i = 0; i < rows.group.size(); ++i) {
     const RowGroup& c = rows.group[i];
@@ -113,8 +124,13 @@ bool Leapfrog::find_way_back(const TreeMotion& motion, RowData& data) {
     any = true;
     fell_back_[index] = lead_at_start_[index];
     const Tree& t = motion.trees().tree[index];
+    const double lead = lead_at_start_[index];
+    double* shift = data.shift.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
-      data.shift[t.begin + i] = -lead_at_start_[index] * motion.start_velocity()[t.dof_begin + i];
+      shift[i] = -lead * motion.start_velocity()[t.dof_begin + i];
+    find_acceleration(motion.trees(), index, data.shift, data);
+    for (int i = 0; i < t.dof_count; ++i)
+      shift[i] -= 0.5 * lead * lead * acceleration_[t.begin + i];
   }
   return any;
 }
@@ -241,8 +257,10 @@ void Leapfrog::go_ahead(double length, const std::vector<char>& held, const Tree
   way_ahead_.assign(motion.trees().coordinates, 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
+    if (leads_[index]) find_acceleration(motion.trees(), index, data.total_displacement, data);
     for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
-      way_ahead_[i] = 0.5 * length * data.velocity[i] - kept_way_[i];
+      way_ahead_[i] =
+          0.5 * length * (data.velocity[i] + 0.25 * length * acceleration_[i]) - kept_way_[i];
   }
   find_next_way(length, data.velocity, data, way_ahead_);
   // No tree goes into another row, nor where the next step would take it into one: what leaves a

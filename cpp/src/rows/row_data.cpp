@@ -61,6 +61,16 @@ double recovery_speed_of(const Rows& rows, const RowData& data, int index, doubl
   return waits ? 0.0 : recovery_speed_along(rows, c, recovery_speed);
 }
 
+double bearable_of(const Rows& rows, const RowData& data, const RowGroup& c,
+                   double recovery_speed) {
+  const double bearable = bearable_compression(rows, c, recovery_speed);
+  const double kappa = rows.stiffness[c.row] * rows.inverse_mass[c.row];
+  if (c.kind != RowKind::kUnilateral || kappa == 0.0) return bearable;
+  double load = 0.0;
+  gather(rows, c, data.smooth_acceleration.data(), &load);
+  return bearable + 2.0 * std::max(0.0, -load) / kappa;
+}
+
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
                               const double* velocity, const double* acceleration, double time) {
   if (!c.is_unilateral() || gap <= 0.0) return false;

@@ -63,11 +63,12 @@ class MicrostepLoop {
   explicit MicrostepLoop(int threads);
   ~MicrostepLoop();
 
-  // Runs the micro-steps of all islands in which a row may act within the `time` (s) of the step.
-  // Threads share large ones, and have small ones each to itself; the team has no more than
-  // `threads`.
+  // Runs the micro-steps of all islands in which a row may act within the `time` (s) of the step,
+  // and of those with a tree that is `in_time` (by tree; leapfrog.hpp). Threads share large ones,
+  // and have small ones each to itself; the team has no more than `threads`.
   void run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
-           double recovery_speed, double time, RowData& data, Team& team);
+           const std::vector<char>& in_time, double recovery_speed, double time, RowData& data,
+           Team& team);
 
  private:
   struct Impl;

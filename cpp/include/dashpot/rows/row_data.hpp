@@ -75,6 +75,11 @@ struct RowData {
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
                               const double* velocity, const double* acceleration, double time);
 
+// bearable_compression() (rows.hpp); of a limit beside what smooth forces press it with, twice: a
+// light lever that a spring holds at the end of its range recovers, what two rows squeeze does not.
+double bearable_of(const Rows& rows, const RowData& data, const RowGroup& group,
+                   double recovery_speed);
+
 // How fast (m/s) the overlap of a group recovers at most: as recovery_speed_along says, but not
 // while a contact of SI stiffness throws back what hit it, with more than kHitLoads times the load
 // of smooth forces. What takes milliseconds there takes a corner to the next one, which is deep
