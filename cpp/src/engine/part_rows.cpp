@@ -106,12 +106,14 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
 void Stepper::Impl::run_islands() {
   const EnergyShares before = elastic_energy(rows, data, team);
   velocity_before = data.velocity;
-  microsteps.run(rows, motion.trees(), islands.all(), leapfrog.in_time(),
+  find_trees_in_time();
+  microsteps.run(rows, motion.trees(), islands.all(), goes_in_time,
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
   check_memory();
   find_touched_trees();
-  hold_trees_in_time();
+  for (int tree = 0; tree < motion.tree_count(); ++tree)
+    if (goes_in_time[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
   leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;

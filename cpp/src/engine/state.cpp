@@ -33,13 +33,12 @@ void Stepper::Impl::find_touched_trees() {
   }
 }
 
-// What the last step left in time near rows goes on so, by micro-steps, until it leads or lands.
-// MuJoCo's integrator would take its positions half a step ahead.
-void Stepper::Impl::hold_trees_in_time() {
+// What the last step left in time near rows that have a position goes on so, by micro-steps, until
+// it leads or lands. MuJoCo's integrator would take its positions half a step ahead.
+void Stepper::Impl::find_trees_in_time() {
+  goes_in_time.assign(motion.tree_count(), 0);
   for (const Island& island : islands.all()) {
-    for (int tree : island.tree) {
-      if (leapfrog.in_time()[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
-    }
+    for (int tree : island.tree) goes_in_time[tree] = leapfrog.in_time()[tree] && may_be_held[tree];
   }
 }
 

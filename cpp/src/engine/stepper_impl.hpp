@@ -87,7 +87,7 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory() const;
   void find_touched_trees();
-  void hold_trees_in_time();
+  void find_trees_in_time();
   bool lands_in_next_step(const RowGroup& c) const;
 
   // The part anew where blows bring about more contacts (knock_on.cpp).
@@ -171,7 +171,8 @@ struct Stepper::Impl {
   ComFreeGroups comfree_groups;
 
   // What they do.
-  std::vector<char> may_be_held;  // by tree: rows that have a position may move it
+  std::vector<char> may_be_held;   // by tree: rows that have a position may move it
+  std::vector<char> goes_in_time;  // by tree: it does, whether or not one of these holds it
   Islands islands;
   RowData data;
   AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
