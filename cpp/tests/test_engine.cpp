@@ -172,8 +172,9 @@ void check_rollouts(const mjModel* m, const dashpot::Parameters& p) {
   input.initial_state = initial.data();
   std::vector<double> one(nbatch * nstep * sizes.full_physics), two(one.size());
   std::vector<double> sensors(nbatch * nstep * sizes.nsensordata);
-  dashpot::Rollouts(p).run(m, input, 1, one.data(), sensors.data());
-  dashpot::Rollouts(p).run(m, input, 2, two.data(), sensors.data());
+  dashpot::SimulationPool simulations(p);
+  dashpot::roll_out({{m, &simulations}}, input, 1, one.data(), sensors.data());
+  dashpot::roll_out({{m, &simulations}}, input, 2, two.data(), sensors.data());
   check(std::memcmp(one.data(), two.data(), one.size() * sizeof(double)) == 0,
         "rollouts do not depend on the number of threads");
 }

@@ -105,9 +105,12 @@ class Engine(ReadableOptions):
         too), welds, connects and tendons see, of the bodies and of what hangs on them by joints
         (whose inertia does not feel it, as in MuJoCo). 20 ms is the time constant of MuJoCo's
         default ``solref``, with which a mocap weld moves there. With 0 the body goes straight to
-        the pose within the step: exact for poses set in every step, jerky for others. A jump of
-        more than 0.1 m or 0.5 rad in one step, and the first pose, takes the body there without any
-        motion; not so, where T > 0, a jump that leaves behind what a weld or connect holds to it.
+        the pose within the step: exact for poses set in every step, jerky for others. A velocity
+        that goes on changing from step to step changes evenly within them too, which contacts feel
+        as an acceleration; where motion starts, stops or turns back at once, it jumps. ``cvel``
+        has its mean over the step, or its last part. A jump of more than 0.1 m or 0.5 rad in one
+        step, and the first pose, takes the body there without any motion; not so, where T > 0, a
+        jump that leaves behind what a weld or connect holds to it.
         During a step mocap bodies are where they are, not yet where they are told to be; ``xpos``
         and sensors say so.
     impact

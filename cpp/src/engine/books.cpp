@@ -127,6 +127,7 @@ void Stepper::Impl::account_smooth_work(mjData_* d) {
   book_left_to_rows(rows, data, smooth_work.group, smooth_work.left_to_rows, ledger);
   for (const RowGroup& c : rows.group)
     ledger.work += surface_work(rows, c, data.total_impulse.data() + c.row);
+  for (double work : data.acceleration_work) ledger.work -= work;
 }
 
 // Adds to what is left to rows what they are booked to have given beyond what they gave trees that

@@ -135,8 +135,10 @@ void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::M
   const bool rough = is_rough(parts);
   const double searched = clock.length;
   clock.cut_short = false;
+  mocap.shorten(clock.length);
   detect(d, mocap);
   if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
+  mocap.shorten(clock.length);
   if (rough || clock.length != searched)
     motion.find_smooth_motion(d, clock.length, false, data, team);
   solve(d, mocap);
@@ -148,6 +150,7 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   mocap.drive(constraints);
   part = Part();
   correct_contacts_ahead(d);
+  mocap.drive(contacts);
 }
 
 // Whether the smooth motion may be rough: a part that another will follow needs no more than

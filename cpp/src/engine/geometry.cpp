@@ -92,6 +92,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   drop_pairs(apart, contacts);
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);
+  mocap.drive(contacts);
   motion.freeze_at_middle(d, clock.length, data, team);
   row_turns.forget();
   build_rows(d);

@@ -32,6 +32,7 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
     mocap.drive(constraints);
     correct_contacts_ahead(d);
     drop_pairs(part.apart, contacts);
+    mocap.drive(contacts);
     solve(d, mocap);
     if (contacts.size() + constraints.size() == known) return;
   }

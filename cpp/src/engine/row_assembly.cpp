@@ -75,6 +75,8 @@ void fill_contact(const mjModel_* model, const mjData_* data, const Parameters& 
   c.friction_load = material.friction_load;
   c.ahead = input.ahead;
   c.turning = input.turning;
+  c.surface_acceleration = along_frame(input, input.surface_acceleration);
+  for (int i = 0; i < 3; ++i) c.turning[i] += c.surface_acceleration[i];
   c.is_of_round_hit = input.is_of_round_hit;
   const std::array<double, 5> friction = friction_of(input, material);
   std::copy_n(friction.begin(), c.dim - 1, rows.friction.begin() + c.row + 1);

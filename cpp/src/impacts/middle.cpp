@@ -58,6 +58,7 @@ void give_back_way(const Rows& rows, const RowData& data, double length,
     double rate[kMaxRows], load[kMaxRows];
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
+    for (int i = 0; i < std::min(c.dim, 3); ++i) load[i] += c.surface_acceleration[i];
     for (int i = 0; i < c.dim; ++i) rate[i] = 0.5 * length * (rate[i] + 0.25 * length * load[i]);
     if (c.kind == RowKind::kContact) {
       contacts[c.input].gap -= rate[0];

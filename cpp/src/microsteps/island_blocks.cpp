@@ -128,7 +128,13 @@ void unpack_lane(const Rows& rows, int index, int lane, const Law& law, RowData&
     data.touched[index] = law.touched[lane] != 0;
   } else {
     data.touched[index] = law.total_impulse[0][lane] > 0.0;
-    data.turning_work[index] = law.turning_work[lane];
+    double& of_surfaces = data.acceleration_work[index] = 0.0;
+    for (int i = 0; i < std::min(c.dim, 3); ++i) {
+      const double work = c.surface_acceleration[i] * law.lever[i][lane];
+      share(slice.work, c, i) += work;  // it is a motion, unlike a turn
+      of_surfaces += work;
+    }
+    data.turning_work[index] = law.turning_work[lane] - of_surfaces;
   }
   data.offset[index] = law.offset[lane];
   data.sticking[index] = law.sticking[lane] != 0;

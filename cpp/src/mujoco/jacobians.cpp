@@ -28,8 +28,8 @@ bool is_on_moving_mocap(const mjModel* m, const mjData* d, int geom) {
 
 // Whether the surface of a side moves by itself, as belts and mocap bodies do.
 bool is_driven(const mjModel* m, const mjData* d, const ContactInput& input) {
-  return has_surface_motion(m, input) || is_on_moving_mocap(m, d, input.geom[0]) ||
-         is_on_moving_mocap(m, d, input.geom[1]);
+  return has_surface_motion(m, input) || input.surface_acceleration != std::array<double, 3>{} ||
+         is_on_moving_mocap(m, d, input.geom[0]) || is_on_moving_mocap(m, d, input.geom[1]);
 }
 
 // Where a contact acts on one of its bodies. In the middle between two bodies apart friction would
@@ -58,10 +58,14 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
   }
 }
 
-// What the own motion of its surfaces adds to the rate of each row of a contact.
+// What the own motion of its surfaces adds to the rate of each row of a contact, at the time at
+// which its geometry is frozen. Mocap bodies have the velocity of cvel in the middle of the part,
+// which is as long as the timestep.
 std::array<double, 6> surface_rate(const mjModel* m, const mjData* d, const ContactInput& input) {
   std::array<double, 6> rate = surface_motion(m, d, input);
   add_mocap_motion(m, d, input, rate);
+  const std::array<double, 3> acceleration = along_frame(input, input.surface_acceleration);
+  for (int i = 0; i < 3; ++i) rate[i] += (input.ahead - 0.5 * m->opt.timestep) * acceleration[i];
   return rate;
 }
 

@@ -22,6 +22,9 @@ constexpr double kApart = 0.02;     // m
 constexpr double kApartTurn = 0.1;  // rad
 // Offset (m, rad) at which a slow follower has arrived: far below what rigid contacts give way by.
 constexpr double kArrived = 1e-9;
+// An acceleration grows steadily where it grew as much in the step before, but for this part of the
+// larger growth; where it does not, it is at most so many times that of the step before.
+constexpr double kSteadyGrowth = 0.5, kMostGrowth = 2.0;
 
 using Vector = std::array<double, 3>;
 using Pose = std::array<double, 7>;
@@ -61,12 +64,41 @@ double norm(const Vector& v) { return mju_norm3(v.data()); }
 Vector times(double factor, const Vector& v) {
   return {factor * v[0], factor * v[1], factor * v[2]};
 }
+Vector difference(const Vector& from, const Vector& to) {
+  return {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+}
+// The way within a part of `length` up to a time.
+Vector way(double time, double length, const Vector& mean, const Vector& acceleration) {
+  Vector sum = times(time, mean);
+  mju_addToScl3(sum.data(), acceleration.data(), 0.5 * time * (time - length));
+  return sum;
+}
 bool all_zero(const Vector& v) { return v == Vector{}; }
 
 bool is_pose(const Pose& pose) {
   double sum = 0.0;
   for (double x : pose) sum += x;
   return std::isfinite(sum) && std::abs(mju_norm(pose.data() + 3, 4) - 1.0) < 0.5;
+}
+
+bool has_finite_rates(const RememberedMocap& mocap) {
+  double sum = mocap.length;
+  for (const Vector* rate : {&mocap.velocity, &mocap.angular, &mocap.mean.velocity,
+                             &mocap.mean.change, &mocap.mean.growth, &mocap.mean_angular.velocity,
+                             &mocap.mean_angular.change, &mocap.mean_angular.growth})
+    sum += norm(*rate);
+  return std::isfinite(sum);
+}
+
+RememberedMocap at_rest(const Pose& pose) {
+  RememberedMocap mocap{};
+  mocap.command = mocap.pose = pose;
+  return mocap;
+}
+
+bool is_in_motion(const MocapBody& body) {
+  return !all_zero(body.velocity) || !all_zero(body.angular) || !all_zero(body.acceleration) ||
+         !all_zero(body.angular_acceleration);
 }
 
 bool has_arrived(const RememberedMocap& mocap) {
@@ -78,6 +110,26 @@ Pose pose_in(const mjData* d, size_t index) {
   std::copy_n(d->mocap_pos + 3 * index, 3, pose.begin());
   std::copy_n(d->mocap_quat + 4 * index, 4, pose.begin() + 3);
   return pose;
+}
+
+// Returns the acceleration in a step of this mean velocity, `between` (s) after that of the step
+// before, and takes the mean on to it.
+Vector accelerate(const Vector& velocity, double between, MeanRate& mean) {
+  const MeanRate before = mean;
+  mean.velocity = velocity;
+  mean.change = times(1.0 / between, difference(before.velocity, velocity));
+  const Vector growth = difference(before.change, mean.change);
+  // What sets out had no acceleration that could grow.
+  const bool sets_out = norm(before.change) + norm(before.growth) < kSteadyGrowth * norm(growth);
+  mean.growth = sets_out ? Vector{} : growth;
+  Vector ahead = mean.change;
+  mju_addToScl3(ahead.data(), growth.data(), 0.5);
+  if (norm(difference(before.growth, growth)) <=
+      kSteadyGrowth * std::max(norm(growth), norm(before.growth)))
+    return ahead;
+  const double along = mju_dot3(ahead.data(), before.change.data());
+  if (along <= 0.0) return {};
+  return times(std::min(1.0, kMostGrowth * along / mju_dot3(ahead.data(), ahead.data())), ahead);
 }
 
 // The follower after a time: offset and rate.
@@ -111,14 +163,14 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     body.placed = body.left = body.given;
     Pose command = body.given;
     mju_normalize4(command.data() + 3);
-    const bool knows = moves && is_pose(body.now.command) && is_pose(body.now.pose) &&
-                       std::isfinite(norm(body.now.velocity) + norm(body.now.angular));
+    const bool knows =
+        moves && is_pose(body.now.command) && is_pose(body.now.pose) && has_finite_rates(body.now);
     const bool far = knows && (norm(offset(body.now.command, command)) > kJump * metre(m) ||
                                norm(turn(body.now.command, command)) > kJumpTurn);
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
     body.jumps = far && may_follow;
     body.starts = !knows && may_follow;
-    if (!knows || (far && !body.jumps)) body.now = {command, command, {}, {}};
+    if (!knows || (far && !body.jumps)) body.now = at_rest(command);
     body.now.command = command;
   }
 }
@@ -144,9 +196,7 @@ void MocapMotion::place(size_t index, const Pose& pose) {
 }
 
 bool MocapMotion::anything_moves() const {
-  return std::any_of(buffers_.body.begin(), buffers_.body.end(), [](const MocapBody& body) {
-    return !all_zero(body.velocity) || !all_zero(body.angular);
-  });
+  return std::any_of(buffers_.body.begin(), buffers_.body.end(), is_in_motion);
 }
 
 // The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.
@@ -169,8 +219,7 @@ void MocapMotion::settle_jump(size_t index) {
   MocapBody& body = buffers_.body[index];
   body.jumps = false;
   const Pose command = body.now.command;
-  if (!(violation(index, command) > violation(index, body.now.pose)))
-    body.now = {command, command, {}, {}};
+  if (!(violation(index, command) > violation(index, body.now.pose))) body.now = at_rest(command);
 }
 
 // Before the first step of all a body may have been told to go far from what it holds, as resets do
@@ -187,35 +236,68 @@ void MocapMotion::settle_start(size_t index) {
 }
 
 void MocapMotion::begin(double length) {
-  searched_ = length;
+  searched_ = length_ = length;
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
     if (buffers_.body[i].jumps) settle_jump(i);
     if (buffers_.body[i].starts) settle_start(i);
   }
-  for (MocapBody& body : buffers_.body) {
-    const RememberedMocap& now = body.now;
-    body.velocity = body.angular = {};
-    if (has_arrived(now)) continue;
-    Vector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
-    Vector rate = now.velocity, angular_rate = now.angular;
-    follow(time_constant_, length, x, rate);
-    follow(time_constant_, length, angle, angular_rate);
-    Pose end = now.command;
-    move(end, x, angle);
-    body.velocity = times(1.0 / length, offset(now.pose, end));
-    body.angular = times(1.0 / length, turn(now.pose, end));
+  for (size_t i = 0; i < buffers_.body.size(); ++i) {
+    find_mean_velocity(length, buffers_.body[i]);
+    if (first_part_) find_acceleration(length, i);
   }
+  first_part_ = false;
   buffers_.end_position.clear();
   buffers_.drive.clear();
   if (anything_moves() && (model_->neq > 0 || model_->ntendon > 0)) find_constraints(length);
   show(0.0);
 }
 
+void MocapMotion::find_mean_velocity(double length, MocapBody& body) const {
+  const RememberedMocap& now = body.now;
+  body.velocity = body.angular = {};
+  if (has_arrived(now)) return;
+  Vector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
+  Vector rate = now.velocity, angular_rate = now.angular;
+  follow(time_constant_, length, x, rate);
+  follow(time_constant_, length, angle, angular_rate);
+  Pose end = now.command;
+  move(end, x, angle);
+  body.velocity = times(1.0 / length, offset(now.pose, end));
+  body.angular = times(1.0 / length, turn(now.pose, end));
+}
+
+// The acceleration in a step of `length`. Equalities see none (drive()), so what they hold to,
+// which has to be where they see it when the step ends early, has none.
+void MocapMotion::find_acceleration(double length, size_t index) {
+  MocapBody& body = buffers_.body[index];
+  RememberedMocap& now = body.now;
+  const double between = 0.5 * (length + now.length);
+  body.acceleration = accelerate(body.velocity, between, now.mean);
+  body.angular_acceleration = accelerate(body.angular, between, now.mean_angular);
+  now.length = length;
+  if (holds_anything(model_, data_, static_cast<int>(index)))
+    body.acceleration = body.angular_acceleration = {};
+}
+
+void MocapMotion::shorten(double length) {
+  if (length == length_) return;
+  const double earlier = 0.5 * (length - length_);
+  for (MocapBody& body : buffers_.body)
+    for (int i = 0; i < 3; ++i) {
+      body.velocity[i] += earlier * body.acceleration[i];
+      body.angular[i] += earlier * body.angular_acceleration[i];
+    }
+  length_ = length;
+  write_velocities();
+}
+
 void MocapMotion::show(double time) {
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
     const MocapBody& body = buffers_.body[i];
     Pose pose = has_arrived(body.now) ? body.given : body.now.pose;
-    if (time > 0.0) move(pose, times(time, body.velocity), times(time, body.angular));
+    if (time > 0.0 && is_in_motion(body))
+      move(pose, way(time, length_, body.velocity, body.acceleration),
+           way(time, length_, body.angular, body.angular_acceleration));
     place(i, pose);
   }
 }
@@ -261,6 +343,30 @@ void MocapMotion::drive(std::vector<ConstraintInput>& constraints) {
   for (ConstraintInput& c : constraints) c.drive = buffers_.drive[c.memory];
 }
 
+void MocapMotion::drive(std::vector<ContactInput>& contacts) const {
+  if (buffers_.body.empty()) return;
+  for (ContactInput& contact : contacts) {
+    contact.surface_acceleration = {};
+    for (int side = 0; side < 2; ++side)
+      if (contact.geom[side] >= 0)
+        add_acceleration(contact.geom[side], contact.position, side ? 1.0 : -1.0,
+                         contact.surface_acceleration);
+  }
+}
+
+// Adds the acceleration of a point of a geom, times `sign`, with which a mocap body takes it along.
+void MocapMotion::add_acceleration(int geom, const Vector& position, double sign,
+                                   Vector& acceleration) const {
+  const int root = model_->body_rootid[model_->geom_bodyid[geom]];
+  if (model_->body_mocapid[root] < 0) return;
+  const MocapBody& body = buffers_.body[model_->body_mocapid[root]];
+  mjtNum arm[3], around[3];
+  mju_sub3(arm, position.data(), data_->xpos + 3 * root);
+  mju_cross(around, body.angular_acceleration.data(), arm);
+  mju_addTo3(around, body.acceleration.data());
+  mju_addToScl3(acceleration.data(), around, sign);
+}
+
 double MocapMotion::work_against_gravity(double length) const {
   double work = 0.0;
   if (!anything_moves() || model_->opt.disableflags & mjDSBL_GRAVITY) return work;
@@ -281,7 +387,7 @@ double MocapMotion::work_against_gravity(double length) const {
 void MocapMotion::advance(double length) {
   for (MocapBody& body : buffers_.body) {
     RememberedMocap& now = body.now;
-    if (has_arrived(now)) continue;
+    if (has_arrived(now) && !is_in_motion(body)) continue;
     Vector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
     follow(time_constant_, length, x, now.velocity);
     follow(time_constant_, length, angle, now.angular);

@@ -246,7 +246,7 @@ void Memory::remember(const ContactInput& input, const Rows& rows, int index, co
   const bool comes = input.gap > 0.0 && change > kHitSpeed * rows.metre;
   const Hit hit = !data.is_of_lone_pair[index] ? Hit::kNone : comes ? Hit::kNow : data.hit[index];
   slot.hit = static_cast<double>(hit);
-  slot.turning = c.turning[0];
+  slot.turning = turn_of_normal(c);
   slot.solref = c.solref;
   std::memcpy(contact_storage(place), &slot, sizeof(slot));
 }

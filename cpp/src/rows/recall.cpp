@@ -88,8 +88,8 @@ bool is_elastic(const Rows& rows, const RowGroup& c) {
 // turns anew.
 double drift_of(const RememberedContact& old, const RowGroup& c, double length) {
   const bool in_middle = std::abs(c.ahead - 0.5 * length) <= kMiddle * length;
-  const double change = c.turning[0] - old.turning;
-  const double larger = std::max(std::abs(c.turning[0]), std::abs(old.turning));
+  const double turning = turn_of_normal(c), change = turning - old.turning;
+  const double larger = std::max(std::abs(turning), std::abs(old.turning));
   const bool goes_on = std::abs(change) <= kSteadyTurning * larger;
   return in_middle && goes_on ? 0.125 * length * change : 0.0;
 }

@@ -46,7 +46,7 @@ void RowData::reset_motion(int coordinates) {
 void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
-  for (auto* array : {&offset, &credit, &force_moment, &turning_work, &drift})
+  for (auto* array : {&offset, &credit, &force_moment, &turning_work, &acceleration_work, &drift})
     array->assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
   for (auto* array : {&touched, &is_of_lone_pair}) array->assign(rows.group.size(), 0);

@@ -158,6 +158,14 @@ void scatter(const Rows& rows, const RowGroup& c, const double* impulse, double*
   }
 }
 
+std::array<double, 3> along_frame(const ContactInput& contact,
+                                  const std::array<double, 3>& vector) {
+  std::array<double, 3> along{};
+  for (int i = 0; i < 3; ++i)
+    for (int k = 0; k < 3; ++k) along[i] += contact.frame[3 * i + k] * vector[k];
+  return along;
+}
+
 void append_ground_motion(Rows& rows, int coordinate, const double* rate) {
   RowGroup& c = rows.group.back();
   const int width = c.width();

@@ -55,7 +55,8 @@ struct ContactLanes : RowLanes<Dim> {
   Lanes slip[kFrictionRows];  // c / mu^2 of friction.hpp, the largest of a contact being 1
   Lanes loaded_friction, inverse_friction_load;  // s and 1 / F of friction.hpp
   Lanes turning[Dim < 3 ? Dim : 3];              // of RowGroup
-  Lanes turning_work;                            // J, of RowData
+  Lanes turning_work;                            // J: impulses times what `turning` adds to rates
+  Lanes lever[Dim < 3 ? Dim : 3];                // N s^2: impulses times the time since `ahead`
   Lanes ahead;                                   // of RowGroup
   Lanes drift;                                   // m/s, of RowData
 };

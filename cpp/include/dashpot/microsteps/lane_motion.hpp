@@ -60,6 +60,7 @@ template <int Dim>
     const Lanes work = c.impulse[i] * (c.turning[i] * (work_time - c.ahead) + drift);
     c.work[i > 0] -= work;
     c.turning_work += work;
+    c.lever[i] += c.impulse[i] * (work_time - c.ahead);
   }
 }
 

@@ -71,10 +71,18 @@ struct HeldMotion {
   double* other_force = nullptr;       // g, by motion coordinate
 };
 
+// The mean velocity (m/s or rad/s) of a mocap body over a step; c, by which it had changed since
+// the step before (m/s^2 or rad/s^2); and by how much c was not that of the step before.
+struct MeanRate {
+  std::array<double, 3> velocity, change, growth;
+};
+
 // What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
 struct RememberedMocap {
   std::array<double, 7> command, pose;      // position (m) and quaternion
   std::array<double, 3> velocity, angular;  // of the follower, m/s and rad/s, world
+  double length;                            // of the last step, s
+  MeanRate mean, mean_angular;              // over that step
 };
 
 // Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that

@@ -47,6 +47,9 @@ struct RowData {
   // Per group: work (J) that a contact frozen within the step would have done on bodies because its
   // normal and arms turn.
   std::vector<double> turning_work;
+  // Per group: work (J) that its forces did on its surfaces because these accelerate, beyond that
+  // at the velocities which they have at RowGroup::ahead.
+  std::vector<double> acceleration_work;
   // Per group: how much faster (m/s) the gap of a turning contact grows than by the rates of its
   // normal (detection/turning.hpp). It is no motion of bodies.
   std::vector<double> drift;

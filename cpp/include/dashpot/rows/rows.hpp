@@ -58,6 +58,9 @@ struct ContactInput {
   // s, by side: how far the place of a mocap body at the start is behind that of a tree that leads
   // (motion/leapfrog.hpp).
   std::array<double, 2> lag{};
+  // m/s^2, world: acceleration of the surface of geom 2 against that of geom 1 because mocap bodies
+  // change their velocity within the step (mujoco/mocap_motion.hpp).
+  std::array<double, 3> surface_acceleration{};
   std::array<double, 5> friction{};  // limit coefficients per friction row
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
@@ -75,6 +78,9 @@ struct ContactInput {
   }
   bool is_of_flex() const { return geom[0] < 0 || geom[1] < 0; }
 };
+
+// A vector (world) along the normal and the tangents of a contact.
+std::array<double, 3> along_frame(const ContactInput& contact, const std::array<double, 3>& vector);
 
 // What law a group of rows obeys.
 enum class RowKind {
@@ -143,9 +149,10 @@ struct RowGroup {
   double soft_load = 0.0;
   SolrefLoad solref;
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
-  // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp).
+  // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp). With
+  // the turn of the geometry goes what the surfaces accelerate by along the rows.
   double ahead = 0.0;
-  std::array<double, 3> turning{};
+  std::array<double, 3> turning{}, surface_acceleration{};
   bool is_of_round_hit = false;
   // Square of the frequency at which the contacts of its pair are pressed together, over that of
   // this one alone (pressed_together.hpp).
@@ -204,6 +211,11 @@ struct Rows {
 void gather(const Rows& rows, const RowGroup& group, const double* motion, double* out);
 // force += J' impulse.
 void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force);
+
+// What of RowGroup::turning is the turn of a contact's normal and arms, m/s^2.
+inline double turn_of_normal(const RowGroup& group) {
+  return group.turning[0] - group.surface_acceleration[0];
+}
 
 // Adds the column of a moving coordinate of the ground to the sparse rows of the group appended
 // last: `rate` (dim) is what it adds to each row's rate where it moves at 1.
