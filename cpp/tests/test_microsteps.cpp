@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <vector>
 
 #include "checks.hpp"
 #include "dashpot/islands/islands.hpp"
@@ -40,7 +41,8 @@ void check_forces_that_are_no_numbers() {
     bool thrown = false;
     try {
       dashpot::Team team(1);
-      dashpot::MicrostepLoop(1).run(rows, trees, {island}, 0.1, 16e-4, data, team);
+      const std::vector<char> in_time(trees.tree.size(), 0);
+      dashpot::MicrostepLoop(1).run(rows, trees, {island}, in_time, 0.1, 16e-4, data, team);
     } catch (const std::runtime_error&) {
       thrown = true;
     }
