@@ -377,8 +377,8 @@ def test_integrator_changed_after_the_engine_was_made(engine):
 
 
 def test_a_flag_that_contact_memory_cannot_follow():
-    rest = '<option><flag sleep="enable"/></option>'
-    with pytest.raises(ValueError, match="sleep"):
+    rest = '<option><flag override="enable"/></option>'
+    with pytest.raises(ValueError, match="override"):
         dashpot.Engine(mujoco.MjModel.from_xml_string(mjcf(BALL, rest=rest)))
 
 

@@ -14,6 +14,7 @@
 #include "dashpot/mujoco/contact_parameters.hpp"
 #include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 
 namespace dashpot::host {
 
@@ -80,6 +81,7 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
   }
   find_boxes(m, d, team);
   if (changed || is_left(m, d) || are_too_many(reach)) gather(m, d, reach);
+  const bool any_sleeps = host::any_sleeps(m, d);
   const int count = static_cast<int>(all_.size());
   const int size = team.range_size(count, kPairsAtOnce);
   near_of_range_.resize(count / size + 1);
@@ -93,6 +95,7 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
       if (i + static_cast<int>(kPrefetched) < last)
         for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
       CandidatePair pair = all_[i];
+      if (any_sleeps && rest_asleep(m, d, pair.geom)) continue;
       pair.within = margin_of(m, pair) + gap_of(m, pair);
       if (!are_near(m, d, pair)) continue;
       const double before =

@@ -11,6 +11,7 @@
 #include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 
 namespace dashpot::host {
 
@@ -39,6 +40,18 @@ bool keeps_its_gap(const mjModel* m, const mjData* d, const ContactInput& input)
   mju_cross(velocity, axis, arm);
   mju_addTo3(velocity, axis + 3);
   return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
+}
+
+// Lets contacts of what sleeps pass as beyond the margin, or not: MuJoCo makes no rows of them.
+void leave_out_sleeping(const mjModel* m, mjData* d, bool out) {
+  if (!any_sleeps(m, d)) return;
+  for (int i = 0; i < d->ncon; ++i) {
+    mjContact& contact = d->contact[i];
+    if (contact.exclude != (out ? kIncluded : kInGap)) continue;
+    for (int geom : contact.geom)
+      if (geom >= 0 && sleeps(d, m->body_treeid[m->geom_bodyid[geom]]))
+        contact.exclude = out ? kInGap : kIncluded;
+  }
 }
 
 // MuJoCo's constraint rows; false where they do not fit into the memory of the model.
@@ -132,11 +145,14 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
       // Nor do contacts adhere there; force reports take adhesion off the contact's force.
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
     }
+    leave_out_sleeping(m, d, true);
     const bool rows_fit = make_rows(m, d, detection.contact_rows);
     if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
       throw_contacts_exceed_memory();
   }
+  leave_out_sleeping(m, d, false);
   read_loadable(m, d, detection, contacts, team);
+  leave_out_sleeping(m, d, true);
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
                          contacts);
   read_constraints(m, d, constraints);

@@ -173,10 +173,17 @@ double Stepper::Impl::work_ahead_of_servos() const {
   return work;
 }
 
+// Springs of what sleeps keep their energy.
+void Stepper::Impl::start_books(const Memory& view) {
+  ledger = view.ledger();
+  elastic_asleep = view.energy(sleeping);
+  ledger.elastic -= elastic_asleep;
+}
+
 void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
-  view.remember(contacts, constraints, rows, data, team);
+  view.remember(contacts, constraints, rows, data, sleeping, team);
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   leapfrog.keep(clock.length, on_trees.held, motion, view);
@@ -185,6 +192,7 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
                  {clock.length, leaves_half, constraints, rows, data, on_trees.held,
                   leapfrog.fell_back(), leapfrog.way_back(), ways.mean},
                  motion, view, ledger);
+  ledger.elastic += elastic_asleep;
   view.set_ledger(ledger);
 }
 

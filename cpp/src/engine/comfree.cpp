@@ -12,7 +12,7 @@ namespace dashpot {
 void Stepper::Impl::update_complementarity_free(mjData_* d) {
   data.reset_rows(rows);
   islands.find(rows, motion.trees());
-  ledger = memory(d).ledger();
+  start_books(memory(d));
   comfree_groups.gap.clear();
   comfree_groups.effective_mass.clear();
   for (const RowGroup& c : rows.group) {

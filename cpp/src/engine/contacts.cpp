@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "dashpot/mujoco/constraints.hpp"
+#include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/contacts.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"

@@ -11,6 +11,7 @@
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "stepper_impl.hpp"
 
@@ -95,6 +96,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
     ++taken;
   }
   parts.finish();
+  fall_asleep(d, mocap);
   total.cuts = clock.cuts;
   total.parts = taken;
   return total;
@@ -126,6 +128,7 @@ void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors senso
                                host::MocapMotion& mocap) {
   motion.start(d);
   mocap.begin(clock.length);
+  host::wake_switched(model, d, memory(d));
   host::smooth_stage(model, d, new_control, sensors, find_contacts);
   mocap.write_velocities();
   motion.find_smooth_motion(d, clock.length, rough, data, team);
@@ -146,8 +149,11 @@ void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::M
 }
 
 void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
-  host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
-  mocap.drive(constraints);
+  do {
+    host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
+    mocap.drive(constraints);
+  } while (wake_reached(d, mocap));
+  leave_asleep(d);
   part = Part();
   correct_contacts_ahead(d);
   mocap.drive(contacts);

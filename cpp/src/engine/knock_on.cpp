@@ -27,9 +27,12 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);
-    host::detect_again(model, d, motion.smooth_acceleration(), knock_on.body_velocity(), detection,
-                       contacts, constraints, team);
-    mocap.drive(constraints);
+    do {
+      host::detect_again(model, d, motion.smooth_acceleration(), knock_on.body_velocity(),
+                         detection, contacts, constraints, team);
+      mocap.drive(constraints);
+    } while (wake_reached(d, mocap));
+    leave_asleep(d);
     correct_contacts_ahead(d);
     drop_pairs(part.apart, contacts);
     mocap.drive(contacts);

@@ -40,7 +40,7 @@ void Stepper::Impl::solve(mjData_* d, host::MocapMotion& mocap) {
     update_complementarity_free(d);
   } else {
     plan_and_recall(d);
-    run_islands();
+    run_islands(d);
   }
 }
 
@@ -79,7 +79,7 @@ void Stepper::Impl::act_along_in_held_trees(mjData_* d) {
 
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const StepView step = view(d);
-  ledger = step.memory.ledger();
+  start_books(step.memory);
   trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, ledger);
 }
 
@@ -103,14 +103,14 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   leapfrog.fall_back(step.memory, motion, rows, data);
 }
 
-void Stepper::Impl::run_islands() {
+void Stepper::Impl::run_islands(mjData_* d) {
   const EnergyShares before = elastic_energy(rows, data, team);
   velocity_before = data.velocity;
   find_trees_in_time();
   microsteps.run(rows, motion.trees(), islands.all(), goes_in_time,
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
-  check_memory();
+  check_memory(d);
   find_touched_trees();
   for (int tree = 0; tree < motion.tree_count(); ++tree)
     if (goes_in_time[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
@@ -135,13 +135,14 @@ void Stepper::Impl::check_velocities() const {
 }
 
 // Throws before anything is changed: what is compressed has to be remembered.
-void Stepper::Impl::check_memory() const {
+void Stepper::Impl::check_memory(mjData_* d) const {
   const auto compressed =
       std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {
         return c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
       });
-  if (compressed > memory_layout.contacts)
-    throw std::runtime_error(std::to_string(compressed) + " contacts exceed the memory for " +
+  const auto remembered = compressed + memory(d).count(sleeping);
+  if (remembered > memory_layout.contacts)
+    throw std::runtime_error(std::to_string(remembered) + " contacts exceed the memory for " +
                              std::to_string(memory_layout.contacts) +
                              " contacts that data reserve: make the engine of a model whose geoms "
                              "may touch as they do now");

@@ -1,7 +1,8 @@
 // What a stepper holds. The step and its parts are in engine.cpp; their rows in part_rows.cpp, the
 // geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, its forces in
-// reports.cpp, the state at its end in state.cpp, the complementarity-free law in comfree.cpp, and
-// the books in books.cpp. step_arrays.hpp has what is found by tree, row or degree of freedom.
+// reports.cpp, the state at its end in state.cpp, what sleeps in sleep.cpp, the
+// complementarity-free law in comfree.cpp, and the books in books.cpp. step_arrays.hpp has what is
+// found by tree, row or degree of freedom.
 
 #pragma once
 
@@ -63,6 +64,12 @@ struct Stepper::Impl {
   bool shorten_for_rows(host::StepParts& parts);
   bool shorten(double shorter, host::StepParts& parts);
 
+  // What sleeps (sleep.cpp).
+  bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
+  void leave_asleep(const mjData_* d);
+  void find_sleeping_islands(const host::MocapMotion& mocap);
+  void fall_asleep(mjData_* d, const host::MocapMotion& mocap);
+
   // Contacts, beside those that detection finds.
   void correct_contacts_ahead(mjData_* d);
   void cut_at_impact(mjData_* d, host::StepParts& parts);
@@ -83,9 +90,9 @@ struct Stepper::Impl {
   void finish_last_step(mjData_* d);
   void plan_and_recall(mjData_* d);
   double resolved_length() const;
-  void run_islands();
+  void run_islands(mjData_* d);
   void check_velocities() const;
-  void check_memory() const;
+  void check_memory(mjData_* d) const;
   void find_touched_trees();
   void find_trees_in_time();
   bool lands_in_next_step(const RowGroup& c) const;
@@ -124,6 +131,7 @@ struct Stepper::Impl {
   void leave_to_rows_by_stages(mjData_* d);
   double work_ahead_of_servos() const;
   void find_spring_changes();
+  void start_books(const Memory& memory);
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;
@@ -154,6 +162,12 @@ struct Stepper::Impl {
     host::find_present_contacts(m, d, detection);
   };
   host::MocapBuffers mocap_buffers;
+
+  // What sleeps.
+  SleepingRows sleeping;
+  double elastic_asleep = 0.0;  // J
+  std::vector<int> island_of;   // by tree, -1 for none
+  std::vector<char> driven;     // by tree: by mocap bodies that move
 
   // Rows, their material and geometry.
   std::vector<ContactInput> contacts;

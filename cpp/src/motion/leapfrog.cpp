@@ -67,7 +67,8 @@ void Leapfrog::find_leads(const mjModel_* model, const Memory& memory, const Tre
   if (!lead) return;
   leapfrogs_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index) {
-    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model);
+    leapfrogs_[index] =
+        !host::is_free_body(model, index) && !host::is_runge_kutta(model) && !motion.sleeps(index);
     const Tree& t = motion.trees().tree[index];
     const double* velocity = motion.start_velocity().data() + t.dof_begin;
     if (!leapfrogs_[index] ||

@@ -40,6 +40,7 @@ void TreeMotion::find_integrated(const mjData_* d, int index, double length,
 
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
+  if (sleeps(index)) return 0.0;
   if (is_accurate(index)) integrated_[index] = 0;
   if (!by_rows.touched && is_sprung(index) && host::is_runge_kutta(model_)) {
     integrated_[index] = 1;

@@ -10,6 +10,7 @@
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/joint_springs.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"
@@ -38,6 +39,7 @@ bool TreeMotion::is_accurate(int tree) const {
 
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {
+  find_sleeping(d);
   host::prepare_effective_inertia(model_, d);
   host::read_welded_parts(model_, tree_count(), parts_, team);
   host::find_effective_inertia(model_, d, parts_, trees_, team);
@@ -51,6 +53,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
     inverted_[index] = tree.free_body;
+    if (sleeps(index)) return stay(index, data);
     host::smooth_acceleration(d, trees_, index, acceleration);
     if (host::is_free_body(model_, index)) {
       FreeMotion& motion = free_motion_[index];
@@ -72,11 +75,24 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
                             " diverged; data are as they were before the step");
 }
 
+void TreeMotion::find_sleeping(const mjData_* d) {
+  sleeps_.assign(trees_.tree.size(), 0);
+  if (!host::any_sleeps(model_, d)) return;
+  for (int index = 0; index < tree_count(); ++index) sleeps_[index] = host::sleeps(d, index);
+}
+
+void TreeMotion::stay(int index, RowData& data) {
+  const Tree& tree = trees_.tree[index];
+  std::fill_n(smooth_acceleration_.begin() + tree.dof_begin, tree.dof_count, 0.0);
+  std::fill_n(data.smooth_acceleration.begin() + tree.begin, tree.count, 0.0);
+  std::fill_n(data.velocity.begin() + tree.begin, tree.count, 0.0);
+}
+
 // Puts the load of the middle of the step on the free bodies that springs act on.
 void TreeMotion::load_from_springs(const mjData_* d, double length, RowData& data) {
   elastic_forces_.find(model_, d, length);
   for (int index = 0; index < tree_count(); ++index) {
-    if (!is_sprung(index)) continue;
+    if (!is_sprung(index) || sleeps(index)) continue;
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
     add_load(free_motion_[index], length, elastic_forces_.change(model_, d, index));
@@ -98,6 +114,7 @@ void TreeMotion::freeze_at_middle(mjData_* d, double length, RowData& data, Team
     Vector6 of_free_body;
     const double* velocity = start_velocity_.data() + tree.dof_begin;
     inverted_[index] = tree.free_body;
+    if (sleeps(index)) continue;
     if (is_accurate(index)) {
       FreeMotion& motion = free_motion_[index];
       freeze_at(motion, host::orientation(model_, d, index));

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/jacobians.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
 #include "dashpot/mujoco/row_turns.hpp"
@@ -19,10 +20,6 @@ namespace {
 struct Range {
   int begin, end;
 };
-
-constexpr int kEqualityRows = 6;  // most rows of one equality (weld)
-constexpr int kLimitSides = 2;
-constexpr int kStrainRows = 18;  // of one cell of a flex
 
 // The degrees of freedom that a row of efc_J may reach: those of its joint, or all.
 Range dofs_of_row(const mjModel* m, const mjData* d, int row) {
@@ -56,39 +53,6 @@ struct Source {
   double margin;
 };
 
-bool is_flex_equality(const mjModel* m, int equality) {
-  const int type = m->eq_type[equality];
-  return type == mjEQ_FLEX || type == mjEQ_FLEXVERT || type == mjEQ_FLEXSTRAIN;
-}
-
-// Rows that an equality of a flex can have at most: one an edge, two a vertex, 18 a cell.
-int flex_equality_rows(const mjModel* m, int equality) {
-  const int flex = m->eq_obj1id[equality];
-  const int* cells = m->flex_cellnum + 3 * flex;
-  return std::max({m->flex_edgenum[flex], 2 * m->flex_vertnum[flex],
-                   kStrainRows * cells[0] * cells[1] * cells[2]});
-}
-
-// Where it begins: behind that of all else.
-int memory_of_flexes(const mjModel* m) {
-  return static_cast<int>(kEqualityRows * m->neq + m->nv + m->ntendon +
-                          kLimitSides * (m->njnt + m->ntendon));
-}
-
-// Memory of the rows of flex equalities before this one.
-int flex_equality_memory(const mjModel* m, int equality) {
-  int count = 0;
-  for (int i = 0; i < equality; ++i)
-    if (is_flex_equality(m, i)) count += flex_equality_rows(m, i);
-  return count;
-}
-
-// Where the memory of the rows of an equality begins.
-int memory_of_equality(const mjModel* m, int equality) {
-  return is_flex_equality(m, equality) ? memory_of_flexes(m) + flex_equality_memory(m, equality)
-                                       : kEqualityRows * equality;
-}
-
 // Whether a row of a limit is that of its upper side: the one whose gap it has, and, where both
 // have the same, the second of its rows. A ball joint has one side.
 bool is_upper_side(const mjModel* m, const mjData* d, int row, int index) {
@@ -103,29 +67,25 @@ bool is_upper_side(const mjModel* m, const mjData* d, int row, int index) {
 
 // `index` counts the rows of the same object from 0; `upper` tells the two sides of a limit.
 Source source_of(const mjModel* m, int type, int id, int index, bool upper) {
-  const int frictions = kEqualityRows * static_cast<int>(m->neq);
-  const int tendon_frictions = frictions + static_cast<int>(m->nv);
-  const int joint_limits = tendon_frictions + static_cast<int>(m->ntendon);
-  const int tendon_limits = joint_limits + kLimitSides * static_cast<int>(m->njnt);
   switch (type) {
     case mjCNSTR_EQUALITY: {
-      if (index >= (is_flex_equality(m, id) ? flex_equality_rows(m, id) : kEqualityRows))
+      if (index >= equality_rows(m, id))
         throw std::invalid_argument("equality #" + std::to_string(id) +
                                     " has more rows than there is memory for");
       return {RowKind::kBilateral, memory_of_equality(m, id) + index, m->eq_solref + mjNREF * id,
               m->eq_solimp + mjNIMP * id, 0.0};
     }
     case mjCNSTR_FRICTION_DOF:
-      return {RowKind::kSlider, frictions + id, m->dof_solref + mjNREF * id,
+      return {RowKind::kSlider, memory_of_friction(m, id), m->dof_solref + mjNREF * id,
               m->dof_solimp + mjNIMP * id, 0.0};
     case mjCNSTR_FRICTION_TENDON:
-      return {RowKind::kSlider, tendon_frictions + id, m->tendon_solref_fri + mjNREF * id,
-              m->tendon_solimp_fri + mjNIMP * id, 0.0};
+      return {RowKind::kSlider, memory_of_tendon_friction(m, id),
+              m->tendon_solref_fri + mjNREF * id, m->tendon_solimp_fri + mjNIMP * id, 0.0};
     case mjCNSTR_LIMIT_JOINT:
-      return {RowKind::kUnilateral, joint_limits + kLimitSides * id + upper,
+      return {RowKind::kUnilateral, memory_of_joint_limit(m, id) + upper,
               m->jnt_solref + mjNREF * id, m->jnt_solimp + mjNIMP * id, m->jnt_margin[id]};
     default:
-      return {RowKind::kUnilateral, tendon_limits + kLimitSides * id + upper,
+      return {RowKind::kUnilateral, memory_of_tendon_limit(m, id) + upper,
               m->tendon_solref_lim + mjNREF * id, m->tendon_solimp_lim + mjNIMP * id,
               m->tendon_margin[id]};
   }
@@ -164,10 +124,6 @@ std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source)
     trees[count++] = tree;
   });
   return trees;
-}
-
-int constraint_memory_count(const mjModel_* m) {
-  return memory_of_flexes(m) + flex_equality_memory(m, static_cast<int>(m->neq));
 }
 
 void read_constraints(const mjModel_* m, const mjData_* d,

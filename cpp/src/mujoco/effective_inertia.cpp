@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
@@ -222,6 +223,7 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d,
   for (int i = 0; i < m->nv; ++i)
     trees.joint_damping[i] = weight > 0.0 ? weight * joint_damping(m, i, d->qvel[i]) : 0.0;
   team.for_each(static_cast<int>(trees.tree.size()), kTreesAtOnce, [&](int index) {
+    if (sleeps(d, index)) return;
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
     t.damped = false;

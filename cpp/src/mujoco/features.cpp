@@ -101,7 +101,8 @@ void report_options(const mjModel* m, Report& report) {
                                    "mean forces of contacts act in all of its stages"
                                  : "trees without contact are stepped by MuJoCo's own integrator");
   if (o.enableflags & mjENBL_SLEEP)
-    report.add("flag sleep", Treatment::kRefused, "sleeping islands carry no contact memory");
+    report.add("flag sleep", Treatment::kHonoured,
+               "islands are those of contacts that could touch in the step");
   if (o.enableflags & mjENBL_OVERRIDE)
     report.add("flag override", Treatment::kRefused,
                "contact parameters come from materials, not from o_solref and o_solimp");
@@ -240,7 +241,7 @@ void check_options(const mjModel_* m, Law law) {
   const mjOption& o = m->opt;
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
-  if (!is_known_integrator(m) || o.enableflags & (mjENBL_SLEEP | mjENBL_OVERRIDE | mjENBL_IPC))
+  if (!is_known_integrator(m) || o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m, law);
 }
 

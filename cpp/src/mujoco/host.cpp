@@ -8,6 +8,7 @@
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 
 namespace dashpot::host {
 
@@ -81,6 +82,9 @@ void set_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constr
     mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }
+  thread_local std::vector<int> sleeping;
+  find_sleeping_dofs(m, d, sleeping);
+  for (int dof : sleeping) d->qacc[dof] = 0.0;
 }
 
 const double* acceleration(const mjData_* d) { return d->qacc; }
@@ -114,6 +118,7 @@ void advance_all_but_motion(mjModel_* m, mjData_* d) {
 }
 
 void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta) {
+  const StaysAwake awake(m, d);
   if (is_runge_kutta(m))
     runge_kutta.advance(m, d);
   else if (takes_derivatives(m))

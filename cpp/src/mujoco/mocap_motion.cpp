@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/constraints.hpp"
 #include "dashpot/mujoco/mocap_acceleration.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -172,6 +173,12 @@ void MocapMotion::place(size_t index, const Pose& pose) {
 
 bool MocapMotion::anything_moves() const {
   return std::any_of(buffers_.body.begin(), buffers_.body.end(), is_in_motion);
+}
+
+bool MocapMotion::moves(int geom) const {
+  if (geom < 0 || buffers_.body.empty()) return false;
+  const int index = model_->body_mocapid[model_->body_rootid[model_->geom_bodyid[geom]]];
+  return index >= 0 && is_in_motion(buffers_.body[index]);
 }
 
 // The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.

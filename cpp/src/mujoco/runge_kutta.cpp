@@ -12,6 +12,7 @@
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"
 #include "dashpot/rows/held_stages.hpp"
@@ -96,6 +97,7 @@ void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStag
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
   read_forces(m, d, 0);
   time_ = d->time;
+  find_sleeping_dofs(m, d, sleeping_);
   others_look_ = others_look_at_stages(m);
   if (others_look_) {
     // It would need the contacts of every stage, in the place of those of the step.
@@ -177,6 +179,7 @@ void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& 
   }
   velocity_[stage].assign(d->qvel, d->qvel + m->nv);
   acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
+  for (int dof : sleeping_) acceleration_[stage][dof] = 0.0;
   find_spring_changes(m, stage, held);
   add_response_of_springs(m, d, stage);
   bar(m, d, stage, held);

@@ -172,6 +172,7 @@ void join_coupled_trees(mjModel_* m) {
   for (int i = 0; i < m->ntree; ++i) {
     if (i > 0 && range[i].first != i) {
       const int tree = joined[i] = joined[i - 1];
+      m->tree_sleep_policy[tree] = mjSLEEP_NEVER;
       m->tree_bodynum[tree] += m->tree_bodynum[i];
       m->tree_dofnum[tree] += m->tree_dofnum[i];
       continue;

@@ -15,7 +15,6 @@ namespace {
 // and velocities at its end, mocap bodies, constraints, contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
-constexpr int kConstraint = sizeof(RememberedConstraint) / sizeof(double);
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
 constexpr int kContactsAtOnce = 64;  // by a thread
 
@@ -55,14 +54,15 @@ int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
 int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
 
 int MemoryLayout::size() const {
-  return kHeader + held_size() + lead_size() + mocap_size() + kConstraint * constraints +
+  return kHeader + held_size() + lead_size() + mocap_size() +
+         static_cast<int>(sizeof(RememberedConstraint) / sizeof(double)) * constraints +
          static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
 }
 
 Memory::Memory(double* storage, const MemoryLayout& layout)
     : storage_(storage),
       layout_(layout),
-      contacts_(constraint_storage() + kConstraint * layout.constraints) {}
+      contacts_(constraint_storage() + kConstraintSize * layout.constraints) {}
 
 double* Memory::mocap_storage() const {
   return storage_ + kHeader + layout_.held_size() + layout_.lead_size();
@@ -108,12 +108,12 @@ void Memory::set_mocap(int index, const RememberedMocap& mocap) {
 
 RememberedConstraint Memory::constraint(int index) const {
   RememberedConstraint slot;
-  std::memcpy(&slot, constraint_storage() + kConstraint * index, sizeof(slot));
+  std::memcpy(&slot, constraint_storage() + kConstraintSize * index, sizeof(slot));
   return slot;
 }
 
 double* Memory::equality(int constraint) const {
-  return constraint_storage() + kConstraint * constraint +
+  return constraint_storage() + kConstraintSize * constraint +
          offsetof(RememberedConstraint, mean_force) / sizeof(double);
 }
 
@@ -178,8 +178,9 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::remember(const std::vector<ContactInput>& contacts,
                       const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                      const RowData& data, Team& team) {
-  std::fill(constraint_storage(), contact_storage(0), 0.0);
+                      const RowData& data, const SleepingRows& sleeping, Team& team) {
+  forget_constraints(sleeping);
+  const int asleep = gather(sleeping);
   thread_local std::vector<int> kept;  // by the thread: no allocation in a step
   kept.resize(rows.group.size());
   int* const compressed = kept.data();
@@ -192,8 +193,10 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
       compressed[count++] = static_cast<int>(index);
   }
   team.for_each(count, kContactsAtOnce, [=, &contacts, &rows, &data](int slot) {
-    remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data, slot);
+    remember(contacts[rows.group[compressed[slot]].input], rows, compressed[slot], data,
+             asleep + slot);
   });
+  count += asleep;
   if (count < contact_count())
     std::fill(contact_storage(count), contact_storage(contact_count()), 0.0);
   storage_[0] = count;
@@ -211,7 +214,7 @@ void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
     slot.credit = data.credit[index];
   }
   if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
-  std::memcpy(constraint_storage() + kConstraint * input.memory, &slot, sizeof(slot));
+  std::memcpy(constraint_storage() + kConstraintSize * input.memory, &slot, sizeof(slot));
 }
 
 void Memory::remember(const ContactInput& input, const Rows& rows, int index, const RowData& data,

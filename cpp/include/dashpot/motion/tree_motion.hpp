@@ -57,6 +57,8 @@ class TreeMotion {
 
   // Whether it is a free body that moves as one, not as MuJoCo moves it.
   bool is_accurate(int tree) const;
+  // Whether it sleeps, and does not move.
+  bool sleeps(int tree) const { return sleeps_[tree]; }
   // Whether springs or servos act on such a body. In flight RK4 moves it then.
   bool is_sprung(int tree) const;
 
@@ -116,6 +118,8 @@ class TreeMotion {
 
  private:
   void fill_inverse(int tree);
+  void find_sleeping(const mjData_* d);
+  void stay(int tree, RowData& data);
   void load_from_springs(const mjData_* d, double length, RowData& data);
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
   bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
@@ -136,6 +140,7 @@ class TreeMotion {
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
   host::ElasticForces elastic_forces_;
+  std::vector<char> sleeps_;    // by tree
   std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
   std::vector<int> to_invert_;  // trees
   std::vector<char> integrated_;

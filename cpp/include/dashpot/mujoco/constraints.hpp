@@ -21,9 +21,6 @@ void read_constraints(const mjModel_* m, const mjData_* d,
 // Whether solref (2) and solimp (5) are MuJoCo's defaults.
 bool is_default_impedance(const double* solref, const double* solimp);
 
-// Number of scalar constraints of the model that carry memory.
-int constraint_memory_count(const mjModel_* m);
-
 // dJ/dt xi of a row of an equality of bodies, joints, tendons or edges of a flex, in m/s^2 or
 // rad/s^2: how fast its rate changes while the motion coordinates keep theirs. Leaves out what the
 // other equalities of flexes keep.

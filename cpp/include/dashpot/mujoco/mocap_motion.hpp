@@ -83,6 +83,8 @@ class MocapMotion {
   void drive(std::vector<ConstraintInput>& constraints);
   // Sets the accelerations at which it drives contacts.
   void drive(std::vector<ContactInput>& contacts) const;
+  // Whether a geom is of a mocap body that moves in this part, or hangs on one.
+  bool moves(int geom) const;
   // Puts the bodies where they are a time (s) after the start of the part.
   void show(double time);
   // Work (J) that taking the bodies, and what hangs on them, through the part of `length` does

@@ -97,6 +97,7 @@ class RungeKutta {
   double time_ = 0.0;
   bool constrained_ = false, others_look_ = false;
   std::vector<double> constraint_force_;
+  std::vector<int> sleeping_;           // degrees of freedom
   std::vector<double> state_, inputs_;  // at the start; as callbacks left them
   std::vector<double> position_, activation_, start_acceleration_;
   std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;

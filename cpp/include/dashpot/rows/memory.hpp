@@ -19,7 +19,8 @@ namespace dashpot {
 // What one compressed contact remembers. Vectors are in the frame of geom 1.
 struct RememberedContact {
   double geom[2];
-  double source;                  // index among the detected contacts of the step that wrote it
+  double source;                  // index among the detected contacts of the step that wrote it, or
+                                  // -1 where it sleeps
   double sticking;                // 1 if friction stuck in the last micro-step
   double position[2][3];          // in the frames of geom 1 and geom 2, m
   double compression, stiffness;  // m, N/m
@@ -43,6 +44,16 @@ struct RememberedConstraint {
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
   double mean_force, turning_work;  // of an equality, see Memory::equality()
+};
+
+// Geoms and scalar constraints (by ConstraintInput::memory) of trees that sleep, whose rows are not
+// made: what these remember stays. Both empty: nothing sleeps. A constraint sleeps where one of its
+// trees does, a contact where one of its geoms does, the other one being of no tree that is awake.
+enum class GeomSleep : char { kIsAwake, kSleeps, kOfNoTree };
+struct SleepingRows {
+  std::vector<GeomSleep> geom;
+  std::vector<char> constraint;
+  bool has(const std::array<int, 2>& geoms) const;
 };
 
 // What memory has of a contact: the remembered point of its pair that it goes on from
@@ -134,12 +145,20 @@ class Memory {
   double* equality(int constraint) const;
   RememberedConstraint constraint(int index) const;  // by ConstraintInput::memory
 
-  // Replaces the memory by the deformed rows of `data`.
+  // Forgets how a tree moved (`index`): it is at rest.
+  void rest(const Tree& tree, int index);
+  // How many contacts sleep, and the energy (J) in the springs of all rows that do.
+  int count(const SleepingRows& sleeping) const;
+  double energy(const SleepingRows& sleeping) const;
+
+  // Replaces the memory by the deformed rows of `data`, but for what sleeps.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                const RowData& data, Team& team);
+                const RowData& data, const SleepingRows& sleeping, Team& team);
 
  private:
+  void forget_constraints(const SleepingRows& sleeping);
+  int gather(const SleepingRows& sleeping);
   void remember(const ConstraintInput& input, const Rows& rows, int group, const RowData& data);
   void remember(const ContactInput& input, const Rows& rows, int group, const RowData& data,
                 int place);
@@ -147,7 +166,9 @@ class Memory {
   double* constraint_storage() const;
   double* contact_storage(int index) const { return contacts_ + kContactSize * index; }
 
+  // In doubles.
   static constexpr int kContactSize = sizeof(RememberedContact) / sizeof(double);
+  static constexpr int kConstraintSize = sizeof(RememberedConstraint) / sizeof(double);
 
   double* storage_;
   MemoryLayout layout_;

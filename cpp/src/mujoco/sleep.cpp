@@ -1,0 +1,212 @@
+#include "dashpot/mujoco/sleep.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "dashpot/mujoco/constraint_memory.hpp"
+#include "dashpot/mujoco/trees.hpp"
+
+// Exported by the pinned MuJoCo library though not declared in its public headers: what follows
+// from mjData.tree_asleep, and whether an object sleeps.
+extern "C" {
+void mj_updateSleep(const mjModel* m, mjData* d);
+mjtSleepState mj_sleepState(const mjModel* m, const mjData* d, mjtObj type, int i);
+}
+
+namespace dashpot::host {
+
+namespace {
+
+// Of mjData.tree_asleep: the last step was too fast; as many steps were slow as sleep takes. What
+// sleeps has the next tree of its island there.
+constexpr int kAwake = -(1 + mjMINAWAKE), kReady = -1;
+
+std::vector<int>& counts_of_thread() {
+  thread_local std::vector<int> counts;
+  return counts;
+}
+
+bool may_ever_sleep(const mjModel* m, int tree) {
+  const int policy = m->tree_sleep_policy[tree];
+  return policy != mjSLEEP_NEVER && policy != mjSLEEP_AUTO_NEVER;
+}
+
+bool all_zero(const mjtNum* values, int count) {
+  return std::all_of(values, values + count, [](mjtNum value) { return value == 0.0; });
+}
+
+bool could_sleep(const mjModel* m, const mjData* d, int tree, const std::vector<double>& shift) {
+  const int body = m->tree_bodyadr[tree], dof = m->tree_dofadr[tree];
+  if (!may_ever_sleep(m, tree) ||
+      !all_zero(d->xfrc_applied + 6 * body, 6 * m->tree_bodynum[tree]) ||
+      !all_zero(d->qfrc_applied + dof, m->tree_dofnum[tree]))
+    return false;
+  for (int i = dof; i < dof + m->tree_dofnum[tree]; ++i)
+    if (!(m->dof_length[i] * std::max(std::abs(d->qvel[i]), std::abs(shift[i])) <
+          m->opt.sleep_tolerance))
+      return false;
+  return true;
+}
+
+// The trees that an equality may tie, two of each side, -1 for none. Those of flexes never sleep.
+std::array<int, 4> trees_of_equality(const mjModel* m, int equality) {
+  const int type = m->eq_type[equality];
+  std::array<int, 4> trees{-1, -1, -1, -1};
+  for (int side = 0; side < 2; ++side) {
+    const int id = side == 0 ? m->eq_obj1id[equality] : m->eq_obj2id[equality];
+    int* const of_side = trees.data() + 2 * side;
+    if (id < 0) continue;
+    if (type == mjEQ_TENDON)
+      std::copy_n(m->tendon_treeid + 2 * id, std::min(2, m->tendon_treenum[id]), of_side);
+    else if (type == mjEQ_JOINT)
+      *of_side = m->body_treeid[m->jnt_bodyid[id]];
+    else if (type == mjEQ_CONNECT || type == mjEQ_WELD)
+      *of_side = m->body_treeid[m->eq_objtype[equality] == mjOBJ_SITE ? m->site_bodyid[id] : id];
+  }
+  return trees;
+}
+
+// Whether the rows of an equality held something when they were last made.
+bool held(const mjModel* m, int equality, const Memory& memory) {
+  const int first = memory_of_equality(m, equality);
+  for (int row = first; row < first + equality_rows(m, equality); ++row)
+    if (memory.constraint(row).stiffness != 0.0) return true;
+  return false;
+}
+
+}  // namespace
+
+bool may_sleep(const mjModel_* m) { return m->opt.enableflags & mjENBL_SLEEP; }
+
+bool any_sleeps(const mjModel_* m, const mjData_* d) {
+  return may_sleep(m) &&
+         std::any_of(d->tree_asleep, d->tree_asleep + m->ntree, [](int next) { return next >= 0; });
+}
+
+bool sleeps(const mjData_* d, int tree) { return tree >= 0 && d->tree_asleep[tree] >= 0; }
+
+bool rest_asleep(const mjModel_* m, const mjData_* d, const std::array<int, 2>& geoms) {
+  bool any = false;
+  for (int geom : geoms) {
+    const int body = m->geom_bodyid[geom], tree = m->body_treeid[body];
+    if (tree < 0 ? m->body_mocapid[m->body_rootid[body]] >= 0 : !sleeps(d, tree)) return false;
+    any = any || tree >= 0;
+  }
+  return any;
+}
+
+void wake(const mjModel_* m, mjData_* d, int tree) {
+  while (d->tree_asleep[tree] >= 0) {
+    const int next = d->tree_asleep[tree];
+    d->tree_asleep[tree] = kAwake;
+    tree = next;
+  }
+  mj_updateSleep(m, d);
+}
+
+void wake_switched(const mjModel_* m, mjData_* d, const Memory& memory) {
+  for (int i = 0; i < m->neq; ++i) {
+    const bool active = d->eq_active[i];
+    for (int tree : trees_of_equality(m, i)) {
+      if (!sleeps(d, tree) || active == held(m, i, memory)) continue;
+      // What sleeps from the start on remembers nothing.
+      if (!active || m->tree_sleep_policy[tree] != mjSLEEP_INIT) wake(m, d, tree);
+    }
+  }
+}
+
+std::vector<int> find_falling_asleep(const mjModel_* m, mjData_* d, const std::vector<int>& island,
+                                     const std::vector<char>& driven,
+                                     const std::vector<double>& shift) {
+  const int count = static_cast<int>(island.size());
+  thread_local std::vector<char> waits;  // by island: not all of it can. A step allocates nothing
+  waits.assign(count, 0);
+  for (int tree = 0; tree < count; ++tree) {
+    int& steps = d->tree_asleep[tree];
+    if (steps >= 0) continue;
+    if (driven[tree] || !could_sleep(m, d, tree, shift))
+      steps = kAwake;
+    else if (steps < kReady)
+      ++steps;
+    if (steps != kReady && island[tree] >= 0) waits[island[tree]] = 1;
+  }
+  std::vector<int> falling;
+  for (int tree = 0; tree < count; ++tree)
+    if (d->tree_asleep[tree] == kReady && (island[tree] < 0 || !waits[island[tree]]))
+      falling.push_back(tree);
+  return falling;
+}
+
+void put_to_sleep(mjModel_* m, mjData_* d, const std::vector<int>& trees,
+                  const std::vector<int>& island) {
+  for (int tree : trees) mju_zero(d->qvel + m->tree_dofadr[tree], m->tree_dofnum[tree]);
+  // What depends on positions and velocities is that of their sleep from now on.
+  mj_fwdKinematics(m, d);
+  mj_makeM(m, d);
+  mj_factorM(m, d);
+  mj_fwdVelocity(m, d);
+  std::vector<int> first(island.size(), -1), last(island.size(), -1);  // by island
+  for (int tree : trees) {
+    mju_zero(d->qacc + m->tree_dofadr[tree], m->tree_dofnum[tree]);
+    const int of = island[tree];
+    const bool begins = of < 0 || first[of] < 0;
+    d->tree_asleep[tree] = begins ? tree : first[of];
+    if (of < 0) continue;
+    if (begins)
+      first[of] = tree;
+    else
+      d->tree_asleep[last[of]] = tree;
+    last[of] = tree;
+  }
+  mj_updateSleep(m, d);
+}
+
+void find_sleeping_rows(const mjModel_* m, const mjData_* d, SleepingRows& sleeping) {
+  sleeping.geom.clear();
+  sleeping.constraint.clear();
+  if (!any_sleeps(m, d)) return;
+  for (int geom = 0; geom < m->ngeom; ++geom) {
+    const int tree = m->body_treeid[m->geom_bodyid[geom]];
+    sleeping.geom.push_back(tree < 0          ? GeomSleep::kOfNoTree
+                            : sleeps(d, tree) ? GeomSleep::kSleeps
+                                              : GeomSleep::kIsAwake);
+  }
+  sleeping.constraint.assign(constraint_memory_count(m), 0);
+  const auto mark = [&](int first, int rows, bool sleeps) {
+    std::fill_n(sleeping.constraint.begin() + first, rows, sleeps);
+  };
+  const auto is_asleep = [&](mjtObj type, int id) {
+    return mj_sleepState(m, d, type, id) == mjS_ASLEEP;
+  };
+  for (int i = 0; i < m->neq; ++i) {
+    const std::array<int, 4> trees = trees_of_equality(m, i);
+    mark(memory_of_equality(m, i), equality_rows(m, i),
+         std::any_of(trees.begin(), trees.end(), [&](int tree) { return sleeps(d, tree); }));
+  }
+  for (int i = 0; i < m->nv; ++i) mark(memory_of_friction(m, i), 1, is_asleep(mjOBJ_DOF, i));
+  for (int i = 0; i < m->njnt; ++i)
+    mark(memory_of_joint_limit(m, i), kLimitSides, is_asleep(mjOBJ_JOINT, i));
+  for (int i = 0; i < m->ntendon; ++i) {
+    mark(memory_of_tendon_friction(m, i), 1, is_asleep(mjOBJ_TENDON, i));
+    mark(memory_of_tendon_limit(m, i), kLimitSides, is_asleep(mjOBJ_TENDON, i));
+  }
+}
+
+void find_sleeping_dofs(const mjModel_* m, const mjData_* d, std::vector<int>& dofs) {
+  dofs.clear();
+  if (!any_sleeps(m, d)) return;
+  for (int dof = 0; dof < m->nv; ++dof)
+    if (sleeps(d, m->dof_treeid[dof])) dofs.push_back(dof);
+}
+
+StaysAwake::StaysAwake(const mjModel_* m, mjData_* d) : data_(d), counts_(counts_of_thread()) {
+  counts_.assign(d->tree_asleep, d->tree_asleep + (may_sleep(m) ? m->ntree : 0));
+  for (size_t tree = 0; tree < counts_.size(); ++tree)
+    if (counts_[tree] < 0) d->tree_asleep[tree] = kAwake;
+}
+
+StaysAwake::~StaysAwake() { std::copy(counts_.begin(), counts_.end(), data_->tree_asleep); }
+
+}  // namespace dashpot::host
