@@ -26,8 +26,10 @@ constexpr double kDepths = 1.5;
 // next.
 constexpr double kLargestSag = 0.05;
 constexpr int kLayers = 4;
-// Cosine between normals that are the same.
+// Cosine between normals that are the same, and between those of tiles at whose edges round geoms
+// pass, with the chord between these.
 constexpr double kSameNormal = 0.9999;
+constexpr double kTilted = 0.985, kTiltedChord = 0.174;
 
 // A radius about its centre that a geom contains; 0 where none is known.
 double inner_radius(const mjModel* m, int geom) {
@@ -54,15 +56,23 @@ bool has_more_geoms(const mjModel* m, int body) {
   return count > 1;
 }
 
+// Whether a geom is round, and another one has flat faces.
+bool rolls_on(const mjModel* m, int geom, int other) {
+  switch (m->geom_type[geom]) {
+    case mjGEOM_SPHERE:
+    case mjGEOM_CAPSULE:
+    case mjGEOM_ELLIPSOID:
+    case mjGEOM_CYLINDER:
+      return m->geom_type[other] == mjGEOM_BOX || m->geom_type[other] == mjGEOM_MESH;
+    default:
+      return false;
+  }
+}
+
 // Whether a contact is that of a round geom and a tile: of a geom without flat faces, and of one
 // with some on a body that may have others beside it.
 bool may_roll_over_a_seam(const mjModel* m, const ContactInput& contact) {
-  if (contact.is_of_flex()) return false;
-  const int round = m->geom_type[contact.geom[0]], other = m->geom_type[contact.geom[1]];
-  if (round != mjGEOM_SPHERE && round != mjGEOM_CAPSULE && round != mjGEOM_ELLIPSOID &&
-      round != mjGEOM_CYLINDER)
-    return false;
-  if (other != mjGEOM_BOX && other != mjGEOM_MESH) return false;
+  if (contact.is_of_flex() || !rolls_on(m, contact.geom[0], contact.geom[1])) return false;
   const int held_by = m->body_weldid[m->geom_bodyid[contact.geom[1]]];
   return held_by == 0 || has_more_geoms(m, held_by);
 }
@@ -231,6 +241,33 @@ class Seams {
     return direction.dot(velocity);
   }
 
+  // How far (m) geoms overlap, negative where they are apart, and how fast (m/s) that grows.
+  struct Overlap {
+    double now, rate;
+  };
+
+  // Along a direction, with a geom whose highest point along that is given; `at`: where they meet.
+  Overlap overlap_along(int geom, int other, const Eigen::Vector3d& up,
+                        const Eigen::Vector3d& highest, const Eigen::Vector3d& at) {
+    const Eigen::Vector3d lowest = support(geom, -up);
+    return {up.dot(highest - lowest), rate_along(other, up, at) - rate_along(geom, up, lowest)};
+  }
+
+  // With a face that is flush along `up`: where the geom comes to it, not at its far end, which may
+  // be tilted up. What `rolls` is lifted as it goes along over that.
+  Overlap overlap_with_flush(int geom, int other, const Eigen::Vector3d& face,
+                             const Eigen::Vector3d& up, const Eigen::Vector3d& at, bool rolls) {
+    const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
+    Overlap overlap = overlap_along(geom, other, up, highest, highest);
+    overlap.now = face.dot(support(other, face) - at) + up.dot(at - lowest);
+    if (!rolls) return overlap;
+    const Eigen::Map<const Eigen::Vector3d> centre(d_->geom_xpos + 3 * geom);
+    const Eigen::Vector3d along = face - face.dot(up) * up;
+    const double rise = rate_along(other, along, at) - rate_along(geom, along, centre);
+    overlap.rate += std::max(0.0, rise) / face.dot(up);
+    return overlap;
+  }
+
   // How deep a body is pressed into what bears it along a direction, and that into the next, layer
   // by layer: its face lies so far beneath those beside it that bear nothing.
   double sag_along(int body, const Eigen::Vector3d& up, int layers) const {
@@ -272,22 +309,32 @@ class Seams {
     // Most pairs overlap by more, as their centres tell.
     const Eigen::Vector3d between = Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * other) -
                                     Eigen::Map<const Eigen::Vector3d>(d_->geom_xpos + 3 * geom);
-    if (up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) > most) return false;
-    const Eigen::Vector3d highest = support(other, up), lowest = support(geom, -up);
+    const bool rolls = rolls_on(m_, geom, other);
+    const double reach = up.dot(between) + inner_radius(m_, other) + inner_radius(m_, geom) - most;
+    if (reach > (rolls ? kTiltedChord * between.norm() : 0.0)) return false;
+    // Up to which overlap at the end of the step the geom passes.
+    const auto is_low = [&](const Overlap& overlap) {
+      const double then =
+          overlap.now + m_->opt.timestep * std::max(0.0, overlap.rate - closing(rest));
+      if (std::max(then, -contact.gap) <= without_sag) return true;
+      const double sag = most_sag > 0.0 ? std::min(most_sag, sag_along(tile, up, kLayers)) : 0.0;
+      return std::max(then, -contact.gap) <= without_sag + sag;
+    };
+    const Eigen::Map<const Eigen::Vector3d> middle(contact.position.data());
+    const Eigen::Vector3d at =  // on the other geom
+        middle + (side ? -0.5 : 0.5) * (contact.gap + contact.margin) * normal;
+    const Eigen::Vector3d highest = support(other, up);
     const std::optional<Eigen::Vector3d> face =
-        face_normal_along(m_, d_, other, up, kSameNormal, faces_);
-    if (!face && !lies_beneath(highest, up, rest, tolerance(contact))) return false;
-    // Of a tilted tile the face counts where the geom comes to it, not at its far end.
-    double overlap = up.dot(highest - lowest);
-    if (face) {
-      const Eigen::Map<const Eigen::Vector3d> at(contact.position.data());
-      overlap = face->dot(support(other, *face) - at) + up.dot(at - lowest);
-    }
-    const double rate = rate_along(other, up, highest) - rate_along(geom, up, lowest);
-    const double then = overlap + m_->opt.timestep * std::max(0.0, rate - closing(rest));
-    if (std::max(then, -contact.gap) <= without_sag) return true;
-    const double sag = most_sag > 0.0 ? std::min(most_sag, sag_along(tile, up, kLayers)) : 0.0;
-    return std::max(then, -contact.gap) <= without_sag + sag;
+        face_normal_along(m_, d_, other, up, rolls ? kTilted : kSameNormal, faces_);
+    if (face && face->dot(up) > kSameNormal)
+      return reach <= 0.0 && is_low(overlap_with_flush(geom, other, *face, up, at, rolls));
+    if (lies_beneath(highest, up, rest, tolerance(contact)))
+      return reach <= 0.0 && is_low(overlap_along(geom, other, up, highest, highest));
+    if (!face || (side ? 1.0 : -1.0) * normal.dot(*face) > kSameNormal) return false;
+    if (depth > kLargestSag * contact_radius(m_, contact)) return false;
+    // Of a face that is tilted farther, across its plane: along the normal of the one before what
+    // rolls on both is higher beside its lowest point.
+    return is_low(overlap_along(geom, other, *face, support(other, *face), at));
   }
 
   const mjModel* m_;
