@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import carried as benchmark
 import dashpot
 from carried import OBJECTS, TIMESTEPS, carried, drifts
 
@@ -39,6 +40,16 @@ def test_a_swung_object_stays_in_its_place(shape, timestep):
     # Friction springs of a rigid contact give by micrometres under changing loads, and the arm
     # turns by up to 0.03 rad a step, of which second order is left.
     assert drift.max() < 1e-4
+
+
+@pytest.mark.parametrize("grip", [0.985, 0.99, 0.995, 1.005, 1.01, 1.015])
+def test_a_box_as_wide_as_the_fingers_stays_whatever_the_grip(monkeypatch, grip):
+    """Edges of fingers and box cross where a hair of turn has it, and bear nothing there.
+
+    A box with other widths drifts as far whatever the grip; this one went up to three times as far.
+    """
+    monkeypatch.setattr(benchmark, "GRIP", grip * benchmark.GRIP)
+    assert drifts(carried("box", 0.005), duration=10.0, peer=False).max() < 7e-5
 
 
 @pytest.mark.parametrize("tray", TRAYS)

@@ -140,8 +140,19 @@ def turned(lead: float, friction: float, timestep: float, seconds: float) -> flo
     return data.qpos[0]
 
 
-@pytest.mark.parametrize("timestep", TIMESTEPS)
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize(
+    ("friction", "timestep"),
+    # At 5 ms others go farther in a step than detection follows, 1.25 of the radius of the pin.
+    [
+        (0.0, 0.001),
+        (0.0, 0.002),
+        (0.1, 0.001),
+        (0.1, 0.002),
+        (0.2, 0.001),
+        (0.2, 0.002),
+        (0.2, 0.005),
+    ],
+)
 def test_a_load_drives_a_steep_screw_back(friction, timestep) -> None:
     """N pushes along the axis with N (cos + mu sin), about it with R N (sin - mu cos)."""
     lead, seconds = np.radians(15), 0.1

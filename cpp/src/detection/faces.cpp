@@ -15,6 +15,13 @@ namespace dashpot::host {
 
 namespace {
 
+// Points in which boxes touch that lie in line on each other.
+constexpr int kCornersOfBoxes = 4;
+// Of faces of boxes as wide as each other edges cross where a hair of turn, or of play, has it; up
+// to so flat (face_manifold.hpp) these are no corners: they came and went in a grip, and what they
+// bore with them.
+constexpr double kFlatCrossing = 1e-3;
+
 using Eigen::Vector3d;
 
 // Angle (rad) to a face, and of the contact found to its normal, up to which an edge lies flat on
@@ -148,7 +155,10 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
   }
   const PlacedFace face1 = side1.place(m, side2.normal), face2 = side2.place(m, side1.normal);
   const bool first = flat1 && (!flat2 || separates_farther(face1, face2));
-  FaceManifold faces = first ? meet_face(face1, face2, margin) : meet_face(face2, face1, margin);
+  const bool boxes = side1.type == mjGEOM_BOX && side2.type == mjGEOM_BOX;
+  const double flat = boxes && -side1.normal.dot(side2.normal) > kOfFace ? kFlatCrossing : 0.0;
+  FaceManifold faces =
+      first ? meet_face(face1, face2, margin, flat) : meet_face(face2, face1, margin, flat);
   if (flat1 != flat2) keep_flat_edge(std::tan(kFlatEdge), faces);
   if (!first) faces.normal = -faces.normal;
   return faces;
@@ -257,17 +267,22 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
                          FaceBuffers& buffers, mjPreContact_* contact, int count) {
   const int type1 = m->geom_type[geom1], type2 = m->geom_type[geom2];
   // Of boxes MuJoCo gives all points but where it finds edges that cross, of a capsule on one both
-  // but where it finds one end.
+  // but where it finds one end; of boxes as wide as each other also points that nothing rests on.
+  const bool boxes = type1 == mjGEOM_BOX && type2 == mjGEOM_BOX;
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_PLANE) return 0;
-  if (type2 == mjGEOM_BOX && (type1 == mjGEOM_BOX || type1 == mjGEOM_CAPSULE) && count != 1)
-    return 0;
+  if (type2 == mjGEOM_BOX && type1 == mjGEOM_CAPSULE && count != 1) return 0;
+  if (boxes && count > 1 && count <= kCornersOfBoxes) return 0;
   if (count == 0) return 0;
+  double deepest = contact->dist;
+  for (int i = 1; i < count; ++i) deepest = std::min(deepest, contact[i].dist);
+  if (boxes && count > 1 && deepest >= 0.0) return 0;
   const FaceManifold faces = meet_geoms(m, d, geom1, geom2, *contact, margin, buffers);
   // A single one stays MuJoCo's, along its own normal.
   if (faces.count == 0 || (faces.count == 1 && count == 1)) return 0;
+  if (boxes && count > 1 && (faces.dropped == 0 || faces.count >= count)) return 0;
   double least = margin;
   for (int i = 0; i < faces.count; ++i) least = std::min(least, faces.point[i].distance);
-  if (least > contact->dist + kFaceAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
+  if (least > deepest + kFaceAsDeep * std::min(size(m, geom1), size(m, geom2))) return 0;
   for (int i = 0; i < faces.count; ++i) {
     contact[i].dist = faces.point[i].distance;
     mju_copy3(contact[i].pos, faces.point[i].position.data());

@@ -26,12 +26,15 @@ double separation(const PlacedFace& face, const PlacedFace& other) {
   return lowest;
 }
 
-// Corners in a plane, in order, and their height over it.
+// Corners in a plane, in order, their height over it, and whether edges cross there.
 struct Polygon {
   std::array<Vector3d, 2 * (kMostCorners + 1)> corner;
+  std::array<bool, 2 * (kMostCorners + 1)> crossing;
   int count = 0;
-  void add(const Vector3d& point) {
-    if (count < static_cast<int>(corner.size())) corner[count++] = point;
+  void add(const Vector3d& point, bool crosses) {
+    if (count == static_cast<int>(corner.size())) return;
+    crossing[count] = crosses;
+    corner[count++] = point;
   }
 };
 
@@ -48,8 +51,29 @@ void clip(const Vector3d& begin, const Vector3d& end, Polygon& polygon) {
   for (int i = 0; i < in.count; ++i) {
     const Vector3d &p = in.corner[i], &q = in.corner[i + 1 < in.count ? i + 1 : 0];
     const double at_p = beyond(p), at_q = beyond(q);
-    if (at_p <= 0.0) polygon.add(p);
-    if (at_p * at_q < 0.0) polygon.add(p + at_p / (at_p - at_q) * (q - p));
+    if (at_p <= 0.0) polygon.add(p, in.crossing[i]);
+    if (at_p * at_q < 0.0) polygon.add(p + at_p / (at_p - at_q) * (q - p), true);
+  }
+}
+
+// Takes away crossings that stand out no more than `tolerance` (m) over the line between their
+// neighbours: nothing rests on them that these do not bear.
+void drop_flat_crossings(double tolerance, Polygon& polygon) {
+  for (int i = 0; i < polygon.count && polygon.count > 3;) {
+    const Vector3d& before = polygon.corner[i > 0 ? i - 1 : polygon.count - 1];
+    const Vector3d line = polygon.corner[i + 1 < polygon.count ? i + 1 : 0] - before;
+    const Vector3d arm = polygon.corner[i] - before;
+    const double square = line.squaredNorm();
+    const double along = square > 0.0 ? std::clamp(arm.dot(line) / square, 0.0, 1.0) : 0.0;
+    if (!polygon.crossing[i] || (arm - along * line).norm() > tolerance) {
+      ++i;
+      continue;
+    }
+    std::copy(polygon.corner.begin() + i + 1, polygon.corner.begin() + polygon.count,
+              polygon.corner.begin() + i);
+    std::copy(polygon.crossing.begin() + i + 1, polygon.crossing.begin() + polygon.count,
+              polygon.crossing.begin() + i);
+    --polygon.count;
   }
 }
 
@@ -134,7 +158,8 @@ bool separates_farther(const PlacedFace& first, const PlacedFace& second) {
   return separation(first, second) >= separation(second, first);
 }
 
-FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin) {
+FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin,
+                       double flat_crossing) {
   const Vector3d& normal = reference.normal;
   Vector3d x = reference.corner[1] - reference.corner[0];
   x = (x - normal.dot(x) * normal).normalized();
@@ -144,7 +169,7 @@ FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, dou
     return Vector3d(x.dot(arm), y.dot(arm), normal.dot(arm));
   };
   Polygon polygon;
-  for (int i = 0; i < other.count; ++i) polygon.add(in_frame(other.corner[i]));
+  for (int i = 0; i < other.count; ++i) polygon.add(in_frame(other.corner[i]), false);
   double radius = 0.0;
   Vector3d end = in_frame(reference.corner[0]);
   for (int i = reference.count - 1; i >= 0; --i) {
@@ -153,9 +178,12 @@ FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, dou
     radius = std::max(radius, begin.head<2>().norm());
     end = begin;
   }
+  const int crossed = polygon.count;
+  if (flat_crossing > 0.0) drop_flat_crossings(flat_crossing * radius, polygon);
 
   FaceManifold manifold;
   manifold.normal = normal;
+  manifold.dropped = crossed - polygon.count;
   for (int i = 0; i < polygon.count; ++i) {
     const Vector3d& corner = polygon.corner[i];
     if (corner.z() > margin) continue;

@@ -26,6 +26,11 @@ struct Hits {
       const double start = rate - turned;
       return std::max({-start, -start - 0.5 * (change + turn), 0.0});
     }
+    // How fast it closes a gap (> 0) that closes within `length` (s), then.
+    double closing_at_onset(double length) const {
+      const double start = rate - turned, closes = (change + turn) / length;
+      return std::sqrt(std::max(0.0, start * start - 2.0 * closes * gap));
+    }
   };
 
   Motion motion_of(const RowGroup& c) const {
@@ -42,12 +47,16 @@ struct Hits {
     return motion;
   }
 
-  bool is_hit(const RowGroup& c, bool alone) const {
+  bool is_hit(int index, bool alone) const {
+    const RowGroup& c = rows.group[index];
     // The flow of a limit alone is exact at any micro-step, and that of one beside the other end.
     if (!c.is_unilateral() || (alone && c.kind == RowKind::kUnilateral)) return false;
     const Motion motion = motion_of(c);
-    return motion.gap - step.length * motion.closing() < 0.0 &&
-           std::abs(motion.rate) > std::max(hit_speed(rows, c), 2.0 * std::abs(motion.change));
+    if (motion.gap - step.length * motion.closing() >= 0.0) return false;
+    // What was apart, and comes into touch, is hit, also where a drive has just set it in motion.
+    if (motion.gap > 0.0 && step.matches[index].nearest < 0)
+      return motion.closing_at_onset(step.length) > hit_speed(rows, c);
+    return std::abs(motion.rate) > std::max(hit_speed(rows, c), 2.0 * std::abs(motion.change));
   }
 
   // Whether what was hit in the last step, and hangs at its deepest as this one begins, is still
@@ -132,9 +141,9 @@ void find_hits(const StepView& step, const Rows& rows, const std::vector<Island>
     const bool lone_pair = hits.is_of_two_trees(island);
     for (int index : island.group) {
       data.is_of_lone_pair[index] = lone_pair;
-      data.hit[index] = hits.is_hit(rows.group[index], alone) ? Hit::kNow
-                        : lone_pair && hits.goes_on(index)    ? Hit::kBefore
-                                                              : Hit::kNone;
+      data.hit[index] = hits.is_hit(index, alone)          ? Hit::kNow
+                        : lone_pair && hits.goes_on(index) ? Hit::kBefore
+                                                           : Hit::kNone;
     }
   }
 }

@@ -64,14 +64,18 @@ struct FaceManifold {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
   std::array<FacePoint, 2 * (kMostCorners + 1)> point;
   int count = 0;
+  int dropped = 0;  // flat crossings, see meet_face
 };
 
 // Whether the first of two faces separates them farther, along its normal.
 bool separates_farther(const PlacedFace& first, const PlacedFace& second);
 
 // The points within `margin` (m) that a face shares with another one, or with an edge of it, their
-// distances along the normal of the first. Along that normal.
-FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin);
+// distances along the normal of the first. Along that normal. Without corners where edges cross
+// that stand out no more than `flat_crossing`, a fraction of the first face's radius, over the line
+// between their neighbours: nothing rests on them that these do not bear.
+FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin,
+                       double flat_crossing = 0.0);
 
 // Leaves of these points those of an edge that lies flat: up to `slope`, seen from the lowest one.
 void keep_flat_edge(double slope, FaceManifold& manifold);

@@ -40,9 +40,10 @@ enum class Hit : char {
 using HitFrequency = std::function<double(const ContactInput& contact, double inverse_mass)>;
 
 // Gap rate (m/s or rad/s) from which on a contact or limit is hit rather than pressed, where that
-// is more than smooth forces, or the turn of its geometry, make in two steps. Corners that hit more
-// slowly leave with 17 % of the impulse wrong, not 8; with 5 mm/s a pile at rest passed for hit. Of
-// contacts in a model's own unit of length (Rows::metre); a limit has the same number in rad/s.
+// is more than smooth forces, or the turn of its geometry, make in two steps, or where it was open
+// and closes at that rate. Corners that hit more slowly leave with 17 % of the impulse wrong, not
+// 8; with 5 mm/s a pile at rest passed for hit. Of contacts in a model's own unit of length
+// (Rows::metre); a limit has the same number in rad/s.
 inline constexpr double kHitSpeed = 0.02;
 inline double hit_speed(const Rows& rows, const RowGroup& group) {
   return group.kind == RowKind::kContact ? kHitSpeed * rows.metre : kHitSpeed;
