@@ -21,6 +21,7 @@ constexpr int kCornersOfBoxes = 4;
 // to so flat (face_manifold.hpp) these are no corners: they came and went in a grip, and what they
 // bore with them.
 constexpr double kFlatCrossing = 1e-3;
+constexpr double kAligned = 0.99875;  // cosine between axes of boxes that may be so, 0.05 rad
 
 using Eigen::Vector3d;
 
@@ -127,6 +128,14 @@ bool find_cap(const mjModel* m, const Side& mesh, const Vector3d& up, double wid
               FaceBuffers& buffers) {
   return mesh.type == mjGEOM_MESH &&
          buffers.cap.find(facets_of(m, m->geom_dataid[mesh.geom], buffers), mesh.pose, up, width);
+}
+
+// Whether each axis of a box is nearly one of another box.
+bool are_aligned(const mjData* d, int geom1, int geom2) {
+  using Rotation = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>;
+  const Eigen::Matrix3d turn =
+      Rotation(d->geom_xmat + 9 * geom1).transpose() * Rotation(d->geom_xmat + 9 * geom2);
+  return turn.cwiseAbs().rowwise().maxCoeff().minCoeff() > kAligned;
 }
 
 // None where neither face is flat.
@@ -271,7 +280,7 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
   const bool boxes = type1 == mjGEOM_BOX && type2 == mjGEOM_BOX;
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_PLANE) return 0;
   if (type2 == mjGEOM_BOX && type1 == mjGEOM_CAPSULE && count != 1) return 0;
-  if (boxes && count > 1 && count <= kCornersOfBoxes) return 0;
+  if (boxes && count > 1 && (count <= kCornersOfBoxes || !are_aligned(d, geom1, geom2))) return 0;
   if (count == 0) return 0;
   double deepest = contact->dist;
   for (int i = 1; i < count; ++i) deepest = std::min(deepest, contact[i].dist);
