@@ -217,6 +217,18 @@ def test_what_hangs_falls_when_it_is_let_go_and_stays_when_it_is_held() -> None:
     assert data.body("hung").xpos[2] == pytest.approx(1.0, abs=0.02)  # as its solref lets it sag
 
 
+def test_equalities_that_are_disabled_wake_nothing() -> None:
+    engine, data = make(HELD, more=HANG)
+    engine.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_EQUALITY)
+    engine.step(data, nstep=2000)
+    for _ in range(20):
+        assert all(asleep(data))
+        engine.step(data)
+    engine.model.opt.disableflags = 0
+    engine.step(data)
+    assert asleep(data) == [True, True, False, True]
+
+
 LIFT = """<body name="lift" mocap="true" pos="7 0 .05"><geom type="box" size=".3 .3 .05"/></body>
 <body name="part" pos="7 0 .15"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/></body>"""
 

@@ -107,8 +107,9 @@ void wake(const mjModel_* m, mjData_* d, int tree) {
 }
 
 void wake_switched(const mjModel_* m, mjData_* d, const Memory& memory) {
+  const bool disabled = m->opt.disableflags & (mjDSBL_EQUALITY | mjDSBL_CONSTRAINT);
   for (int i = 0; i < m->neq; ++i) {
-    const bool active = d->eq_active[i];
+    const bool active = d->eq_active[i] && !disabled;
     for (int tree : trees_of_equality(m, i)) {
       if (!sleeps(d, tree) || active == held(m, i, memory)) continue;
       // What sleeps from the start on remembers nothing.
