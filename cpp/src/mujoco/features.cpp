@@ -102,7 +102,8 @@ void report_options(const mjModel* m, Report& report) {
                                  : "trees without contact are stepped by MuJoCo's own integrator");
   if (o.enableflags & mjENBL_SLEEP)
     report.add("flag sleep", Treatment::kHonoured,
-               "islands are those of contacts that could touch in the step");
+               "islands are those of contacts that could touch in the step; trees that tendons or "
+               "flexes join to one never sleep");
   if (o.enableflags & mjENBL_OVERRIDE)
     report.add("flag override", Treatment::kRefused,
                "contact parameters come from materials, not from o_solref and o_solimp");

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "dashpot/mujoco/constraint_memory.hpp"
-#include "dashpot/mujoco/trees.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: what follows
 // from mjData.tree_asleep, and whether an object sleeps.

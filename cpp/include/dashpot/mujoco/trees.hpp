@@ -24,7 +24,7 @@ Trees make_trees(const mjModel_* m);
 
 // Trees that a single row may couple by more than two (a tendon over three bodies, a flex) are
 // joined to one in the model, so that a row has at most two. Their number stays; the surplus ones
-// are empty and last. Changes nothing else that MuJoCo computes.
+// are empty and last. They never sleep. Changes nothing else that MuJoCo computes.
 void join_coupled_trees(mjModel_* m);
 // Most degrees of freedom that joining puts into one tree; 0 where nothing is to be joined.
 int coupled_dof_count(const mjModel_* m);
