@@ -147,18 +147,19 @@ void put_to_sleep(mjModel_* m, mjData_* d, const std::vector<int>& trees,
   mj_makeM(m, d);
   mj_factorM(m, d);
   mj_fwdVelocity(m, d);
-  std::vector<int> first(island.size(), -1), last(island.size(), -1);  // by island
+  struct Ring {
+    int first = -1, last = -1;  // trees
+  };
+  std::vector<Ring> rings(island.size());
   for (int tree : trees) {
     mju_zero(d->qacc + m->tree_dofadr[tree], m->tree_dofnum[tree]);
-    const int of = island[tree];
-    const bool begins = of < 0 || first[of] < 0;
-    d->tree_asleep[tree] = begins ? tree : first[of];
-    if (of < 0) continue;
-    if (begins)
-      first[of] = tree;
+    Ring alone, &ring = island[tree] < 0 ? alone : rings[island[tree]];
+    if (ring.first < 0)
+      ring.first = tree;
     else
-      d->tree_asleep[last[of]] = tree;
-    last[of] = tree;
+      d->tree_asleep[ring.last] = tree;
+    d->tree_asleep[tree] = ring.first;
+    ring.last = tree;
   }
   mj_updateSleep(m, d);
 }

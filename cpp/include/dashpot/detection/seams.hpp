@@ -30,8 +30,8 @@
 
 #include <vector>
 
+#include "dashpot/detection/bearers.hpp"
 #include "dashpot/detection/faces.hpp"
-#include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
@@ -41,10 +41,9 @@ namespace dashpot::host {
 
 // Kept from step to step: a step allocates nothing.
 struct SeamBuffers {
-  std::vector<int> first, next;  // chains of what bodies rest on, by body and by contact and side
-  std::vector<char> at_seam;     // by contact
-  std::vector<int> successor;    // by contact of a pair
-  GeomShapes shapes;
+  BearerBuffers bearers;
+  std::vector<char> at_seam;   // by contact
+  std::vector<int> successor;  // by contact of a pair
 };
 
 // Drops the first kind of contacts of geoms that come nearer, and the second kind of all.
