@@ -16,10 +16,11 @@ namespace dashpot {
 bool Stepper::Impl::wake_reached(mjData_* d, const host::MocapMotion& mocap) {
   if (!host::any_sleeps(model, d)) return false;
   bool any = false;
-  const auto wake = [&](const std::array<int, 2>& trees, bool driven) {
+  const auto wake = [&](const std::array<int, 2>& trees, bool is_driven) {
     for (int side = 0; side < 2; ++side) {
       const int tree = trees[side], other = trees[1 - side];
-      if (!host::sleeps(d, tree) || !(driven || (other >= 0 && !host::sleeps(d, other)))) continue;
+      if (!host::sleeps(d, tree) || !(is_driven || (other >= 0 && !host::sleeps(d, other))))
+        continue;
       host::wake(model, d, tree);
       any = true;
     }

@@ -9,87 +9,34 @@
 #include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/constraints.hpp"
 #include "dashpot/mujoco/mocap_acceleration.hpp"
+#include "dashpot/mujoco/mocap_jumps.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot::host {
 
 namespace {
 
-// Jumps in one step that are no motion: at 2 ms they would be 50 m/s and 250 rad/s.
-constexpr double kJump = 0.1;      // m
-constexpr double kJumpTurn = 0.5;  // rad
-// Beyond these a mocap body has left behind what it holds: at MuJoCo's default solref a weld is
-// stretched by 2 cm under a hundred weights, which is what springs bear without memory.
-constexpr double kApart = 0.02;     // m
-constexpr double kApartTurn = 0.1;  // rad
-// Offset (m, rad) at which a slow follower has arrived: far below what rigid contacts give way by.
-constexpr double kArrived = 1e-9;
-
-using Vector = std::array<double, 3>;
-using Pose = std::array<double, 7>;
-
-// The rotation vector, world, from one orientation to another.
-Vector rotation_between(const double* from, const double* to) {
-  mjtNum inverse[4], difference[4];
-  Vector angle;
-  mju_negQuat(inverse, from);
-  mju_mulQuat(difference, to, inverse);
-  mju_quat2Vel(angle.data(), difference, 1.0);
-  return angle;
-}
-
-void rotate(double* quaternion, const Vector& angle) {
-  mjtNum axis[3], turn[4], result[4];
-  mju_copy3(axis, angle.data());
-  const mjtNum size = mju_normalize3(axis);
-  mju_axisAngle2Quat(turn, axis, size);
-  mju_mulQuat(result, turn, quaternion);
-  mju_normalize4(result);
-  mju_copy4(quaternion, result);
-}
-
-Vector offset(const Pose& from, const Pose& to) {
-  return {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
-}
-Vector turn(const Pose& from, const Pose& to) {
-  return rotation_between(from.data() + 3, to.data() + 3);
-}
-void move(Pose& pose, const Vector& way, const Vector& angle) {
-  for (int i = 0; i < 3; ++i) pose[i] += way[i];
-  rotate(pose.data() + 3, angle);
-}
-
-double norm(const Vector& v) { return mju_norm3(v.data()); }
-Vector times(double factor, const Vector& v) {
+MocapVector times(double factor, const MocapVector& v) {
   return {factor * v[0], factor * v[1], factor * v[2]};
 }
+
 // The way within a part of `length` up to a time.
-Vector way(double time, double length, const Vector& mean, const Vector& acceleration) {
-  Vector sum = times(time, mean);
+MocapVector way(double time, double length, const MocapVector& mean,
+                const MocapVector& acceleration) {
+  MocapVector sum = times(time, mean);
   mju_addToScl3(sum.data(), acceleration.data(), 0.5 * time * (time - length));
   return sum;
 }
-bool all_zero(const Vector& v) { return v == Vector{}; }
-
-bool is_pose(const Pose& pose) {
-  double sum = 0.0;
-  for (double x : pose) sum += x;
-  return std::isfinite(sum) && std::abs(mju_norm(pose.data() + 3, 4) - 1.0) < 0.5;
-}
+bool all_zero(const MocapVector& v) { return v == MocapVector{}; }
 
 bool has_finite_rates(const RememberedMocap& mocap) {
   double sum = mocap.length;
-  for (const Vector* rate : {&mocap.velocity, &mocap.angular, &mocap.mean.velocity,
-                             &mocap.mean.change, &mocap.mean.growth, &mocap.mean_angular.velocity,
-                             &mocap.mean_angular.change, &mocap.mean_angular.growth})
-    sum += norm(*rate);
+  for (const MocapVector* rate :
+       {&mocap.velocity, &mocap.angular, &mocap.mean.velocity, &mocap.mean.change,
+        &mocap.mean.growth, &mocap.mean_angular.velocity, &mocap.mean_angular.change,
+        &mocap.mean_angular.growth})
+    sum += mju_norm3(rate->data());
   return std::isfinite(sum);
-}
-
-RememberedMocap at_rest(const Pose& pose) {
-  RememberedMocap mocap{};
-  mocap.command = mocap.pose = pose;
-  return mocap;
 }
 
 bool is_in_motion(const MocapBody& body) {
@@ -101,74 +48,33 @@ bool has_arrived(const RememberedMocap& mocap) {
   return mocap.pose == mocap.command && all_zero(mocap.velocity) && all_zero(mocap.angular);
 }
 
-Pose pose_in(const mjData* d, size_t index) {
-  Pose pose;
-  std::copy_n(d->mocap_pos + 3 * index, 3, pose.begin());
-  std::copy_n(d->mocap_quat + 4 * index, 4, pose.begin() + 3);
-  return pose;
-}
-
-// The follower after a time: offset and rate.
-void follow(double time_constant, double time, Vector& x, Vector& rate) {
-  if (time_constant == 0.0) {
-    x = rate = {};
-    return;
-  }
-  const double decay = std::exp(-time / time_constant);
-  for (int i = 0; i < 3; ++i) {
-    const double c = rate[i] + x[i] / time_constant;
-    x[i] = (x[i] + c * time) * decay;
-    rate[i] = (rate[i] - c * time / time_constant) * decay;
-  }
-  if (norm(x) > kArrived || norm(rate) * time_constant > kArrived) return;
-  x = rate = {};
-}
-
 }  // namespace
 
 MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant,
                          const Memory& memory, MocapBuffers& buffers)
-    : model_(m), data_(d), moves_(moves), time_constant_(time_constant), buffers_(buffers) {
+    : model_(m),
+      data_(d),
+      moves_(moves),
+      time_constant_(time_constant),
+      buffers_(buffers),
+      places_(m, d, buffers.place) {
   buffers.body.resize(m->nmocap);
   for (int id = 0; m->nmocap > 0 && id < m->nbody; ++id) {
     const int index = m->body_mocapid[id];
     if (index < 0) continue;
     MocapBody& body = buffers.body[index];
     body.now = memory.mocap(index);
-    body.given = pose_in(d, index);
-    body.placed = body.left = body.given;
-    Pose command = body.given;
+    MocapPose command = places_.given(index);
     mju_normalize4(command.data() + 3);
     const bool knows =
         moves && is_pose(body.now.command) && is_pose(body.now.pose) && has_finite_rates(body.now);
-    const bool far = knows && (norm(offset(body.now.command, command)) > kJump * metre(m) ||
-                               norm(turn(body.now.command, command)) > kJumpTurn);
+    const bool far = knows && is_far(m, body.now.command, command);
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
     body.jumps = far && may_follow;
     body.starts = !knows && may_follow;
     if (!knows || (far && !body.jumps)) body.now = at_rest(command);
     body.now.command = command;
   }
-}
-
-MocapMotion::~MocapMotion() {
-  for (size_t i = 0; i < buffers_.body.size(); ++i) {
-    keep_what_was_set(i);
-    place(i, buffers_.body[i].left);
-  }
-}
-
-// Keeps the pose that a callback has set since the body was placed.
-void MocapMotion::keep_what_was_set(size_t index) {
-  MocapBody& body = buffers_.body[index];
-  if (const Pose now = pose_in(data_, index); now != body.placed) body.left = now;
-}
-
-void MocapMotion::place(size_t index, const Pose& pose) {
-  keep_what_was_set(index);
-  buffers_.body[index].placed = pose;
-  std::copy_n(pose.begin(), 3, data_->mocap_pos + 3 * index);
-  std::copy_n(pose.begin() + 3, 4, data_->mocap_quat + 4 * index);
 }
 
 bool MocapMotion::anything_moves() const {
@@ -181,47 +87,13 @@ bool MocapMotion::moves(int geom) const {
   return index >= 0 && is_in_motion(buffers_.body[index]);
 }
 
-// The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.
-double MocapMotion::violation(size_t index, const Pose& pose) {
-  place(index, pose);
-  data_->ncon = 0;
-  data_->parena = 0;  // as in find_constraints
-  mj_fwdKinematics(model_, data_);
-  mj_makeConstraint(model_, data_);
-  double sum = 0.0;
-  for (int row = 0; row < data_->ne; ++row)
-    if (holds(model_, data_->efc_id[row], static_cast<int>(index)))
-      sum += data_->efc_pos[row] * data_->efc_pos[row];
-  return sum;
-}
-
-// Of a body that holds something a far jump is a motion, too, unless what it holds has been taken
-// along: it is no farther from the new pose than from the old one. Within a single step it is none.
-void MocapMotion::settle_jump(size_t index) {
-  MocapBody& body = buffers_.body[index];
-  body.jumps = false;
-  const Pose command = body.now.command;
-  if (!(violation(index, command) > violation(index, body.now.pose))) body.now = at_rest(command);
-}
-
-// Before the first step of all a body may have been told to go far from what it holds, as resets do
-// to have a hand fetched.
-void MocapMotion::settle_start(size_t index) {
-  MocapBody& body = buffers_.body[index];
-  body.starts = false;
-  const Pose command = body.now.command;
-  const double apart = violation(index, command);
-  const Pose met = pose_where_met(model_, data_, static_cast<int>(index), command);
-  const bool far =
-      norm(offset(met, command)) > kApart * metre(model_) || norm(turn(met, command)) > kApartTurn;
-  if (far && violation(index, met) < apart) body.now.pose = met;
-}
-
 void MocapMotion::begin(double length) {
   searched_ = length_ = length;
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
-    if (buffers_.body[i].jumps) settle_jump(i);
-    if (buffers_.body[i].starts) settle_start(i);
+    MocapBody& body = buffers_.body[i];
+    if (body.jumps) settle_jump(model_, data_, i, places_, body.now);
+    if (body.starts) settle_start(model_, data_, i, places_, body.now);
+    body.jumps = body.starts = false;
   }
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
     find_mean_velocity(length, buffers_.body[i]);
@@ -238,11 +110,11 @@ void MocapMotion::find_mean_velocity(double length, MocapBody& body) const {
   const RememberedMocap& now = body.now;
   body.velocity = body.angular = {};
   if (has_arrived(now)) return;
-  Vector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
-  Vector rate = now.velocity, angular_rate = now.angular;
+  MocapVector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
+  MocapVector rate = now.velocity, angular_rate = now.angular;
   follow(time_constant_, length, x, rate);
   follow(time_constant_, length, angle, angular_rate);
-  Pose end = now.command;
+  MocapPose end = now.command;
   move(end, x, angle);
   body.velocity = times(1.0 / length, offset(now.pose, end));
   body.angular = times(1.0 / length, turn(now.pose, end));
@@ -276,11 +148,11 @@ void MocapMotion::shorten(double length) {
 void MocapMotion::show(double time) {
   for (size_t i = 0; i < buffers_.body.size(); ++i) {
     const MocapBody& body = buffers_.body[i];
-    Pose pose = has_arrived(body.now) ? body.given : body.now.pose;
+    MocapPose pose = has_arrived(body.now) ? places_.given(i) : body.now.pose;
     if (time > 0.0 && is_in_motion(body))
       move(pose, way(time, length_, body.velocity, body.acceleration),
            way(time, length_, body.angular, body.angular_acceleration));
-    place(i, pose);
+    places_.put(i, pose);
   }
 }
 
@@ -337,8 +209,8 @@ void MocapMotion::drive(std::vector<ContactInput>& contacts) const {
 }
 
 // Adds the acceleration of a point of a geom, times `sign`, with which a mocap body takes it along.
-void MocapMotion::add_acceleration(int geom, const Vector& position, double sign,
-                                   Vector& acceleration) const {
+void MocapMotion::add_acceleration(int geom, const MocapVector& position, double sign,
+                                   MocapVector& acceleration) const {
   const int root = model_->body_rootid[model_->geom_bodyid[geom]];
   if (model_->body_mocapid[root] < 0) return;
   const MocapBody& body = buffers_.body[model_->body_mocapid[root]];
@@ -370,7 +242,7 @@ void MocapMotion::advance(double length) {
   for (MocapBody& body : buffers_.body) {
     RememberedMocap& now = body.now;
     if (has_arrived(now) && !is_in_motion(body)) continue;
-    Vector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
+    MocapVector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
     follow(time_constant_, length, x, now.velocity);
     follow(time_constant_, length, angle, now.angular);
     move(now.pose, times(length, body.velocity), times(length, body.angular));

@@ -11,11 +11,8 @@
 //
 // with x the offset from the commanded pose: three numbers of translation, three
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
-// moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. A jump that no motion
-// is meant by takes the body there without any: a far one (kJump, kJumpTurn), unless T > 0
-// and it leaves behind what a connect or weld holds to the body. A body that nothing is remembered
-// of, and that is farther from what it holds than springs bear (kApart, kApartTurn), has jumped
-// there from it.
+// moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. What of its jumps is
+// motion says mocap_jumps.hpp.
 //
 // Within a step its velocity is linear about the mean v_n, with the acceleration a_n of
 // mocap_acceleration.hpp.
@@ -29,11 +26,11 @@
 
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <vector>
 
 #include "dashpot/mujoco/mocap_bodies.hpp"
+#include "dashpot/mujoco/mocap_places.hpp"
 #include "dashpot/rows/memory.hpp"
 
 struct mjModel_;
@@ -42,33 +39,29 @@ struct mjData_;
 namespace dashpot::host {
 
 struct MocapBody {
-  // Poses that mjData had, has meanwhile, and gets in the end.
-  std::array<double, 7> given{}, placed{}, left{};
   RememberedMocap now{};
   bool jumps = false;   // far, and nobody has looked yet whether that is a motion
   bool starts = false;  // nothing is remembered, and nobody has looked yet where what it holds is
   // Mean velocity during the part, and the acceleration within it; world.
-  std::array<double, 3> velocity{}, angular{};
-  std::array<double, 3> acceleration{}, angular_acceleration{};
+  MocapVector velocity{}, angular{};
+  MocapVector acceleration{}, angular_acceleration{};
 };
 // Kept from step to step: a step allocates nothing.
 struct MocapBuffers {
   std::vector<MocapBody> body;
+  std::vector<MocapPlace> place;
   std::vector<double> end_position;  // of constraints, by memory; NaN for none
   std::vector<double> drive;         // of constraints, by memory; empty until drive()
   std::vector<ConstraintInput> constraints;
 };
 
-// The mocap bodies of `d` during a step. At its end, also where it throws, `d` has the commanded
-// poses again, or what a callback has set in any part of the step.
+// The mocap bodies of `d` during a step, at whose end they are where they were told to be
+// (mocap_places.hpp).
 class MocapMotion {
  public:
   // `moves` false: bodies are at once where they are told to be, without motion, as in MuJoCo.
   MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant, const Memory& memory,
               MocapBuffers& buffers);
-  ~MocapMotion();
-  MocapMotion(const MocapMotion&) = delete;
-  MocapMotion& operator=(const MocapMotion&) = delete;
 
   // Begins a part of the step of at most `length` (s): finds how the bodies move in it, and what of
   // it scalar constraints see, and puts the bodies where they are at its start.
@@ -98,13 +91,8 @@ class MocapMotion {
   bool anything_moves() const;
   void find_mean_velocity(double length, MocapBody& body) const;
   void find_acceleration(double length, size_t index);
-  void add_acceleration(int geom, const std::array<double, 3>& position, double sign,
-                        std::array<double, 3>& acceleration) const;
-  void keep_what_was_set(size_t index);
-  void place(size_t index, const std::array<double, 7>& pose);
-  void settle_jump(size_t index);
-  void settle_start(size_t index);
-  double violation(size_t index, const std::array<double, 7>& pose);
+  void add_acceleration(int geom, const MocapVector& position, double sign,
+                        MocapVector& acceleration) const;
   void find_constraints(double length);
 
   const mjModel_* model_;
@@ -114,6 +102,7 @@ class MocapMotion {
   double searched_ = 0.0, length_ = 0.0;  // s: of the part, as begin() was given it, and shortened
   bool first_part_ = true;                // of the step
   MocapBuffers& buffers_;
+  MocapPlaces places_;
 };
 
 }  // namespace dashpot::host
