@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import mujoco
 import numpy as np
 
 from scene import Array, Run, Scene, free_body, mjcf
@@ -161,8 +160,3 @@ def balls_666(*, side: int = 6, duration: float = 10.0, seed: int = 0) -> Scene:
 def many_body() -> list[Scene]:
     """Return the many-body scenes whose numbers are overlaps."""
     return [pile(), balls_666()]
-
-
-def contact_count(model: mujoco.MjModel, data: mujoco.MjData) -> int:
-    """Return the number of overlapping contacts in `data.contact`."""
-    return int((data.contact.dist < 0).sum())

@@ -150,6 +150,7 @@ def test_bad_parameter_is_named(changes, message):
         ({"difference": "x"}, "parameter 'mass': difference must be a number, got 'x'"),
         ({"apply": 3}, "parameter 'mass': apply must be a function, got 3"),
         ({"name": 3}, "a parameter's name must be a string, got 3"),
+        ({"changes_model": 1.0}, "parameter 'mass': changes_model must be True or False, got 1.0"),
     ],
 )
 def test_parameter_of_the_wrong_type_is_named(changes, message):
@@ -166,6 +167,10 @@ def test_what_a_parameter_sets_is_checked_when_it_is_made():
         Parameter.material([], "stiffness", **at)
     with pytest.raises(TypeError, match=r"^geom2 must be the name or id of a geom, got 0.5"):
         Parameter.pair("ball", 0.5, "stiffness", **at)
+    with pytest.raises(TypeError, match=r"^a parameter's name must be a string, got 0"):
+        Parameter.material("ball", "stiffness", name=0, **at)
+    with pytest.raises(ValueError, match=r"transform must be one of .*, got 0"):
+        Parameter.pair("ball", "floor", "stiffness", transform=0, **at)
     with pytest.raises(TypeError, match=r"^quantity must be a string, got 5"):
         Parameter.material("ball", 5, **at)
     with pytest.raises(TypeError, match=r"^attribute must be a string, got 5"):

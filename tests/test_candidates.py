@@ -311,7 +311,7 @@ def test_a_margin_that_is_no_number_is_named() -> None:
     engine = ball('<geom name="ground" type="box" size="1 1 .1" pos="0 0 -.1"/>')
     data = engine.make_data()
     engine.model.geom("ground").margin = np.nan
-    with pytest.raises(RuntimeError, match=r"geom 'ground' has no finite place.*margin"):
+    with pytest.raises(ValueError, match=r"model\.geom_margin of geom 'ground' holds nan"):
         engine.step(data)
 
 

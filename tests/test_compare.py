@@ -402,5 +402,29 @@ def test_an_unknown_kind_of_scene_is_refused():
         for value in ("a", True):
             with pytest.raises(TypeError, match=f"^{argument} must be a number, got {value!r}"):
                 compare.run(BALL.format(height=1), **{"duration": 0.01, argument: value})
+    for argument, value, kind in (("name", np.nan, "a string"), ("progress", 3, "a function")):
+        with pytest.raises(TypeError, match=f"^{argument} must be {kind}, got {value}"):
+            compare.run("ball", **{"duration": 0.01, argument: value})
     with pytest.raises(ValueError, match="did you mean 'stack'"):
         compare.scene("stac")
+    with pytest.raises(TypeError, match=r"^scene must be a name, got 3"):
+        compare.scene(3)
+
+
+@pytest.mark.parametrize(
+    ("name", "argument", "value", "error"),
+    [
+        ("ball", "restitution", None, TypeError),
+        ("ball", "stiffness", -1.0, ValueError),
+        ("slope", "angle", "x", TypeError),
+        ("slope", "angle", 90.0, ValueError),
+        ("slope", "friction", -0.1, ValueError),
+        ("stack", "boxes", -1, ValueError),
+        ("stack", "timestep", 0.0, ValueError),
+        ("pile", "bodies", 0, ValueError),
+        ("pile", "seed", 0.5, TypeError),
+    ],
+)
+def test_what_varies_a_shipped_scene_is_checked(name, argument, value, error):
+    with pytest.raises(error, match=f"^{argument} must be "):
+        compare.SCENES[name](**{argument: value})

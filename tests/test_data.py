@@ -22,6 +22,12 @@ def small_data_set() -> CubeTosses:
     return CubeTosses(tuple(made))
 
 
+def test_only_tosses_are_saved(tmp_path):
+    with pytest.raises(TypeError, match=r"^tosses is str; it must be a CubeTosses"):
+        save_cube_tosses("tosses", tmp_path / "tosses.npz")
+    assert not list(tmp_path.iterdir())
+
+
 def test_missing_data_say_how_to_get_them(tmp_path, monkeypatch):
     monkeypatch.setenv("DASHPOT_DATA", str(tmp_path))
     with pytest.raises(FileNotFoundError, match=r"dashpot data cube-tosses.*DASHPOT_DATA"):

@@ -2,6 +2,8 @@
 
 import copy
 import pickle
+import subprocess
+import sys
 
 import mujoco
 import numpy as np
@@ -58,6 +60,22 @@ def test_time_that_is_not_finite(engine, time):
     assert snapshot(data) == before
 
 
+@pytest.mark.parametrize("field", ["qpos", "qvel"])
+def test_a_state_that_mujoco_calls_bad_is_refused(engine, field):
+    """Beyond mjMAXVAL mj_step resets the data; rollouts refused what steps took."""
+    data = engine.make_data()
+    getattr(data, field)[1] = -2e10
+    before = snapshot(data)
+    message = rf"data\.{field}\[1\] is -2e\+10; it must be at most 1e10 in size"
+    with pytest.raises(ValueError, match=message):
+        engine.step(data)
+    assert snapshot(data) == before
+    state = np.empty(mujoco.mj_stateSize(engine.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_getState(engine.model, data, state, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    with pytest.raises(ValueError, match=message):
+        dashpot.rollout(engine, state)
+
+
 @pytest.mark.parametrize("friction", [np.nan, np.inf, -0.1])
 def test_friction_of_the_model_that_is_none_names_the_geom(engine, friction):
     data, model = engine.make_data(), mujoco.MjModel.from_xml_string(mjcf(BALL))
@@ -83,13 +101,13 @@ def test_friction_of_a_pair_that_is_none_names_the_pair():
 
 @pytest.mark.parametrize("geom", ["ball", "floor"])
 @pytest.mark.parametrize("field", ["geom_solref", "geom_solimp"])
-def test_solref_that_is_not_finite_names_the_geoms(engine, field, geom):
+def test_solref_that_is_not_finite_names_the_geom(engine, field, geom):
     data = engine.make_data()
-    getattr(engine.model, field)[engine.model.geom(geom).id] = np.nan
-    with pytest.raises(ValueError, match=r"^contact of geom 'floor' and geom 'ball': .* got .*nan"):
+    getattr(engine.model, field)[engine.model.geom(geom).id, -1] = np.nan
+    before = snapshot(data)
+    with pytest.raises(ValueError, match=rf"^model\.{field} of geom '{geom}' holds nan"):
         engine.step(data, 5)
-    engine.set_material("ball", dashpot.Material(1e4))  # in place of the solref
-    engine.step(data, 5)
+    assert snapshot(data) == before
 
 
 def test_control_that_is_not_finite():
@@ -418,6 +436,47 @@ def test_an_engine_tells_its_options_and_keeps_them():
     assert repr(explicit).startswith("Engine(law='comfree', ")
 
 
+class NamedEngine(dashpot.Engine):
+    """An engine with something of its own."""
+
+    label = "none"
+
+
+@pytest.mark.parametrize(
+    "duplicate", [copy.copy, copy.deepcopy, lambda engine: pickle.loads(pickle.dumps(engine))]
+)
+def test_copies_of_engines_of_a_subclass_keep_what_it_adds(duplicate):
+    engine = NamedEngine(mujoco.MjModel.from_xml_string(mjcf(BALL)))
+    engine.label = "mine"
+    copied = duplicate(engine)
+    assert type(copied) is NamedEngine
+    assert copied.label == "mine"
+    assert copied.model is not engine.model
+    copied.step(copied.make_data())
+
+
+def test_everything_can_be_imported_without_libraries_that_are_not_installed_with_dashpot():
+    """A star import, or hasattr, failed where dm_control was missing."""
+    script = """
+import sys
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"dm_control", "gymnasium", "robosuite", "myosuite"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing())
+from dashpot import *
+import dashpot
+assert not hasattr(dashpot, "dm_control")
+try:
+    dashpot.dm_control
+except AttributeError as error:
+    assert str(error) == "dashpot.dm_control needs dm_control, which is not installed", error
+"""
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
 @pytest.mark.parametrize("name", ["nthreads", "microstep", "timestep"])
 def test_an_engine_takes_no_attributes_that_it_does_not_know(engine, name):
     """A misspelled option was stored, and did nothing."""
@@ -485,20 +544,15 @@ LIMITED = """<mujoco><option timestep="0.01"/><worldbody><body>
 @pytest.mark.parametrize(
     ("part", "attribute", "name"),
     [
-        ("joint", 'solreflimit="-5000 50"', "limit of joint 'knee'"),
-        ("joint", 'frictionloss=".1" solreffriction="0 1"', "dry friction of joint 'knee'"),
-        ("tendon", 'solreflimit="-5000 50"', "limit of tendon 'cord'"),
-        ("tendon", 'frictionloss=".1" solreffriction="1 0"', "dry friction of tendon 'cord'"),
-        ("equality", 'solref="5000 -50"', "equality 'lock'"),
+        ("joint", 'solreflimit="-5000 50"', "jnt_solref of joint 'knee'"),
+        ("joint", 'frictionloss=".1" solreffriction="0 1"', "dof_solref of joint 'knee'"),
+        ("tendon", 'solreflimit="-5000 50"', "tendon_solref_lim of tendon 'cord'"),
+        ("tendon", 'frictionloss=".1" solreffriction="1 0"', "tendon_solref_fri of tendon 'cord'"),
+        ("equality", 'solref="5000 -50"', "eq_solref of equality 'lock'"),
     ],
 )
 def test_a_solref_without_a_meaning_names_what_has_it(part, attribute, name):
     parts = {"joint": "", "tendon": "", "equality": "active='false'", part: attribute}
     model = mujoco.MjModel.from_xml_string(LIMITED.format(**parts))
-    engine = dashpot.Engine(model)
-    data = engine.make_data()
-    data.qpos[0] = 1.1
-    with pytest.raises(ValueError, match=f"{name}: solref must be two positive numbers"):
-        engine.step(data)
-    assert data.qpos[0] == 1.1
-    assert data.time == 0.0
+    with pytest.raises(ValueError, match=rf"model\.{name} is .* two positive numbers"):
+        dashpot.Engine(model)

@@ -233,6 +233,88 @@ def test_what_is_no_number_is_named(field, entry, message):
     refuses(engine, data, message)
 
 
+# What steps read of the other objects, each with one of them that has a name.
+MACHINE = """<mujoco><worldbody>
+  <body name="arm"><joint name="hinge" axis="0 1 0" range="-1 1" limited="true"/>
+    <geom name="link" size=".1" pos=".2 0 0"/></body>
+  <body name="cart" pos="1 0 0"><joint name="rail" type="slide"/><geom name="box" size=".1"/></body>
+</worldbody>
+<contact><pair name="pair" geom1="link" geom2="box"/></contact>
+<equality><joint name="gear" joint1="hinge" joint2="rail"/></equality>
+<tendon><fixed name="cord" range="-1 1" limited="true">
+  <joint joint="hinge" coef="1"/></fixed></tendon>
+<actuator><position name="servo" joint="hinge"/></actuator></mujoco>"""
+FIELDS = {
+    "geom 'box'": "geom_margin geom_gap geom_solref geom_solimp",
+    "pair 'pair'": "pair_margin pair_gap pair_solref pair_solreffriction pair_solimp",
+    "body 'cart'": "body_gravcomp",
+    "joint 'rail'": "jnt_margin jnt_solref jnt_solimp jnt_stiffness jnt_stiffnesspoly qpos0 "
+    "qpos_spring dof_dampingpoly dof_frictionloss dof_solref dof_solimp",
+    "equality 'gear'": "eq_solref eq_solimp",
+    "tendon 'cord'": "tendon_lengthspring tendon_margin tendon_stiffness tendon_stiffnesspoly "
+    "tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_solref_lim "
+    "tendon_solimp_lim tendon_solref_fri tendon_solimp_fri",
+    "actuator 'servo'": "actuator_dynprm actuator_gainprm actuator_biasprm actuator_damping "
+    "actuator_dampingpoly actuator_armature actuator_gear",
+}
+
+
+@pytest.mark.parametrize(
+    ("owner", "field"),
+    [(owner, field) for owner, names in FIELDS.items() for field in names.split()],
+)
+def test_every_number_that_steps_read_is_named_where_it_is_none(owner, field):
+    """Margins and dry friction that were no numbers switched limits and friction off in silence."""
+    engine = Engine(mujoco.MjModel.from_xml_string(MACHINE))
+    data = engine.make_data()
+    engine.step(data)
+    values = getattr(engine.model, field)
+    values.reshape(len(values), -1)[-1, -1] = np.nan
+    refuses(engine, data, f"model.{field} of {owner} holds nan; it must be finite")
+
+
+def test_a_tendon_that_comes_to_couple_trees_is_named():
+    """Of bodies that a limit of their tendon joins only after the engine was made."""
+    bodies = "".join(
+        f'<body pos="{i} 0 0"><joint name="j{i}"/><geom size=".1"/></body>' for i in range(3)
+    )
+    joints = "".join(f'<joint joint="j{i}" coef="1"/>' for i in range(3))
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(
+            f"""<mujoco><worldbody>{bodies}</worldbody><tendon>
+            <fixed name="cord" range="-1 1" limited="false">{joints}</fixed></tendon></mujoco>"""
+        )
+    )
+    data = engine.make_data()
+    data.qpos[:] = 1.0
+    engine.step(data)
+    engine.model.tendon_limited[0] = True
+    with pytest.raises(ValueError, match=r"^limit of tendon 'cord' couples more than two .* new"):
+        engine.step(data)
+    again = Engine(engine.model)
+    again.step(again.make_data())
+
+
+def test_a_refused_rollout_leaves_no_half_of_an_edit():
+    """Inverse masses followed an edit only in part where another one was refused beside it."""
+    model = mujoco.MjModel.from_xml_string(MACHINE)
+    model.body_mass[1] *= 3.0
+    model.body_inertia[1] *= 3.0
+    edited, fresh = Engine(mujoco.MjModel.from_xml_string(MACHINE)), Engine(model)
+    edited.model.body_mass[1] *= 3.0
+    edited.model.body_inertia[1] *= 3.0
+    start = np.zeros(mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mass = edited.model.body_mass[2]
+    edited.model.body_mass[2] = np.nan
+    with pytest.raises(ValueError, match="body_mass of 'cart' holds nan"):
+        rollout(edited, start)
+    edited.model.body_mass[2] = mass
+    rollout(edited, start)
+    rollout(fresh, start)
+    for name in ("dof_M0", "body_subtreemass", "body_invweight0", "dof_invweight0"):
+        assert np.array_equal(getattr(edited.model, name), getattr(fresh.model, name)), name
+
+
 @pytest.mark.parametrize("field", ["density", "viscosity"])
 def test_a_medium_that_is_none_is_named(field):
     engine = Engine(mujoco.MjModel.from_xml_string(HELD))

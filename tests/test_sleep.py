@@ -19,6 +19,9 @@ STACK = "".join(
 )
 
 
+BESIDE = '<body pos="{beside}"><freejoint/><geom type="box" size=".05 .05 .05" mass="1"/></body>'
+
+
 def make(
     bodies: str,
     *,
@@ -370,3 +373,32 @@ def test_trees_without_rows_fall_asleep_as_in_mujoco() -> None:
         engine.step(ours)
     assert any(asleep(theirs))
     np.testing.assert_array_equal(ours.qpos, theirs.qpos)
+
+
+@pytest.mark.parametrize("impact", ["none", "cut"])
+def test_a_step_that_is_refused_wakes_nothing(impact) -> None:
+    """What comes down on a stack, or pulls at it, wakes it, but not in a step that raises."""
+    bodies = STACK + BESIDE.format(beside="2 0 .1")
+    sensor = '<sensor><user dim="1" needstage="acc"/></sensor>'
+    engine, data = make(bodies, more=sensor, impact=impact)
+    assert all(asleep(data))
+    before, memory = np.array(data.tree_asleep), np.array(data.userdata)
+
+    data.xfrc_applied[1, 2] = 1e15
+    with pytest.raises(dashpot.DivergenceError):
+        engine.step(data)
+    assert np.array_equal(data.tree_asleep, before)
+    data.xfrc_applied[1, 2] = 0.0
+
+    def refuse(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> None:
+        raise ZeroDivisionError(f"in stage {stage}, when {asleep(data)} sleep")
+
+    data.qpos[21:24], data.qvel[20] = [0.0, 0.0, 0.349], -1.0
+    mujoco.set_mjcb_sensor(refuse)
+    try:
+        with pytest.raises(ZeroDivisionError, match=r"when \[False, False, False, False\] sleep"):
+            engine.step(data)
+    finally:
+        mujoco.set_mjcb_sensor(None)
+    assert np.array_equal(data.tree_asleep, before)
+    assert np.array_equal(data.userdata, memory)

@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <initializer_list>
 #include <stdexcept>
-#include <string>
 
 #include "dashpot/law/friction.hpp"
 #include "dashpot/law/kelvin_voigt.hpp"

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/simulations/residuals.hpp"
 #include "signals.hpp"
@@ -34,7 +35,10 @@ std::vector<Variant> to_variants(const std::vector<PyVariant>& variants) {
   std::vector<Variant> result;
   for (const auto& [address, parameters] : variants) {
     auto* const model = reinterpret_cast<mjModel_*>(address);
-    if (parameters) host::follow_edited_masses(model);
+    if (parameters) {
+      host::check_values(model);
+      host::follow_edited_masses(model);
+    }
     result.push_back({model, parameters});
   }
   return result;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/model_view.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/simulations/rollout.hpp"
@@ -41,6 +42,7 @@ class RolloutWorkers {
   // The model as it is between steps.
   host::ModelView view() {
     const std::lock_guard<ModelLock> alone(*lock_);
+    host::check_values(model_);
     host::follow_edited_masses(model_);  // here, for simulations share its arrays
     return host::ModelView(model_);
   }

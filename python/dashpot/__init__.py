@@ -51,7 +51,6 @@ __all__ = [
     "data",
     "distance",
     "distances",
-    "dm_control",
     "gymnasium",
     "law",
     "linearize",
@@ -67,14 +66,15 @@ if TYPE_CHECKING:
         calibrate,
         compare,
         data,
-        dm_control,
+        dm_control,  # noqa: F401
         gymnasium,
         law,
         myosuite,
         robosuite,
     )
 
-# Imported on first use: some need scipy, matplotlib or another library.
+# Imported on first use: some need scipy, matplotlib or another library. dashpot.dm_control cannot
+# be imported without that library, so that `from dashpot import *` leaves it out.
 _LAZY = (
     "calibrate",
     "compare",
@@ -88,9 +88,13 @@ _LAZY = (
 
 
 def __getattr__(name: str) -> ModuleType:
-    if name in _LAZY:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'dashpot' has no attribute {name!r}")
+    try:
         return importlib.import_module(f"dashpot.{name}")
-    raise AttributeError(f"module 'dashpot' has no attribute {name!r}")
+    except ModuleNotFoundError as error:
+        missing = f"dashpot.{name} needs {error.name}, which is not installed"
+        raise AttributeError(missing) from error
 
 
 def __dir__() -> list[str]:

@@ -118,6 +118,20 @@ def whole_number(name: str, value: object, *, lowest: int, highest: int = _LARGE
     return int(value)
 
 
+def flag(name: str, value: object) -> bool:
+    """Return True or False; raise TypeError for anything else."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} must be True or False, got {value!r}")
+    return bool(value)
+
+
+def text_or_none(name: str, value: object) -> str | None:
+    """Return a string or None; raise TypeError for anything else."""
+    if not isinstance(value, str | None):
+        raise TypeError(f"{name} must be a string, got {value!r}")
+    return value
+
+
 def positive_count(name: str, value: object) -> int:
     """Return an integer >= 1; raise as `whole_number`."""
     return whole_number(name, value, lowest=1)

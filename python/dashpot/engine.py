@@ -428,7 +428,7 @@ class Engine(ReadableOptions):
 
     def __copy__(self) -> Engine:
         """Return an engine of its own: a copy of the model and the same options and materials."""
-        other = Engine.__new__(Engine)
+        other = type(self).__new__(type(self))
         other.__setstate__(self.__getstate__())
         return other
 
@@ -437,6 +437,7 @@ class Engine(ReadableOptions):
         with self._lock:  # during a step of another thread the model is not as its user left it
             model = copy.deepcopy(self.model)
         return {
+            **getattr(self, "__dict__", {}),  # of a subclass
             "_model": model,
             "_options": self._options,
             "_nthread": self._nthread,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot import _core
-from dashpot.checks import finite_array, positive_number, thread_count
+from dashpot.checks import finite_array, flag, positive_number, thread_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 _START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linearization:
     """A step about a state and controls, ``x' = A x + B u`` and ``y = C x + D u``.
 
@@ -93,8 +93,7 @@ def linearize(
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
     eps = positive_number("eps", eps)
-    if not isinstance(centered, bool | np.bool_):
-        raise TypeError(f"centered must be True or False, got {centered!r}")
+    centered = flag("centered", centered)
     engine._check_data(data)
     model = engine.model
     base = engine.make_data()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
-from dashpot.checks import finite_array, positive_count, thread_count, whole_number
+from dashpot.checks import finite_array, flag, positive_count, thread_count, whole_number
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
@@ -37,7 +37,8 @@ def rollout(
 
     Shapes are those of `mujoco.rollout.rollout`; the GIL is released, and Ctrl-C ends the batch, of
     which nothing comes back then. Every rollout is what `Engine.step` on one data would give, bit
-    for bit, whatever the number of threads.
+    for bit, whatever the number of threads. Which trees sleep (``<flag sleep="enable"/>``) is in no
+    state of MuJoCo's: all begin awake, as after ``mj_setState``.
 
     Parameters
     ----------
@@ -97,8 +98,7 @@ def rollout(
     """
     engines = _engines(engine)
     spec = _control_spec(control_spec)
-    if not isinstance(with_memory, bool | np.bool_):
-        raise TypeError(f"with_memory must be True or False, got {with_memory!r}")
+    with_memory = flag("with_memory", with_memory)
     starts = _initial_states(engines[0].model, initial_state)
     controls = None if control is None else _controls(engines[0].model, spec, control)
     outputs = {"state": state, "sensordata": sensordata}

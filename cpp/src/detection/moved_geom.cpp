@@ -1,7 +1,7 @@
 #include "dashpot/detection/moved_geom.hpp"
 
 #include "dashpot/detection/side_by_side.hpp"
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/velocities.hpp"
 
 namespace dashpot::host {

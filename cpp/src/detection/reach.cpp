@@ -10,7 +10,7 @@
 #include <limits>
 
 #include "dashpot/mujoco/contact_parameters.hpp"
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/velocities.hpp"
 

@@ -77,6 +77,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
   host::StepParts parts(model, d);
+  host::SleepAtStart sleep(model, d, asleep_at_start);
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
@@ -96,6 +97,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
     ++taken;
   }
   parts.finish();
+  sleep.finish();
   fall_asleep(d, mocap);
   total.cuts = clock.cuts;
   total.parts = taken;

@@ -1,7 +1,5 @@
 // Steps whose impacts bring about contacts that detection did not know of, see knock_on.hpp.
 
-#include <algorithm>
-
 #include "stepper_impl.hpp"
 
 namespace dashpot {

@@ -164,6 +164,7 @@ struct Stepper::Impl {
   host::MocapBuffers mocap_buffers;
 
   // What sleeps.
+  std::vector<int> asleep_at_start;  // by tree, as mjData.tree_asleep; empty if nothing sleeps
   SleepingRows sleeping;
   double elastic_asleep = 0.0;  // J
   std::vector<int> island_of;   // by tree, -1 for none

@@ -2,8 +2,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
-#include <cmath>
 
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/geometry/query.hpp"

@@ -92,13 +92,8 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
   return {combined};
 }
 
-GroupMaterial material_of(const mjModel_* model, const mjData_* data,
-                          const ConstraintInput& input) {
-  try {
-    return from_solref(input, std::numeric_limits<double>::infinity());
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(host::constraint_name(model, data, input) + ": " + error.what());
-  }
+GroupMaterial material_of(const ConstraintInput& input) {
+  return from_solref(input, std::numeric_limits<double>::infinity());
 }
 
 std::array<double, 5> friction_of(const ContactInput& input, const Material& material) {

@@ -28,7 +28,6 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
-#include <string>
 
 #include "dashpot/law/constants.hpp"
 #include "dashpot/law/text.hpp"

@@ -1,7 +1,6 @@
 #include "dashpot/microsteps/comfree.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace dashpot {
 

@@ -8,7 +8,8 @@
 
 #include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/jacobians.hpp"
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
+#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/row_turns.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/mujoco/welded_parts.hpp"
@@ -119,8 +120,10 @@ std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source)
     const int tree = m->dof_treeid[dof];
     if (tree == trees[0] || tree == trees[1]) return;
     if (count == 2)
-      throw std::invalid_argument("constraint row " + std::to_string(source) +
-                                  " couples more than two kinematic trees");
+      throw std::invalid_argument(
+          constraint_name(m, d, source) +
+          " couples more than two kinematic trees, which are one tree in an Engine made of the "
+          "model as it is now; make a new one");
     trees[count++] = tree;
   });
   return trees;

@@ -3,10 +3,12 @@
 #include <mujoco/mjxmacro.h>
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/law/text.hpp"
 #include "dashpot/mujoco/finite.hpp"
 #include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/owned.hpp"
@@ -19,8 +21,7 @@ namespace {
 
 void check_finite(const std::string& field, double value) {
   if (!std::isfinite(value))
-    throw std::invalid_argument("data." + field + " is " + std::to_string(value) +
-                                "; it must be finite");
+    throw std::invalid_argument("data." + field + " is " + text(value) + "; it must be finite");
 }
 
 void check_finite(const char* field, const mjtNum* values, mjtSize count) {
@@ -28,6 +29,16 @@ void check_finite(const char* field, const mjtNum* values, mjtSize count) {
   for (mjtSize i = 0; i < count; ++i)
     if (!std::isfinite(values[i]))
       check_finite(std::string(field) + "[" + std::to_string(i) + "]", values[i]);
+}
+
+// What MuJoCo calls a bad state (mj_checkPos, mj_checkVel).
+void check_state(const char* field, const mjtNum* values, mjtSize count) {
+  if (are_within(values, count, kLargestValue)) return;
+  check_finite(field, values, count);
+  const mjtNum* const at = std::find_if(
+      values, values + count, [](mjtNum value) { return std::abs(value) > kLargestValue; });
+  throw std::invalid_argument("data." + std::string(field) + "[" + std::to_string(at - values) +
+                              "] is " + text(*at) + "; it must be at most 1e10 in size");
 }
 
 }  // namespace
@@ -48,8 +59,8 @@ void check_data(const mjModel_* m, const mjData_* d, long long data_size) {
     throw std::invalid_argument(
         "data was made from another model; make it with Engine.make_data()");
   if (!std::isfinite(d->time)) check_finite("time", d->time);
-  check_finite("qpos", d->qpos, m->nq);
-  check_finite("qvel", d->qvel, m->nv);
+  check_state("qpos", d->qpos, m->nq);
+  check_state("qvel", d->qvel, m->nv);
   check_finite("act", d->act, m->na);
   check_finite("ctrl", d->ctrl, m->nu);
   check_finite("qfrc_applied", d->qfrc_applied, m->nv);

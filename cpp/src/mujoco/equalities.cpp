@@ -6,8 +6,6 @@
 
 #include <mujoco/mujoco.h>
 
-#include <cmath>
-
 #include "dashpot/mujoco/constraints.hpp"
 #include "dashpot/mujoco/equality_sides.hpp"
 #include "dashpot/mujoco/properties.hpp"

@@ -2,8 +2,6 @@
 
 #include <mujoco/mujoco.h>
 
-#include <algorithm>
-
 namespace dashpot::host {
 
 EqualitySide side_of(const mjModel_* m, const mjData_* d, int equality, int index) {

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "dashpot/mujoco/constraints.hpp"
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
@@ -241,7 +241,8 @@ void check_options(const mjModel_* m, Law law) {
   check_values(m);
   const mjOption& o = m->opt;
   if (o.cone != mjCONE_ELLIPTIC)
-    throw std::invalid_argument("model.opt.cone is pyramidal; the engine's model needs elliptic");
+    throw std::invalid_argument("model.opt.cone is " + std::to_string(o.cone) +
+                                "; the engine's model needs mjCONE_ELLIPTIC");
   if (!is_known_integrator(m) || o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m, law);
 }

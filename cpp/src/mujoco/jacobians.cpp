@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/velocities.hpp"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot::host {

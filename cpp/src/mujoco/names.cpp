@@ -14,9 +14,9 @@ std::string contact_side(const mjModel_* m, int geom) {
                   : "geom " + named(m, mjOBJ_GEOM, geom);
 }
 
-std::string constraint_name(const mjModel_* m, const mjData_* d, const ConstraintInput& input) {
-  const int id = d->efc_id[input.source];
-  switch (d->efc_type[input.source]) {
+std::string constraint_name(const mjModel_* m, const mjData_* d, int row) {
+  const int id = d->efc_id[row];
+  switch (d->efc_type[row]) {
     case mjCNSTR_EQUALITY:
       return "equality " + named(m, mjOBJ_EQUALITY, id);
     case mjCNSTR_FRICTION_DOF:

@@ -88,7 +88,6 @@ struct ModelDeleter {
 
 // By MuJoCo, in a copy: it changes much beside.
 void follow_in_all_bodies(mjModel* m) {
-  check_masses(m);
   const ErrorGuard guard;
   const std::unique_ptr<mjModel, ModelDeleter> copy(mj_copyModel(nullptr, m));
   if (!copy) throw MujocoError("MuJoCo could not copy the model");

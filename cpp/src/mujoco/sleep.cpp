@@ -210,4 +210,15 @@ StaysAwake::StaysAwake(const mjModel_* m, mjData_* d) : data_(d), counts_(counts
 
 StaysAwake::~StaysAwake() { std::copy(counts_.begin(), counts_.end(), data_->tree_asleep); }
 
+SleepAtStart::SleepAtStart(const mjModel* m, mjData* d, std::vector<int>& asleep)
+    : model_(m), data_(d), asleep_(asleep) {
+  asleep.assign(d->tree_asleep, d->tree_asleep + (any_sleeps(m, d) ? m->ntree : 0));
+}
+
+SleepAtStart::~SleepAtStart() {
+  if (finished_ || asleep_.empty()) return;
+  std::copy(asleep_.begin(), asleep_.end(), data_->tree_asleep);
+  mj_updateSleep(model_, data_);
+}
+
 }  // namespace dashpot::host

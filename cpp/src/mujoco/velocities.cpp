@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <array>
 
-#include "dashpot/mujoco/mocap_motion.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
 
 namespace dashpot::host {
 

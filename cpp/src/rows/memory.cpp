@@ -122,6 +122,9 @@ bool Memory::starts() const { return storage_[kStepped] == 0.0; }
 void Memory::check() const {
   if (!is_integer(storage_[0], 0, layout_.contacts))
     refuse("its number of contacts", storage_[0], 0, layout_.contacts);
+  if (!std::all_of(storage_ + 1, storage_ + kStepped, [](double x) { return std::isfinite(x); }))
+    throw std::invalid_argument(
+        "data.userdata holds no contact memory: its energies must be finite");
   for (int i = 0; i < contact_count(); ++i)
     for (int side = 0; side < 2; ++side)
       if (const double geom = contact_storage(i)[side];

@@ -3,12 +3,13 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
-#include <cmath>
 #include <optional>
 #include <stdexcept>
 
 #include "dashpot/engine/engine.hpp"
+#include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/errors.hpp"
+#include "dashpot/mujoco/finite.hpp"
 #include "dashpot/mujoco/model_view.hpp"
 #include "dashpot/mujoco/owned.hpp"
 
@@ -17,14 +18,6 @@ namespace {
 
 int signature(StateKind kind) {
   return kind == StateKind::kFullPhysics ? mjSTATE_FULLPHYSICS : mjSTATE_INTEGRATION;
-}
-
-// MuJoCo's own notion of a bad state (mj_checkPos).
-bool all_usable(const mjtNum* values, int count) {
-  for (int i = 0; i < count; ++i) {
-    if (!(std::abs(values[i]) <= mjMAXVAL)) return false;
-  }
-  return true;
 }
 
 [[noreturn]] void refuse_callbacks() {
@@ -131,9 +124,10 @@ void Simulation::step() {
   } else {
     call(mj_step);
   }
-  if (!all_usable(data->qpos, static_cast<int>(model->nq)) ||
-      !all_usable(data->qvel, static_cast<int>(model->nv))) {
-    throw std::runtime_error("the state is no longer finite");
+  // What MuJoCo calls a bad state (mj_checkPos, mj_checkVel).
+  if (!are_within(data->qpos, model->nq, host::kLargestValue) ||
+      !are_within(data->qvel, model->nv, host::kLargestValue)) {
+    throw std::runtime_error("the state is no longer finite, or beyond 1e10");
   }
 }
 

@@ -23,6 +23,7 @@ from dashpot.calibrate.settlement import End, settle
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.calibrate.whiteness import whiteness
 from dashpot.checks import (
+    flag,
     number,
     number_array,
     positive_count,
@@ -159,6 +160,7 @@ def fit(
     if not 0 < number("confidence", confidence) < 1:
         raise ValueError(f"confidence must be in (0, 1), got {confidence!r}")
     seed = whole_number("seed", seed, lowest=0)
+    progress = flag("progress", progress)
     threads = thread_count(nthread)
     began = time.perf_counter()
     stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]

@@ -15,7 +15,7 @@ from dashpot.calibrate import setters
 from dashpot.calibrate.physical_values import check_bounds
 from dashpot.calibrate.setters import System
 from dashpot.calibrate.transforms import Transform, TransformName
-from dashpot.checks import number, number_array
+from dashpot.checks import flag, number, number_array
 from dashpot.materials import Material
 from dashpot.object_ids import Element
 
@@ -108,6 +108,7 @@ class Parameter:
             raise ValueError(f"{label}: difference must be in (0, 0.5], got {self.difference!r}")
         if self.apply is not None and not callable(self.apply):
             raise TypeError(f"{label}: apply must be a function, got {self.apply!r}")
+        flag(f"{label}: changes_model", self.changes_model)
         object.__setattr__(self, "bounds", (lower, upper))
         object.__setattr__(self, "start", float(self.start))
 
@@ -157,10 +158,10 @@ class Parameter:
         """
         _check_quantity(quantity)
         parameter = cls(
-            name=name or quantity,
+            name=quantity if name is None else name,
             start=start,
             bounds=bounds,
-            transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
+            transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
             apply=setters.MaterialSetter(_elements("geoms", geoms), quantity),
         )
@@ -191,10 +192,10 @@ class Parameter:
             if not _is_element(geom):
                 raise TypeError(f"{argument} must be the name or id of a geom, got {geom!r}")
         parameter = cls(
-            name=name or quantity,
+            name=quantity if name is None else name,
             start=start,
             bounds=bounds,
-            transform=transform or _DEFAULT_TRANSFORM.get(quantity, "log"),
+            transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
             apply=setters.PairSetter(geom1, geom2, quantity),
         )

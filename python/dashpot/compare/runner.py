@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.checks import number, positive_number
+from dashpot.checks import number, positive_number, text_or_none
 from dashpot.compare.observer import Observer
 from dashpot.compare.result import Comparison, Run
 from dashpot.compare.scenes import SCENES, Scene
@@ -84,6 +84,9 @@ def run(
     FileNotFoundError
         If a scene's file does not exist.
     """
+    name = text_or_none("name", name)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress must be a function, got {progress!r}")
     own_name, engine, default_duration = _prepare(scene, materials)
     chosen = _settings(settings)
     if timestep is not None:
@@ -110,7 +113,7 @@ def run(
             runs.append(_run_dashpot(engine, steps, observer, report))
         else:
             runs.append(_run_mujoco(setting, engine, steps, observer, report))
-    return Comparison(name or own_name, step, steps * step, split, tuple(runs))
+    return Comparison(own_name if name is None else name, step, steps * step, split, tuple(runs))
 
 
 def _prepare(
@@ -259,11 +262,11 @@ def _loop(
         begin = time.perf_counter()
         try:
             step()
+            diverged = False
         except DivergenceError:
-            return wall_time, before
-        finally:
-            wall_time += time.perf_counter() - begin
-        if not recorder.record(data, elastic()):
+            diverged = True
+        wall_time += time.perf_counter() - begin
+        if diverged or not recorder.record(data, elastic()):
             return wall_time, before
         if (index + 1) % max(1, steps // 100) == 0:
             report((index + 1) / steps)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from dashpot.checks import number, positive_count, positive_number, whole_number
 from dashpot.materials import Material
 
 
@@ -48,6 +49,9 @@ _VISUALS = """
 
 def ball(*, restitution: float = 0.9, stiffness: float = 1e4, timestep: float = 0.002) -> Scene:
     """Return a 1 kg ball, 0.1 m in radius, dropped from 1 m onto a plane."""
+    restitution = number("restitution", restitution)
+    stiffness = positive_number("stiffness", stiffness)
+    timestep = positive_number("timestep", timestep)
     xml = f"""
 <mujoco model="ball">
   <option timestep="{timestep}"/>{_VISUALS}
@@ -72,6 +76,12 @@ def ball(*, restitution: float = 0.9, stiffness: float = 1e4, timestep: float = 
 
 def slope(*, angle: float = 20.0, friction: float = 0.5, timestep: float = 0.002) -> Scene:
     """Return a 1 kg cube at rest on a slope, `angle` in degrees, below its friction angle."""
+    angle, friction = number("angle", angle), number("friction", friction)
+    if not -90.0 < angle < 90.0:
+        raise ValueError(f"angle must be in (-90, 90) degrees, got {angle:g}")
+    if not (np.isfinite(friction) and friction >= 0.0):
+        raise ValueError(f"friction must be finite and >= 0, got {friction:g}")
+    timestep = positive_number("timestep", timestep)
     radians = np.deg2rad(angle)
     height, half = 0.1, 0.05
     position = f"{half * np.sin(radians)} 0 {half * np.cos(radians)}"
@@ -94,6 +104,8 @@ def slope(*, angle: float = 20.0, friction: float = 0.5, timestep: float = 0.002
 
 def stack(*, boxes: int = 10, stiffness: float = 1e5, timestep: float = 0.002) -> Scene:
     """Return a stack of 1 kg cubes with a spring of `stiffness` N/m at each corner."""
+    boxes, stiffness = positive_count("boxes", boxes), positive_number("stiffness", stiffness)
+    timestep = positive_number("timestep", timestep)
     half = 0.05
     bodies = "".join(
         f"""
@@ -120,8 +132,8 @@ def stack(*, boxes: int = 10, stiffness: float = 1e5, timestep: float = 0.002) -
 
 def pile(*, bodies: int = 40, seed: int = 0, timestep: float = 0.002) -> Scene:
     """Return boxes, spheres, capsules, cylinders and ellipsoids that fall into a bin; rigid."""
-    if bodies < 1:
-        raise ValueError(f"bodies is {bodies}; it must be >= 1")
+    bodies, seed = positive_count("bodies", bodies), whole_number("seed", seed, lowest=0)
+    timestep = positive_number("timestep", timestep)
     rng = np.random.default_rng(seed)
     colours = [".16 .47 .71", ".89 .53 .16", ".30 .60 .35", ".76 .25 .27", ".52 .41 .66"]
     spacing, columns = 0.17, 9
@@ -185,6 +197,8 @@ SCENES: dict[str, Callable[..., Scene]] = {
 
 def scene(name: str) -> Scene:
     """Return a shipped scene by name; ValueError names near matches of an unknown one."""
+    if not isinstance(name, str):
+        raise TypeError(f"scene must be a name, got {name!r}")
     if name not in SCENES:
         near = difflib.get_close_matches(name, SCENES, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""

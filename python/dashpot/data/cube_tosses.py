@@ -287,7 +287,14 @@ def save_cube_tosses(tosses: CubeTosses, file: str | os.PathLike[str]) -> None:
     """Write tosses to an ``.npz`` file that :func:`load_cube_tosses` reads.
 
     Positions and quaternions keep double precision; velocities are stored in single precision.
+
+    Raises
+    ------
+    TypeError
+        If `tosses` is no `CubeTosses`.
     """
+    if not isinstance(tosses, CubeTosses):
+        raise TypeError(f"tosses is {type(tosses).__name__}; it must be a CubeTosses")
     lengths = [len(toss) for toss in tosses]
     Path(file).parent.mkdir(parents=True, exist_ok=True)
     with open(file, "wb") as stream:

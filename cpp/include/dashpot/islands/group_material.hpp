@@ -48,10 +48,8 @@ GroupMaterial solref_material(const std::array<double, 2>& solref,
 GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
                           const ContactInput& contact, double load);
 // That of a limit, an equality or dry friction: what the model's own solref means where its
-// impedance has grown to the full, else rigid. Throws std::invalid_argument that names the joint,
-// tendon or equality whose solref means nothing.
-GroupMaterial material_of(const mjModel_* model, const mjData_* data,
-                          const ConstraintInput& constraint);
+// impedance has grown to the full, else rigid. Throws as solref_to_spring does.
+GroupMaterial material_of(const ConstraintInput& constraint);
 
 // The friction coefficients of a contact: the model's, unless its material has its own.
 std::array<double, 5> friction_of(const ContactInput& contact, const Material& material);

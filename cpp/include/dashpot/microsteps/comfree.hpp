@@ -43,7 +43,6 @@
 
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "dashpot/rows/row_data.hpp"

@@ -16,7 +16,6 @@
 
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "dashpot/mujoco/elastic_forces.hpp"

@@ -19,7 +19,7 @@ bool have_same_sizes(const mjModel_* a, const mjModel_* b);
 
 // Throws std::invalid_argument if `d` was not made for `m` (whose data have `data_size`; of lost
 // signatures the caller sees to have_same_sizes), or its state, controls or applied forces are not
-// finite; names the field and the index.
+// finite, or positions or velocities are beyond kLargestValue; names the field and the index.
 void check_data(const mjModel_* m, const mjData_* d, long long data_size);
 
 }  // namespace dashpot::host

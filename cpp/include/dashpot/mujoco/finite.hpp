@@ -1,5 +1,5 @@
-// Whether numbers are finite, in one pass without branches: fast enough for all values of a model
-// in every step.
+// Whether numbers are finite, or within a bound, in one pass without branches: fast enough for all
+// values of a model in every step.
 
 #pragma once
 
@@ -32,6 +32,19 @@ inline bool are_finite(const double* values, std::ptrdiff_t count) {
 // False for -0, too: whoever asks looks closer then.
 inline bool are_finite_and_not_negative(const double* values, std::ptrdiff_t count) {
   return !any_marked<true>(values, count);
+}
+
+// Whether no value is beyond a bound > 0, or no number.
+inline bool are_within(const double* values, std::ptrdiff_t count, double bound) {
+  constexpr std::uint64_t kMagnitude = 0x7fffffffffffffff;
+  std::uint64_t most, marks = 0;
+  std::memcpy(&most, &bound, sizeof most);
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    std::uint64_t bits;
+    std::memcpy(&bits, values + i, sizeof bits);
+    marks |= (bits & kMagnitude) + (kMagnitude - most);  // magnitudes are ordered as their bits
+  }
+  return !(marks >> 63);
 }
 
 }  // namespace dashpot

@@ -4,8 +4,6 @@
 
 #include <string>
 
-#include "dashpot/rows/rows.hpp"
-
 struct mjModel_;
 struct mjData_;
 
@@ -16,8 +14,8 @@ std::string named(const mjModel_* m, int type, int id);
 // The same for a side of a contact: a geom, or the flex -1 - geom.
 std::string contact_side(const mjModel_* m, int geom);
 
-// The joint, tendon or equality that a scalar constraint of the last detection comes from, and what
+// The joint, tendon or equality that a row of MuJoCo's constraints comes from, and what
 // of it: "limit of joint 'knee'".
-std::string constraint_name(const mjModel_* m, const mjData_* d, const ConstraintInput& input);
+std::string constraint_name(const mjModel_* m, const mjData_* d, int row);
 
 }  // namespace dashpot::host

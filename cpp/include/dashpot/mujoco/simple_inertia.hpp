@@ -22,11 +22,11 @@ namespace dashpot::host {
 // negative, or is 0 where simple degrees of freedom need it.
 void check_masses(const mjModel_* m);
 
-// Sets dof_M0 of simple degrees of freedom, body_subtreemass and the inverse masses where
-// body_mass, or body_inertia or dof_armature of a simple degree of freedom, was edited since; where
-// others than lone free bodies were, by mj_setConst in a copy of the model. What differs in
-// rounding alone stays: once this was called, threads that share a model's arrays and call it do
-// not write to them. Throws as check_masses.
+// Of masses that check_masses has passed, sets dof_M0 of simple degrees of freedom,
+// body_subtreemass and the inverse masses where body_mass, or body_inertia or dof_armature of a
+// simple degree of freedom, was edited since; where others than lone free bodies were, by
+// mj_setConst in a copy of the model. What differs in rounding alone stays: once this was called,
+// threads that share a model's arrays and call it do not write to them.
 void follow_edited_masses(mjModel_* m);
 
 }  // namespace dashpot::host

@@ -59,4 +59,22 @@ class StaysAwake {
   std::vector<int>& counts_;  // kept by the thread: no allocation in a step
 };
 
+// Of a step that is not finished, puts to sleep again what it woke.
+class SleepAtStart {
+ public:
+  // `asleep`: kept from step to step, as a step allocates nothing.
+  SleepAtStart(const mjModel_* m, mjData_* d, std::vector<int>& asleep);
+  ~SleepAtStart();
+  SleepAtStart(const SleepAtStart&) = delete;
+  SleepAtStart& operator=(const SleepAtStart&) = delete;
+
+  void finish() { finished_ = true; }
+
+ private:
+  const mjModel_* model_;
+  mjData_* data_;
+  std::vector<int>& asleep_;  // mjData.tree_asleep; empty if nothing sleeps
+  bool finished_ = false;
+};
+
 }  // namespace dashpot::host

@@ -1,0 +1,15 @@
+// The numbers that a model has of its objects.
+
+#pragma once
+
+struct mjModel_;
+
+namespace dashpot::host {
+
+// Throws std::invalid_argument that names the field, the value and the geom, pair, flex, body,
+// joint, equality, tendon or actuator where one of what steps read is not finite (a range: is no
+// number), or is negative where it must not be (friction, sizes, armatures), or a solref is of
+// mixed format: one number positive, the other one not. Masses: check_masses.
+void check_numbers(const mjModel_* m);
+
+}  // namespace dashpot::host
