@@ -93,10 +93,11 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   sag_times.find(model, step, rows, data.velocity.data(), team);
   find_hits(step, rows, islands.all(), hit_frequency(), data);
   pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
-  islands.plan(
-      rows, motion.trees(),
-      {materials, sag_times.of_group(), data, clock.length, resolved_length(), parameters.options},
-      team);
+  open_groups.find(step, rows, motion.tree_count(), data);
+  islands.plan(rows, motion.trees(),
+               {materials, sag_times.of_group(), open_groups.stays_open(), data, clock.length,
+                resolved_length(), parameters.options},
+               team);
   recall(step, rows, recovery_speed, data, team);
   if (!part.impact.empty() && !std::isinf(recovery_speed))
     limit_compression(step, part.impact, rows, data);

@@ -19,6 +19,7 @@
 #include "dashpot/islands/contact_matching.hpp"
 #include "dashpot/islands/island_hits.hpp"
 #include "dashpot/islands/islands.hpp"
+#include "dashpot/islands/open_groups.hpp"
 #include "dashpot/islands/pressed_between.hpp"
 #include "dashpot/islands/pressed_together.hpp"
 #include "dashpot/islands/sag_times.hpp"
@@ -182,6 +183,7 @@ struct Stepper::Impl {
   std::vector<Match> matches;  // per group
   SagTimes sag_times;
   PressedTogether pressed_together;
+  OpenGroups open_groups;
   PressedBetween pressed_between;
   ComFreeGroups comfree_groups;
 

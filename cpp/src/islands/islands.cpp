@@ -108,7 +108,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
       split_[row] = split_between_trees(rows.tree_inverse_mass[row]);
   });
   const int* const all_trees = tree_order_.data();
-  measure(all_trees, all_trees + tree_order_.size(), rows, trees, materials, false, team);
+  measure(all_trees, all_trees + tree_order_.size(), rows, trees, demand, false, team);
   if (demand.options.microsteps == 0) {
     rigid_longest_.assign(rows.group.size(), std::numeric_limits<double>::infinity());
     team.for_each(count, kGroupsAtOnce, [&](int at) {
@@ -126,7 +126,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
     const bool enough_for_friction = choose_microsteps(island, demand);
     resolves_[i] = fits(island.duration, si_microstep);
     if (!resolves_[i])
-      measure(island.tree.first, island.tree.last, rows, trees, materials, true, team);
+      measure(island.tree.first, island.tree.last, rows, trees, demand, true, team);
     if (!enough_for_friction) continue;
     for (int tree : island.tree) {  // nothing is taken from normals for it
       RigidCoupling& own = bounds_[tree].coupling;
@@ -173,27 +173,29 @@ bool Islands::choose_microsteps(Island& island, const MicrostepDemand& demand) {
 }
 
 void Islands::measure(const int* first_tree, const int* last_tree, const Rows& rows,
-                      const Trees& trees, const std::vector<GroupMaterial>& materials,
-                      bool all_rigid, Team& team) {
+                      const Trees& trees, const MicrostepDemand& demand, bool all_rigid,
+                      Team& team) {
   team.share(static_cast<int>(last_tree - first_tree), kTreesAtOnce,
              [&](int worker, int first, int last) {
                for (int i = first; i < last; ++i) {
-                 add_sides(first_tree[i], rows, trees, materials, all_rigid);
+                 add_sides(first_tree[i], rows, trees, demand, all_rigid);
                  take_bounds(first_tree[i], trees, room_[worker]);
                }
              });
 }
 
 void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
-                        const std::vector<GroupMaterial>& materials, bool all_rigid) {
+                        const MicrostepDemand& demand, bool all_rigid) {
   for (int at = first_side_[tree]; at < first_side_[tree + 1]; ++at) {
     const int index = side_order_[at] / 2, side = side_order_[at] % 2;
+    const bool is_given = demand.materials[index].has_si_stiffness() && !all_rigid;
+    if (demand.stays_open[index] && !is_given) continue;
     const RowGroup& c = rows.group[index];
     double weight[kMaxRows];
     const auto weigh = [&](const double* of_row) {
       for (int i = 0; i < c.dim; ++i) weight[i] = split_[c.row + i][side] * of_row[i];
     };
-    if (all_rigid || !materials[index].has_si_stiffness()) {
+    if (!is_given) {
       double unit[kMaxRows];
       for (int i = 0; i < c.dim; ++i) {
         const double w = rows.inverse_mass[c.row + i];

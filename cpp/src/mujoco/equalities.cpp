@@ -96,11 +96,17 @@ double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
   return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
 }
 
-double slope_of_polynomial(const mjtNum* p, double x) {
+}  // namespace
+
+double slope_of_equality(const mjModel_* m, const mjData_* d, int equality) {
+  const int second = m->eq_obj2id[equality], type = m->eq_type[equality];
+  if (second < 0 || (type != mjEQ_JOINT && type != mjEQ_TENDON)) return 0.0;
+  const mjtNum* p = m->eq_data + mjNEQDATA * equality;
+  const double x = type == mjEQ_TENDON
+                       ? d->ten_length[second] - m->tendon_length0[second]
+                       : d->qpos[m->jnt_qposadr[second]] - m->qpos0[m->jnt_qposadr[second]];
   return p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
 }
-
-}  // namespace
 
 double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, int row,
                            const Trees& trees, const RowTurns& turns) {
@@ -120,7 +126,7 @@ double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, in
       const double first = turns.tendon_turning(m->eq_obj1id[equality]);
       if (second < 0) return first;
       const double x = d->ten_length[second] - m->tendon_length0[second];
-      return first - slope_of_polynomial(data, x) * turns.tendon_turning(second) +
+      return first - slope_of_equality(m, d, equality) * turns.tendon_turning(second) +
              turning_of_polynomial(data, x, d->ten_velocity[second]);
     }
     case mjEQ_FLEX: {

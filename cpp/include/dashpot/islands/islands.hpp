@@ -6,7 +6,7 @@
 //     h sqrt(lambda_max(K^1/2 A K^1/2)) <= theta,    h lambda_max(D^1/2 A D^1/2) <= theta,
 //     A = J inv(H) J',   theta = kResolution .
 //
-// The bound on lambda_max is that of coupled_sum.hpp.
+// The bound on lambda_max is that of coupled_sum.hpp, of rigid rows without those that stay open.
 
 #pragma once
 
@@ -72,6 +72,7 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
 struct MicrostepDemand {
   const std::vector<GroupMaterial>& materials;  // per group
   const std::vector<SagTime>& sag_time;         // per group
+  const std::vector<char>& stays_open;          // per group (open_groups.hpp)
   const RowData& data;                          // which groups are hit
   double part, step;                            // s, what is planned, of a step of what length
   const Options& options;
@@ -104,9 +105,9 @@ class Islands {
   };
   void sort_sides(const Rows& rows, int tree_count);
   void measure(const int* first_tree, const int* last_tree, const Rows& rows, const Trees& trees,
-               const std::vector<GroupMaterial>& materials, bool all_rigid, Team& team);
-  void add_sides(int tree, const Rows& rows, const Trees& trees,
-                 const std::vector<GroupMaterial>& materials, bool all_rigid);
+               const MicrostepDemand& demand, bool all_rigid, Team& team);
+  void add_sides(int tree, const Rows& rows, const Trees& trees, const MicrostepDemand& demand,
+                 bool all_rigid);
   void take_bounds(int tree, const Trees& trees, CoupledSum::Room& room);
   double longest_si_microstep(const Island& island) const;
   double longest_rigid_microstep(const Island& island) const;

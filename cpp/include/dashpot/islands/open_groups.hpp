@@ -1,0 +1,41 @@
+// Contacts and limits that are found ahead, but stay open.
+//
+// Detection looks as far as bodies may come in a step, whatever hits them meanwhile. What is found
+// there, and comes and goes with the speeds of the bodies, acts on nothing; but in the bound on the
+// coupling of their rows (row_stiffness.hpp) it would make all rigid rows of its trees softer.
+// Resting stacks, beside which something slid a tenth of a millimetre away, were shaken by their
+// own stiffness that changed by half from step to step: what a spring is compressed less by as it
+// stiffens is overlap that nothing bears, and recovers. So bounds leave out a group of gap g in a
+// step H with
+//
+//     g >= kMayMeet H (v_1 + v_2) ,
+//
+// v_T being the fastest that any gap of tree T closes: what one impulse does to the others. If more
+// than that happens to it, its rows are too stiff in that step for a resolution of theta = 1, where
+// micro-steps are stable up to 2.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+#include "dashpot/rows/step_view.hpp"
+
+namespace dashpot {
+
+// Keeps its arrays from step to step.
+class OpenGroups {
+ public:
+  // From the velocities and smooth accelerations in `data`.
+  void find(const StepView& step, const Rows& rows, int tree_count, const RowData& data);
+  // Per group: whether it is a contact or limit that stays open.
+  const std::vector<char>& stays_open() const { return stays_open_; }
+
+ private:
+  std::vector<double> gap_, closing_;  // per group, m and m/s or rad and rad/s
+  std::vector<double> fastest_;        // per tree
+  std::vector<char> stays_open_;
+};
+
+}  // namespace dashpot
