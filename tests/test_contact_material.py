@@ -140,7 +140,8 @@ def test_restitution_is_that_of_the_bounce(stiffness):
 
 
 def test_questions_without_an_answer_are_errors():
-    engine = engine_of('solref="-1 2"')
+    engine = engine_of()
+    engine.model.geom_solref[:] = -1.0, 2.0
     with pytest.raises(ValueError, match="contact of geom 'floor' and geom 'ball': solref"):
         engine.contact_material("ball", "floor")
     with pytest.raises(ValueError, match="same geom"):
