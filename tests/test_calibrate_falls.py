@@ -6,6 +6,8 @@ import pytest
 
 from ball_throws import BALL, FALL, IDENTITY, SIDEWAYS, ball_engine, make_trajectory, observe
 from dashpot.calibrate import Parameter, Problem, fit
+from dashpot.calibrate.clock import falls_up, in_millimetres
+from dashpot.calibrate.data_warnings import strange_falls
 
 UP = np.array([1.0, 1.0, -1.0])
 
@@ -26,7 +28,7 @@ def thrown(scale, noise, sigma, frames=40, gravity=9.81, xml=FALL, seed=0):
 
 
 def found(problem):
-    return [len(names) for names in (problem.fast_falls(), problem.upward_falls())]
+    return [len(strange_falls(problem, begins)) for begins in (in_millimetres, falls_up)]
 
 
 @pytest.mark.parametrize("seed", range(10))

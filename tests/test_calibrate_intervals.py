@@ -12,7 +12,8 @@ from scipy import stats
 import dashpot
 from ball_throws import FALL, IDENTITY, SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.identifiability import judge, leaders
+from dashpot.calibrate.at_bounds import leaders
+from dashpot.calibrate.identifiability import Evidence, judge
 from dashpot.calibrate.intervals import covariance
 
 
@@ -102,13 +103,15 @@ def statement(
     parameter = Parameter("k", start=10.0, bounds=(1.0, 1000.0), transform=transform)
     error = half_width / 1.96 if standard_error is None else standard_error
     return judge(
-        parameter,
-        z=z,
-        standard_error=error,
-        interval=(z - half_width, z + half_width),
-        correlation=np.array(correlation),
-        names=("k", "d"),
-        **{"confidence": 0.95, **options},
+        Evidence(
+            parameter=parameter,
+            z=z,
+            standard_error=error,
+            interval=(z - half_width, z + half_width),
+            correlation=np.array(correlation),
+            names=("k", "d"),
+            **{"confidence": 0.95, **options},
+        )
     )
 
 
@@ -143,13 +146,15 @@ def test_a_logit_parameter_is_at_its_bound_within_a_thousandth_of_the_range(valu
     parameter = Parameter.material("ball", "restitution", start=0.5, bounds=(0.01, 0.99))
     z = parameter.coordinate.to_search(value)
     found = judge(
-        parameter,
-        z=z,
-        standard_error=5e-3,
-        interval=(z - 0.01, z + 0.01),
-        correlation=np.ones(1),
-        names=("restitution",),
-        confidence=0.95,
+        Evidence(
+            parameter=parameter,
+            z=z,
+            standard_error=5e-3,
+            interval=(z - 0.01, z + 0.01),
+            correlation=np.ones(1),
+            names=("restitution",),
+            confidence=0.95,
+        )
     )
     assert found.identified == (reason is None)
     assert reason is None or f"the estimate lies at its {reason}" in found.statement

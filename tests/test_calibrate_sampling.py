@@ -7,7 +7,7 @@ from scipy import special
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.identifiability import Estimate
+from dashpot.calibrate.estimate import Estimate
 from dashpot.calibrate.sampling import draw
 
 COUNT = 20_000

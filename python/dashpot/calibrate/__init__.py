@@ -29,8 +29,8 @@ which four are fitted and one is predicted::
 """
 
 from dashpot.calibrate.combinations import Combination
+from dashpot.calibrate.estimate import Estimate
 from dashpot.calibrate.fit import fit
-from dashpot.calibrate.identifiability import Estimate
 from dashpot.calibrate.parameters import Parameter
 from dashpot.calibrate.prediction import Prediction, predict
 from dashpot.calibrate.problem import Problem

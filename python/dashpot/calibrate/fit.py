@@ -9,9 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.calibrate.at_bounds import leaders
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
-from dashpot.calibrate.identifiability import judge, leaders, noise_explains, noise_overstated
+from dashpot.calibrate.identifiability import Evidence, judge
 from dashpot.calibrate.intervals import check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
@@ -20,6 +21,7 @@ from dashpot.calibrate.progress import ProgressBar
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search import Search
 from dashpot.calibrate.settlement import End, settle
+from dashpot.calibrate.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.strategy import Method, run_automatic, run_searches
 from dashpot.calibrate.whiteness import whiteness
 from dashpot.checks import (
@@ -168,7 +170,11 @@ def fit(
     objective = objectives[-1]
     check_count(objective.measured_count, objective.unknowns)
     errors_kind = _errors_kind(errors, problem, objective)
-    warn_of_noisy_starts(problem)
+    warn_of_noisy_starts(
+        problem,
+        ", and intervals are too narrow; give initial_qpos, or estimate the start with "
+        "initial_state='pose_and_velocity'",
+    )
     warn_of_strange_falls(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
@@ -222,20 +228,22 @@ def _result(
     leading = leaders(problem.parameters, point[: objective.parameters], correlation)
     estimates = tuple(
         judge(
-            parameter,
-            z=float(point[i]),
-            standard_error=float(estimated.standard_error[i]),
-            interval=(float(end.intervals[i, 0]), float(end.intervals[i, 1])),
-            correlation=correlation[i],
-            names=problem.names,
-            confidence=confidence,
-            unfinished=unfinished,
-            unexplained=None if explained else variance,
-            overstated=variance if overstated else None,
-            together=0.0 if white.exact else white.correlation,
-            clustered=errors == "clustered",
-            nonlinearity=float(end.departure[i]),
-            leader=leading[i],
+            Evidence(
+                parameter=parameter,
+                z=float(point[i]),
+                standard_error=float(estimated.standard_error[i]),
+                interval=(float(end.intervals[i, 0]), float(end.intervals[i, 1])),
+                correlation=correlation[i],
+                names=problem.names,
+                confidence=confidence,
+                unfinished=unfinished,
+                unexplained=None if explained else variance,
+                overstated=variance if overstated else None,
+                together=0.0 if white.exact else white.correlation,
+                clustered=errors == "clustered",
+                nonlinearity=float(end.departure[i]),
+                leader=leading[i],
+            )
         )
         for i, parameter in enumerate(problem.parameters)
     )

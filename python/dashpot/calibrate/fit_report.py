@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.table import Table
 
-from dashpot.calibrate.identifiability import interval_digits, interval_ends, percent
+from dashpot.calibrate.estimate import interval_digits, interval_ends, percent
 
 if TYPE_CHECKING:
     from dashpot.calibrate.result import Fit

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.budget import Budget
+from dashpot.calibrate.data_warnings import warn_of_noisy_starts
 from dashpot.calibrate.intervals import check_count
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
@@ -141,15 +142,7 @@ def predict(
                     "estimate its initial state from"
                 )
         problem = replace(problem, initial_state="given")
-    noisy = problem.noisy_starts()
-    if noisy:
-        others = f" and {len(noisy) - 1} more" if len(noisy) > 1 else ""
-        warnings.warn(
-            f"trajectory '{noisy[0]}'{others}: no initial_qpos, so that the simulation starts at "
-            "the first observed pose as if that had no noise; give it, or a head with "
-            "initial_state='pose_and_velocity'",
-            stacklevel=2,
-        )
+    warn_of_noisy_starts(problem, "; give it, or a head with initial_state='pose_and_velocity'")
     states = np.empty(0)
     if head is not None:
         states = _initial_states(problem.with_window(head), held, chosen_loss, threads)

@@ -12,8 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.clock import falls_up, gravity_of, in_millimetres, in_milliseconds
-from dashpot.calibrate.first_guess import free_bodies, free_joint, initial_state, robust_guess
+from dashpot.calibrate.first_guess import free_bodies, initial_state, robust_guess
 from dashpot.calibrate.known_starts import is_reading, start_sigma
 from dashpot.calibrate.layout import Layout
 from dashpot.calibrate.noise import deviation, position_deviations, sensor_deviations
@@ -285,45 +284,9 @@ class Problem:
         velocity, displacement = zip(*guesses, strict=True)
         return np.array(velocity), np.array(displacement)
 
-    def noisy_starts(self) -> tuple[str, ...]:
-        """Return the trajectories whose simulation starts at their first observed pose.
-
-        That is, those without ``initial_qpos`` of which a body on a free joint was observed, where
-        neither `initial_state` nor `start_states` gives the initial pose.
-        """
-        if not self._starts_at_first_poses():
-            return ()
-        model = model_of(own_system(self.system, self.start))
-        return tuple(
-            trajectory.name
-            for trajectory in self.trajectories
-            if trajectory.initial_qpos is None and free_bodies(trajectory, model)
-        )
-
-    def slow_falls(self) -> tuple[str, ...]:
-        """Return the trajectories that begin in a fall as of times given in milliseconds."""
-        return self._beginning(in_milliseconds)
-
-    def fast_falls(self) -> tuple[str, ...]:
-        """Return the trajectories that begin in a fall as of positions given in millimetres."""
-        return self._beginning(in_millimetres)
-
-    def upward_falls(self) -> tuple[str, ...]:
-        """Return the trajectories that begin in a fall against gravity."""
-        return self._beginning(falls_up)
-
-    def _beginning(
-        self, so: Callable[[Trajectory, Sequence[int], Array, Array], bool]
-    ) -> tuple[str, ...]:
-        """Return the trajectories whose bodies on free joints begin `so`."""
-        model = model_of(own_system(self.system, self.start))
-        found = []
-        for trajectory in self.trajectories:
-            ids = [model.body(body).id for body in trajectory.bodies]
-            free = [i for i, body in enumerate(ids) if free_joint(model, body) is not None]
-            if so(trajectory, free, gravity_of(model), self.sigma[:3]):
-                found.append(trajectory.name)
-        return tuple(found)
+    def starts_at_first_poses(self) -> bool:
+        """Whether simulations without ``initial_qpos`` start at their first observed pose."""
+        return self.initial_state != "pose_and_velocity" and self.start_states is None
 
     def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
         """Return the number of simulation steps between two frames."""
@@ -347,9 +310,6 @@ class Problem:
             channels.append(seen & np.isfinite(self.channel_sigma(sensor)))
         return trajectory.measured & np.isfinite(self.sigma), np.concatenate(channels, axis=1)
 
-    def _starts_at_first_poses(self) -> bool:
-        return self.initial_state != "pose_and_velocity" and self.start_states is None
-
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"
         for body in trajectory.bodies:
@@ -363,7 +323,7 @@ class Problem:
         check_sensors(trajectory, model, self._sensors)
         if not any(seen.any() for seen in self._seen(trajectory)):
             raise ValueError(f"{label}: nothing that was measured is left of it")
-        if trajectory.initial_qpos is None and self._starts_at_first_poses():
+        if trajectory.initial_qpos is None and self.starts_at_first_poses():
             for i, _ in free_bodies(trajectory, model):
                 if not trajectory.measured[0, i, np.isfinite(self.sigma)].all():
                     raise ValueError(

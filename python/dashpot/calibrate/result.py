@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from dashpot.calibrate.combinations import Combination, combinations
+from dashpot.calibrate.estimate import Estimate
 from dashpot.calibrate.fit_report import fit_dict, fit_table
-from dashpot.calibrate.identifiability import Estimate, noise_explains, noise_overstated
 from dashpot.calibrate.losses import LossName
 from dashpot.calibrate.metrics import root_mean_squares
 from dashpot.calibrate.prediction import Prediction, predict, predictions
 from dashpot.calibrate.problem import Problem
 from dashpot.calibrate.sampling import draw
+from dashpot.calibrate.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import positive_count, thread_count, whole_number
 from dashpot.tables import table_html, table_text

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from dashpot.calibrate.identifiability import Estimate
+from dashpot.calibrate.estimate import Estimate
 from dashpot.calibrate.parameters import Parameter
 
 Array = NDArray[np.float64]

@@ -1,0 +1,65 @@
+"""Estimates of single parameters, and how many digits of them are told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One estimated parameter.
+
+    Attributes
+    ----------
+    name
+        The parameter.
+    value
+        The estimate, in the parameter's unit.
+    standard_error
+        In the same unit, to first order in the search coordinate; inf where the data say nothing.
+        It is scaled with the residuals (`Fit.residual_variance`), not with the stated noise.
+    lower, upper
+        Ends of the confidence interval; the bounds where the data say nothing. They go on to where
+        the cost has risen enough, farther than `standard_error` says where that is flat.
+    identified
+        Whether the data identify it.
+    statement
+        A sentence that says why or why not.
+    nonlinearity
+        How far the residuals' departure from a linear model over the interval moves the estimate,
+        in standard errors of that model. It is part of `standard_error` and of the interval;
+        where it is above 1, most of their width comes from it and their confidence is a rough one.
+    """
+
+    name: str
+    value: float
+    standard_error: float
+    lower: float
+    upper: float
+    identified: bool
+    statement: str
+    nonlinearity: float = 0.0
+
+
+def percent(confidence: float) -> str:
+    """Return a confidence as a percentage with all its digits, such as 99.9%."""
+    return f"{100.0 * confidence:.6g}%"
+
+
+def interval_ends(lower: float, upper: float) -> tuple[str, str]:
+    """Return the ends of an interval with four digits, or as many as tell its width."""
+    digits = interval_digits(lower, upper)
+    return f"{lower:.{digits}g}", f"{upper:.{digits}g}"
+
+
+def interval_digits(lower: float, upper: float) -> int:
+    """Return how many digits numbers in an interval need: the last is a tenth of its width.
+
+    They are four at least, and 16 at most.
+    """
+    width, size = upper - lower, max(abs(lower), abs(upper))
+    if not width > 0.0:
+        return 4
+    first = math.floor(math.log10(size))
+    return min(max(4, math.ceil(first + 2 - math.log10(width))), 16)
