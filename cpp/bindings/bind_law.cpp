@@ -1,6 +1,7 @@
 // Binds the law rooms (kelvin_voigt, friction, material) over one-dimensional arrays of equal
 // length; dashpot.law and dashpot.materials check values and broadcast before they call these.
 
+#include <pybind11/native_enum.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -156,25 +157,32 @@ void bind_law(py::module_& module) {
       py::arg("solref"), py::arg("solimp"), py::arg("load"),
       "See dashpot.law.solref_to_spring_at_rest.");
 
-  py::enum_<DampingForm>(module, "DampingForm", "How the damping of a material is given.")
+  py::native_enum<DampingForm>(module, "DampingForm", "enum.Enum",
+                               "How the damping of a material is given.")
       .value("ratio", DampingForm::kRatio)
       .value("damping", DampingForm::kDamping)
-      .value("restitution", DampingForm::kRestitution);
-  py::enum_<StiffnessRule>(module, "StiffnessRule", "How two stiffnesses combine.")
+      .value("restitution", DampingForm::kRestitution)
+      .finalize();
+  py::native_enum<StiffnessRule>(module, "StiffnessRule", "enum.Enum",
+                                 "How two stiffnesses combine.")
       .value("series", StiffnessRule::kSeries)
       .value("min", StiffnessRule::kMin)
       .value("max", StiffnessRule::kMax)
-      .value("mean", StiffnessRule::kMean);
-  py::enum_<DampingRule>(module, "DampingRule", "How two dampings combine.")
+      .value("mean", StiffnessRule::kMean)
+      .finalize();
+  py::native_enum<DampingRule>(module, "DampingRule", "enum.Enum", "How two dampings combine.")
       .value("series", DampingRule::kSeries)
       .value("min", DampingRule::kMin)
       .value("max", DampingRule::kMax)
-      .value("mean", DampingRule::kMean);
-  py::enum_<FrictionRule>(module, "FrictionRule", "How two friction coefficients combine.")
+      .value("mean", DampingRule::kMean)
+      .finalize();
+  py::native_enum<FrictionRule>(module, "FrictionRule", "enum.Enum",
+                                "How two friction coefficients combine.")
       .value("max", FrictionRule::kMax)
       .value("min", FrictionRule::kMin)
       .value("mean", FrictionRule::kMean)
-      .value("geometric_mean", FrictionRule::kGeometricMean);
+      .value("geometric_mean", FrictionRule::kGeometricMean)
+      .finalize();
 
   py::class_<Material>(module, "Material", "Core form of dashpot.Material, in SI units.")
       .def(py::init<>())
