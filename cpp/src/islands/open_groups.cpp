@@ -1,6 +1,9 @@
 #include "dashpot/islands/open_groups.hpp"
 
 #include <algorithm>
+#include <limits>
+
+#include "dashpot/rows/hit.hpp"
 
 namespace dashpot {
 
@@ -8,6 +11,7 @@ namespace {
 
 // Of what bodies come nearer by at the speeds of the start, and as smooth forces change them.
 constexpr double kMayMeet = 2.0;
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
@@ -24,8 +28,9 @@ void OpenGroups::find(const StepView& step, const Rows& rows, int tree_count, co
     gather(rows, c, data.velocity.data(), rate);
     gather(rows, c, data.smooth_acceleration.data(), load);
     closing_[index] = std::max({-rate[0], -rate[0] - 0.5 * load[0] * step.length, 0.0});
+    const bool flies = std::max(closing_[index], rate[0]) > hit_speed(rows, c);
     for (int tree : c.tree)
-      if (tree >= 0) fastest_[tree] = std::max(fastest_[tree], closing_[index]);
+      if (tree >= 0) fastest_[tree] = flies ? kInfinite : std::max(fastest_[tree], closing_[index]);
   }
   stays_open_.assign(rows.group.size(), 0);
   for (size_t index = 0; index < rows.group.size(); ++index) {

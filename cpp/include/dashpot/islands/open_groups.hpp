@@ -12,7 +12,8 @@
 //
 // v_T being the fastest that any gap of tree T closes: what one impulse does to the others. If more
 // than that happens to it, its rows are too stiff in that step for a resolution of theta = 1, where
-// micro-steps are stable up to 2.
+// micro-steps are stable up to 2. What hits and turns may be thrown at anything: trees with gaps
+// that close or open as fast as hits do (hit_speed) leave out nothing.
 
 #pragma once
 
@@ -34,7 +35,7 @@ class OpenGroups {
 
  private:
   std::vector<double> gap_, closing_;  // per group, m and m/s or rad and rad/s
-  std::vector<double> fastest_;        // per tree
+  std::vector<double> fastest_;        // per tree; infinite where it flies
   std::vector<char> stays_open_;
 };
 
