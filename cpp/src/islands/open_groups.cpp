@@ -13,33 +13,65 @@ namespace {
 constexpr double kMayMeet = 2.0;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 
+double gap_of(const StepView& step, const RowGroup& c) {
+  if (!c.is_unilateral()) return 0.0;
+  return c.kind == RowKind::kContact ? step.contacts[c.input].gap
+                                     : step.constraints[c.input].position;
+}
+
+// How fast a gap changes (m/s or rad/s), and with which smooth acceleration.
+struct GapMotion {
+  double rate = 0.0, acceleration = 0.0;
+  // The fastest that it closes on the average of a step, or from its start.
+  double closing(double length) const {
+    return std::max({-rate, -rate - 0.5 * acceleration * length, 0.0});
+  }
+};
+
+GapMotion motion_of(const Rows& rows, const RowGroup& c, const RowData& data) {
+  const RowGroup normal = c.normal();
+  GapMotion motion;
+  gather(rows, normal, data.velocity.data(), &motion.rate);
+  gather(rows, normal, data.smooth_acceleration.data(), &motion.acceleration);
+  return motion;
+}
+
 }  // namespace
 
 void OpenGroups::find(const StepView& step, const Rows& rows, int tree_count, const RowData& data) {
-  gap_.assign(rows.group.size(), 0.0);
-  closing_.assign(rows.group.size(), 0.0);
-  fastest_.assign(tree_count, 0.0);
+  stays_open_.assign(rows.group.size(), 0);
+  fastest_.assign(tree_count, kUnasked);
+  bool any = false;
+  for (const RowGroup& c : rows.group) {
+    if (gap_of(step, c) <= 0.0) continue;
+    any = true;
+    for (int tree : c.tree)
+      if (tree >= 0) fastest_[tree] = 0.0;
+  }
+  if (!any) return;
+  for (const RowGroup& c : rows.group) find_fastest(rows, c, step.length, data);
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
-    if (!c.is_unilateral()) continue;
-    gap_[index] = c.kind == RowKind::kContact ? step.contacts[c.input].gap
-                                              : step.constraints[c.input].position;
-    double rate[kMaxRows], load[kMaxRows];
-    gather(rows, c, data.velocity.data(), rate);
-    gather(rows, c, data.smooth_acceleration.data(), load);
-    closing_[index] = std::max({-rate[0], -rate[0] - 0.5 * load[0] * step.length, 0.0});
-    const bool flies = std::max(closing_[index], rate[0]) > hit_speed(rows, c);
-    for (int tree : c.tree)
-      if (tree >= 0) fastest_[tree] = flies ? kInfinite : std::max(fastest_[tree], closing_[index]);
-  }
-  stays_open_.assign(rows.group.size(), 0);
-  for (size_t index = 0; index < rows.group.size(); ++index) {
-    if (gap_[index] <= 0.0) continue;
+    const double gap = gap_of(step, c);
     double closing = 0.0;
-    for (int tree : rows.group[index].tree)
+    for (int tree : c.tree)
       if (tree >= 0) closing += fastest_[tree];
-    stays_open_[index] = gap_[index] >= kMayMeet * step.length * closing;
+    stays_open_[index] = gap > 0.0 && gap >= kMayMeet * step.length * closing;
   }
+}
+
+// Notes how fast a group's gap closes on those of its trees that have an open one.
+void OpenGroups::find_fastest(const Rows& rows, const RowGroup& c, double length,
+                              const RowData& data) {
+  const auto is_asked = [&](int tree) {
+    return tree >= 0 && fastest_[tree] != kUnasked && fastest_[tree] != kInfinite;
+  };
+  if (!c.is_unilateral() || !(is_asked(c.tree[0]) || is_asked(c.tree[1]))) return;
+  const GapMotion motion = motion_of(rows, c, data);
+  const double closing = motion.closing(length);
+  const bool flies = std::max(closing, motion.rate) > hit_speed(rows, c);
+  for (int tree : c.tree)
+    if (is_asked(tree)) fastest_[tree] = flies ? kInfinite : std::max(fastest_[tree], closing);
 }
 
 }  // namespace dashpot

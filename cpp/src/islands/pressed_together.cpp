@@ -24,13 +24,6 @@ double relative_stiffness(const Rows& rows, const RowGroup& c, bool rigid) {
   return rigid ? 1.0 / rows.inverse_mass[c.row] : 1.0;
 }
 
-// Its first row alone.
-RowGroup normal_of(const RowGroup& c) {
-  RowGroup normal = c;
-  normal.dim = 1;
-  return normal;
-}
-
 }  // namespace
 
 void PressedTogether::find(const std::vector<GroupMaterial>& materials,
@@ -65,7 +58,7 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
   for (size_t i = first; i < last; ++i) {
     const RowGroup& c = rows.group[i];
     double rate;
-    gather(rows, normal_of(c), data.velocity.data(), &rate);
+    gather(rows, c.normal(), data.velocity.data(), &rate);
     approach_.push_back(std::max(0.0, -rate));
     const double gap = contacts[c.input].gap;
     if (gap <= 0.0)
@@ -100,7 +93,7 @@ double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, s
     const RowGroup& c = rows.group[first + i];
     const double k = relative_stiffness(rows, c, rigid);
     const double force = k * compression_[i];
-    scatter(rows, normal_of(c), &force, force_.data());
+    scatter(rows, c.normal(), &force, force_.data());
     energy += k * compression_[i] * compression_[i];
   }
   for (int tree : touched)

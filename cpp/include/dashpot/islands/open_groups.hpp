@@ -34,8 +34,11 @@ class OpenGroups {
   const std::vector<char>& stays_open() const { return stays_open_; }
 
  private:
-  std::vector<double> gap_, closing_;  // per group, m and m/s or rad and rad/s
-  std::vector<double> fastest_;        // per tree; infinite where it flies
+  static constexpr double kUnasked = -1.0;
+  void find_fastest(const Rows& rows, const RowGroup& group, double length, const RowData& data);
+
+  // Per tree, m/s or rad/s: infinite where it flies, kUnasked where it has no open group.
+  std::vector<double> fastest_;
   std::vector<char> stays_open_;
 };
 
