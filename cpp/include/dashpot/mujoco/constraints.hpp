@@ -21,8 +21,8 @@ void read_constraints(const mjModel_* m, const mjData_* d,
 // Whether solref (2) and solimp (5) are MuJoCo's defaults.
 bool is_default_impedance(const double* solref, const double* solimp);
 
-// dq_1/dq_2 of the polynomial that ties a joint, or the length of a tendon, to another one, in their
-// units; 0 of other equalities, and where nothing is tied to.
+// dq_1/dq_2 of the polynomial that ties a joint, or the length of a tendon, to another one, in
+// their units; 0 of other equalities, and where nothing is tied to.
 double slope_of_equality(const mjModel_* m, const mjData_* d, int equality);
 
 // dJ/dt xi of a row of an equality of bodies, joints, tendons or edges of a flex, in m/s^2 or
