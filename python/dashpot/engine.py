@@ -141,7 +141,7 @@ class Engine(ReadableOptions):
         contacts, a third less at 1,000. Now and then some steps are tried on one thread, and where
         these are faster, as in small scenes and between sockets, it goes on so. The others wait for
         the next step in a loop for half a millisecond and then sleep: more than there are free
-        cores do not help. Rollouts, calibrations and linearisations have a number of threads of
+        cores do not help. Rollouts, calibrations and linearizations have a number of threads of
         their own, each of which steps one state at a time.
 
     Raises

@@ -71,7 +71,7 @@ def linearize(
         Steps; it is only read.
     data
         Made by :meth:`Engine.make_data`: state, controls, applied forces, mocap poses and active
-        equalities to linearise about. It is only read.
+        equalities to linearize about. It is only read.
     eps
         Size of the differences, > 0, in the unit of each number that is displaced.
     centered

@@ -88,9 +88,9 @@ def fit(
     frame alone it may be white.
 
     Intervals are those of a linear model over their own width, and contain what it leaves over (see
-    `dashpot.calibrate.linearisation`), and go on to where the cost itself has risen by as much as
-    their confidence asks for; around the end of a search that has not converged they are
-    rougher, and no parameter counts as identified.
+    `dashpot.calibrate.statistical_linearization`), and go on to where the cost itself has risen by
+    as much as their confidence asks for; around the end of a search that has not converged they
+    are rougher, and no parameter counts as identified.
 
     Parameters
     ----------

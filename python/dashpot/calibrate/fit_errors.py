@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.intervals import Covariance, covariance
-from dashpot.calibrate.linearisation import over_its_region, possible
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.statistical_linearization import over_its_region, possible
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from scipy import optimize
 
 from dashpot.calibrate.arrow import ArrowMatrix
 from dashpot.calibrate.intervals import covariance
-from dashpot.calibrate.linearisation import linearise, over_its_region
+from dashpot.calibrate.statistical_linearization import linearize, over_its_region
 
 
 class Residuals:
@@ -36,7 +36,7 @@ def test_of_quadratic_residuals_the_jacobian_is_exact():
     a, q = rng.normal(size=(2, 30, 2))
     quadratic = Residuals(lambda x: 1.0 + a @ x + q @ x**2, 2)
     region = np.array([[0.04, 0.01], [0.01, 0.09]])
-    model = linearise(quadratic, np.array([0.3, -0.2]), region[None], rng)
+    model = linearize(quadratic, np.array([0.3, -0.2]), region[None], rng)
     exact = a + 2 * q * np.array([0.3, -0.2])
     np.testing.assert_allclose(model.jacobian.dense(), exact, rtol=1e-10, atol=1e-12)
     # The mean of twelve squares is the variance, with a standard deviation of 41 % of it.
@@ -49,7 +49,7 @@ def test_points_that_meet_a_bound_keep_the_jacobian_exact():
     rng = np.random.default_rng(1)
     a = rng.normal(size=(20, 2))
     linear = Residuals(lambda x: a @ x, 2, bound=0.5)
-    model = linearise(linear, np.array([0.45, 0.0]), 0.1 * np.eye(2)[None], rng)
+    model = linearize(linear, np.array([0.45, 0.0]), 0.1 * np.eye(2)[None], rng)
     np.testing.assert_allclose(model.jacobian.dense(), a, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(model.center, a @ [0.45, 0.0], atol=1e-12)
     np.testing.assert_allclose(model.scatter, 0.0, atol=1e-12)
@@ -63,7 +63,7 @@ def test_what_moves_together_does_so_at_a_bound(place):
     valley = Residuals(lambda x: a * (x[0] - x[1]) + q * (x[0] - x[1]) ** 2, 2, bound=0.5)
     region = 0.04 * np.ones((2, 2)) + 1e-6 * np.eye(2)
     point = np.array([place, place])
-    model = linearise(valley, point, region[None], rng)
+    model = linearize(valley, point, region[None], rng)
     # Draws off the valley have a standard deviation of 0.0014.
     jacobian = model.jacobian.dense()
     np.testing.assert_allclose(jacobian, np.stack([a, -a], axis=1), atol=1e-9)
@@ -73,7 +73,7 @@ def test_unknowns_outside_the_region_stay():
     rng = np.random.default_rng(2)
     seen = []
     residuals = Residuals(lambda x: (seen.append(x[1]), np.arange(5.0) * x[0])[1], 2)
-    model = linearise(residuals, np.array([0.0, 7.0]), np.diag([0.01, 0.0])[None], rng)
+    model = linearize(residuals, np.array([0.0, 7.0]), np.diag([0.01, 0.0])[None], rng)
     assert set(seen[1:]) == {7.0}
     np.testing.assert_allclose(
         model.jacobian.dense(), np.stack([np.arange(5.0), np.zeros(5)], axis=1)

@@ -7,7 +7,7 @@ with the covariance ``C`` of the estimate, in pairs ``z + d`` and ``z - d``; unk
 compensate each other move together as ``C`` says. With ``r+`` and ``r-`` the residuals of a pair,
 
 * regression of ``(r+ - r-)/2`` on ``d`` gives the Jacobian over the region, exact where residuals
-  are linear or quadratic (statistical linearisation: Gelb, Applied Optimal Estimation, 1974);
+  are linear or quadratic (statistical linearization: Gelb, Applied Optimal Estimation, 1974);
 * the mean of ``(r+ + r-)/2`` projected on it is how far the middle of the valley lies from ``z``;
 * what both leave over, projected, is the scatter of that middle.
 
@@ -55,7 +55,7 @@ _NEAR, _POSSIBLE = 1e5, 1e7
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class StatisticalLinearization:
     """Residuals over a region, as a linear model and what it leaves over.
 
     Attributes
@@ -73,9 +73,9 @@ class Linearisation:
     scatter: Array
 
 
-def linearise(
+def linearize(
     objective: Objective, point: Array, region: Array, rng: np.random.Generator
-) -> Linearisation:
+) -> StatisticalLinearization:
     """Return the linear model of the residuals around `point`.
 
     Parameters
@@ -123,7 +123,7 @@ def linearise(
     center = middle.mean(axis=0)
     # Regression leaves less than the scatter by its degrees of freedom.
     odd = (half - jacobian.apply(step)) * np.sqrt(pairs / (pairs - count - block))
-    return Linearisation(jacobian, center, np.concatenate([odd, middle - center]))
+    return StatisticalLinearization(jacobian, center, np.concatenate([odd, middle - center]))
 
 
 def _draw(region: Array, count: int, number: int, rng: np.random.Generator) -> Array:
@@ -215,7 +215,7 @@ def over_its_region(
     failures, regions = 0, 0
     while True:
         try:
-            model = linearise(objective, point, region, rng)
+            model = linearize(objective, point, region, rng)
         except ValueError:
             failures += 1
             if failures > _MOST_FAILURES:
@@ -278,7 +278,7 @@ def possible(objective: Objective) -> Array:
 
 
 def _with_departure(
-    linear: Covariance, model: Linearisation, slopes: Array | None, hold: Array
+    linear: Covariance, model: StatisticalLinearization, slopes: Array | None, hold: Array
 ) -> tuple[Covariance, Array]:
     """Add the shift of the valley's middle and its scatter to the covariance.
 
