@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.data_warnings import warn_of_noisy_starts
 from dashpot.calibrate.intervals import check_count
+from dashpot.calibrate.least_squares import least_squares
 from dashpot.calibrate.losses import Loss, LossName
 from dashpot.calibrate.objective import Objective
 from dashpot.calibrate.problem import Problem
-from dashpot.calibrate.search import Search, least_squares
+from dashpot.calibrate.search import Search
 from dashpot.calibrate.trajectory import Trajectory
 from dashpot.checks import number, positive_number, thread_count
 

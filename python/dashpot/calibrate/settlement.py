@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from dashpot.calibrate.candidates import SimulationError
 from dashpot.calibrate.fit_errors import covariance_around
 from dashpot.calibrate.intervals import Covariance
+from dashpot.calibrate.least_squares import least_squares
 from dashpot.calibrate.profiles import Place, Profiles, beyond_a_hill, reach
-from dashpot.calibrate.search import Search, least_squares
+from dashpot.calibrate.search import Search
 from dashpot.calibrate.stated_noise import MAX_VARIANCE, noise_explains
 from dashpot.calibrate.statistical_linearization import near
 from dashpot.calibrate.strategy import MOST_ITERATIONS, finish

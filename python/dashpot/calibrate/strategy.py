@@ -12,20 +12,12 @@ from numpy.typing import NDArray
 from dashpot.calibrate.automatic import growing_windows
 from dashpot.calibrate.budget import Budget
 from dashpot.calibrate.candidates import SimulationError
+from dashpot.calibrate.evolution import FIRST_SIGMA, LATER_SIGMA, cma_es
+from dashpot.calibrate.least_squares import least_squares
 from dashpot.calibrate.losses import Loss
 from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.search import (
-    EARLY_LEVEL,
-    FIRST_SIGMA,
-    LATER_SIGMA,
-    LEVEL,
-    Search,
-    best_starts,
-    cma_es,
-    least_squares,
-    sobol_points,
-    spread_starts,
-)
+from dashpot.calibrate.search import EARLY_LEVEL, LEVEL, Search
+from dashpot.calibrate.starts import best_starts, sobol_points, spread_starts
 from dashpot.calibrate.waking import waking_starts
 
 Array = NDArray[np.float64]
