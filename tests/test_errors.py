@@ -473,6 +473,8 @@ try:
     dashpot.dm_control
 except AttributeError as error:
     assert str(error) == "dashpot.dm_control needs dm_control, which is not installed", error
+else:
+    raise AssertionError("dm_control was found")
 """
     subprocess.run([sys.executable, "-c", script], check=True)
 

@@ -236,7 +236,7 @@ def test_what_is_no_number_is_named(field, entry, message):
 # What steps read of the other objects, each with one of them that has a name.
 MACHINE = """<mujoco><worldbody>
   <body name="arm"><joint name="hinge" axis="0 1 0" range="-1 1" limited="true"/>
-    <geom name="link" size=".1" pos=".2 0 0"/></body>
+    <geom name="link" size=".1" pos=".2 0 0"/><site name="tip"/></body>
   <body name="cart" pos="1 0 0"><joint name="rail" type="slide"/><geom name="box" size=".1"/></body>
 </worldbody>
 <contact><pair name="pair" geom1="link" geom2="box"/></contact>
@@ -245,17 +245,25 @@ MACHINE = """<mujoco><worldbody>
   <joint joint="hinge" coef="1"/></fixed></tendon>
 <actuator><position name="servo" joint="hinge"/></actuator></mujoco>"""
 FIELDS = {
-    "geom 'box'": "geom_margin geom_gap geom_solref geom_solimp",
-    "pair 'pair'": "pair_margin pair_gap pair_solref pair_solreffriction pair_solimp",
+    "geom 'box'": "geom_margin geom_gap geom_solref geom_solimp geom_solmix geom_surfacevel "
+    "geom_adhesion",
+    "pair 'pair'": "pair_margin pair_gap pair_solref pair_solreffriction pair_solimp pair_adhesion",
+    "site 'tip'": "site_pos site_quat",
     "body 'cart'": "body_gravcomp",
-    "joint 'rail'": "jnt_margin jnt_solref jnt_solimp jnt_stiffness jnt_stiffnesspoly qpos0 "
+    "joint 'rail'": "jnt_solref jnt_solimp jnt_stiffness jnt_stiffnesspoly qpos0 "
     "qpos_spring dof_dampingpoly dof_frictionloss dof_solref dof_solimp",
     "equality 'gear'": "eq_solref eq_solimp",
-    "tendon 'cord'": "tendon_lengthspring tendon_margin tendon_stiffness tendon_stiffnesspoly "
+    "tendon 'cord'": "tendon_stiffness tendon_stiffnesspoly "
     "tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_solref_lim "
     "tendon_solimp_lim tendon_solref_fri tendon_solimp_fri",
     "actuator 'servo'": "actuator_dynprm actuator_gainprm actuator_biasprm actuator_damping "
-    "actuator_dampingpoly actuator_armature actuator_gear",
+    "actuator_dampingpoly actuator_armature actuator_cranklength actuator_gear",
+}
+# Infinite ones are none.
+RANGES = {
+    "joint 'rail'": "jnt_range jnt_actfrcrange jnt_margin",
+    "tendon 'cord'": "tendon_range tendon_actfrcrange tendon_lengthspring tendon_margin",
+    "actuator 'servo'": "actuator_actrange actuator_forcerange actuator_ctrlrange",
 }
 
 
@@ -271,6 +279,34 @@ def test_every_number_that_steps_read_is_named_where_it_is_none(owner, field):
     values = getattr(engine.model, field)
     values.reshape(len(values), -1)[-1, -1] = np.nan
     refuses(engine, data, f"model.{field} of {owner} holds nan; it must be finite")
+
+
+@pytest.mark.parametrize(
+    ("owner", "field"),
+    [(owner, field) for owner, names in RANGES.items() for field in names.split()],
+)
+def test_ranges_may_be_infinite_but_are_numbers(owner, field):
+    engine = Engine(mujoco.MjModel.from_xml_string(MACHINE))
+    data = engine.make_data()
+    values = getattr(engine.model, field)
+    values.reshape(len(values), -1)[-1, -1] = np.inf
+    engine.step(data)
+    values.reshape(len(values), -1)[-1, -1] = np.nan
+    refuses(engine, data, f"model.{field} of {owner} holds nan; it must be a number")
+
+
+@pytest.mark.parametrize(
+    "unused",
+    [
+        '<geom size=".1" pos="0 0 9" contype="0" conaffinity="0" solref="0.02 0"/>',
+        '<body pos="0 0 8"><joint solreflimit="0 1"/><geom size=".1"/></body>',
+        '<body pos="0 0 8"><joint solreffriction="0.02 0"/><geom size=".1"/></body>',
+    ],
+)
+def test_a_solref_that_nothing_reads_may_be_of_any_format(unused):
+    model = mujoco.MjModel.from_xml_string(SCENE.replace("</worldbody>", f"{unused}</worldbody>"))
+    engine = Engine(model)
+    engine.step(engine.make_data())
 
 
 def test_a_tendon_that_comes_to_couple_trees_is_named():

@@ -93,6 +93,8 @@ def __getattr__(name: str) -> ModuleType:
     try:
         return importlib.import_module(f"dashpot.{name}")
     except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("dashpot"):
+            raise
         missing = f"dashpot.{name} needs {error.name}, which is not installed"
         raise AttributeError(missing) from error
 

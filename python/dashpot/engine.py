@@ -437,7 +437,7 @@ class Engine(ReadableOptions):
         with self._lock:  # during a step of another thread the model is not as its user left it
             model = copy.deepcopy(self.model)
         return {
-            **getattr(self, "__dict__", {}),  # of a subclass
+            **getattr(self, "__dict__", {}),  # of a subclass without slots
             "_model": model,
             "_options": self._options,
             "_nthread": self._nthread,

@@ -27,7 +27,7 @@ double violation(const mjModel* m, mjData* d, size_t index, MocapPlaces& places,
                  const MocapPose& pose) {
   places.put(index, pose);
   d->ncon = 0;
-  d->parena = 0;  // what the last step left there is not needed any more
+  d->parena = 0;  // as in MocapMotion::find_constraints
   mj_fwdKinematics(m, d);
   mj_makeConstraint(m, d);
   double sum = 0.0;

@@ -10,7 +10,6 @@
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
-struct mjData_;
 
 namespace dashpot {
 

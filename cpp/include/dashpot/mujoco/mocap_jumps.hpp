@@ -1,9 +1,9 @@
 // Jumps of the poses of mocap bodies: which of them are motions.
 //
-// A jump that no motion is meant by takes the body there without any (at_rest): a far one (kJump,
-// kJumpTurn), unless the body follows slowly (mocap_motion.hpp) and leaves behind what a connect or
-// weld holds to it. A body that nothing is remembered of, and that is farther from what it holds
-// than springs bear (kApart, kApartTurn), has jumped there from it.
+// A jump that no motion is meant by takes the body there without any (at_rest): one of more than
+// 0.1 m or 0.5 rad, unless the body follows slowly (mocap_motion.hpp) and leaves behind what a
+// connect or weld holds to it. A body that nothing is remembered of, and that is farther from what
+// it holds than springs bear (2 cm, 0.1 rad), has jumped there from it.
 
 #pragma once
 

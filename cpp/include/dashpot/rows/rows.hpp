@@ -166,13 +166,13 @@ struct RowGroup {
   // normal: it belongs to no island.
   bool can_be_loaded = true;
 
-  // Pushes one way: a contact or a limit.
   // Its first row alone.
   RowGroup normal() const {
     RowGroup first = *this;
     first.dim = 1;
     return first;
   }
+  // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
   // One row over one coordinate of a tree, as limits and dry friction of hinges and slides have.
   bool is_of_one_coordinate(int side) const { return pair < 0 && dim == 1 && columns[side] == 1; }
