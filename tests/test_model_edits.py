@@ -295,6 +295,34 @@ def test_ranges_may_be_infinite_but_are_numbers(owner, field):
     refuses(engine, data, f"model.{field} of {owner} holds nan; it must be a number")
 
 
+CLOTH = """<mujoco><worldbody><flexcomp name="cloth" type="grid" count="3 3 1" spacing=".1 .1 .1"
+  radius=".01" mass=".1"/></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "flex_friction",
+        "flex_margin",
+        "flex_gap",
+        "flex_solref",
+        "flex_solimp",
+        "flex_solmix",
+        "flex_radius",
+        "flex_damping",
+        "flex_edgestiffness",
+        "flex_edgedamping",
+    ],
+)
+def test_numbers_of_flexes_are_named_where_they_are_none(field):
+    engine = Engine(mujoco.MjModel.from_xml_string(CLOTH))
+    data = engine.make_data()
+    engine.step(data)
+    values = getattr(engine.model, field)
+    values.reshape(len(values), -1)[0, -1] = np.nan
+    refuses(engine, data, f"model.{field} of flex 'cloth' holds nan; it must be finite")
+
+
 @pytest.mark.parametrize(
     "unused",
     [

@@ -236,22 +236,21 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput&
   if (turning != 0.0) append_ground_motion(rows, kTurningCoordinate, &turning);
 }
 
-void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                          double* typical) {
-  *typical = d->efc_diagA[input.source];
+double typical_inverse_mass(const mjModel_* m, const mjData_* d, const ConstraintInput& input) {
+  const double of_mujoco = d->efc_diagA[input.source];
   // MuJoCo adds the inverse masses of both objects whatever the slope: of a screw, metres by
   // radians, thousands of times what moves. What the model's own solref stands for goes by that.
-  if (d->efc_type[input.source] != mjCNSTR_EQUALITY || input.has_solref) return;
+  if (d->efc_type[input.source] != mjCNSTR_EQUALITY || input.has_solref) return of_mujoco;
   const int equality = d->efc_id[input.source], type = m->eq_type[equality];
-  if (type != mjEQ_JOINT && type != mjEQ_TENDON) return;
+  if (type != mjEQ_JOINT && type != mjEQ_TENDON) return of_mujoco;
   const auto inverse_mass = [&](int object) {
     if (object < 0) return 0.0;
     return type == mjEQ_JOINT ? m->dof_invweight0[m->jnt_dofadr[object]]
                               : m->tendon_invweight0[object];
   };
   const double slope = slope_of_equality(m, d, equality);
-  *typical =
-      inverse_mass(m->eq_obj1id[equality]) + slope * slope * inverse_mass(m->eq_obj2id[equality]);
+  return inverse_mass(m->eq_obj1id[equality]) +
+         slope * slope * inverse_mass(m->eq_obj2id[equality]);
 }
 
 }  // namespace dashpot::host

@@ -96,15 +96,21 @@ double turning_of_polynomial(const mjtNum* p, double x, double velocity) {
   return -(2.0 * p[2] + x * (6.0 * p[3] + x * 12.0 * p[4])) * velocity * velocity;
 }
 
+// Of the joint, or the length of the tendon, that a polynomial is of, beyond that of the model.
+double displacement_of_second(const mjModel* m, const mjData* d, int equality) {
+  const int second = m->eq_obj2id[equality];
+  if (m->eq_type[equality] == mjEQ_TENDON) return d->ten_length[second] - m->tendon_length0[second];
+  const int position = m->jnt_qposadr[second];
+  return d->qpos[position] - m->qpos0[position];
+}
+
 }  // namespace
 
 double slope_of_equality(const mjModel_* m, const mjData_* d, int equality) {
-  const int second = m->eq_obj2id[equality], type = m->eq_type[equality];
-  if (second < 0 || (type != mjEQ_JOINT && type != mjEQ_TENDON)) return 0.0;
+  const int type = m->eq_type[equality];
+  if (m->eq_obj2id[equality] < 0 || (type != mjEQ_JOINT && type != mjEQ_TENDON)) return 0.0;
   const mjtNum* p = m->eq_data + mjNEQDATA * equality;
-  const double x = type == mjEQ_TENDON
-                       ? d->ten_length[second] - m->tendon_length0[second]
-                       : d->qpos[m->jnt_qposadr[second]] - m->qpos0[m->jnt_qposadr[second]];
+  const double x = displacement_of_second(m, d, equality);
   return p[1] + x * (2.0 * p[2] + x * (3.0 * p[3] + x * 4.0 * p[4]));
 }
 
@@ -116,18 +122,16 @@ double turning_of_equality(const mjModel_* m, const mjData_* d, int equality, in
     case mjEQ_CONNECT:
     case mjEQ_WELD:
       return turning_of_bodies(m, d, equality, row, trees);
-    case mjEQ_JOINT: {
+    case mjEQ_JOINT:
       if (second < 0) return 0.0;
-      const int position = m->jnt_qposadr[second];
-      return turning_of_polynomial(data, d->qpos[position] - m->qpos0[position],
+      return turning_of_polynomial(data, displacement_of_second(m, d, equality),
                                    d->qvel[m->jnt_dofadr[second]]);
-    }
     case mjEQ_TENDON: {
       const double first = turns.tendon_turning(m->eq_obj1id[equality]);
       if (second < 0) return first;
-      const double x = d->ten_length[second] - m->tendon_length0[second];
       return first - slope_of_equality(m, d, equality) * turns.tendon_turning(second) +
-             turning_of_polynomial(data, x, d->ten_velocity[second]);
+             turning_of_polynomial(data, displacement_of_second(m, d, equality),
+                                   d->ten_velocity[second]);
     }
     case mjEQ_FLEX: {
       // Edges whose ends do not move have no row.

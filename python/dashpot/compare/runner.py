@@ -76,8 +76,8 @@ def run(
     Raises
     ------
     TypeError
-        If a number is none, `settings` is no sequence, `materials` maps nothing, or a material is
-        none.
+        If a number is none, `settings` is no sequence, `materials` maps nothing, a material is
+        none, `name` is no string, or `progress` no function.
     ValueError
         If a number is out of range, a setting, geom or scene is unknown, the model cannot be
         compiled or uses what dashpot refuses; the message names it.

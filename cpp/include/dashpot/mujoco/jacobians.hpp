@@ -37,8 +37,7 @@ void fill_jacobian(const mjModel_* m, const mjData_* d, const ContactInput& inpu
 // MuJoCo's estimates of the inverse masses of a constraint's row, of a contact's normal, and of the
 // `dim` rows of a contact that has these coefficients of friction. Of rigid joint and tendon
 // equalities with the slope of their polynomial, which MuJoCo leaves out.
-void typical_inverse_mass(const mjModel_* m, const mjData_* d, const ConstraintInput& input,
-                          double* typical);
+double typical_inverse_mass(const mjModel_* m, const mjData_* d, const ConstraintInput& input);
 double typical_inverse_mass(const mjModel_* m, const mjData_* d, const ContactInput& input);
 void typical_inverse_masses(const mjModel_* m, const mjData_* d, const ContactInput& input,
                             const std::array<double, 5>& friction, double* typical);
