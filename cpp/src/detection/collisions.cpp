@@ -9,7 +9,7 @@
 
 #include "dashpot/detection/coming.hpp"
 #include "dashpot/detection/ellipsoid_contacts.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/face_contacts.hpp"
 #include "dashpot/detection/flat_cylinder.hpp"
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/side_by_side.hpp"

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/side_by_side.hpp"
 
 namespace dashpot::host {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 
 namespace dashpot::host {

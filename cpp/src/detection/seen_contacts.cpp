@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "dashpot/detection/collisions.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/moved_geom.hpp"
 #include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/geometry/squared_distance.hpp"

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/geometry_host.hpp"
 
 namespace dashpot::host {

@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/geom_on_terrain.hpp"
 #include "dashpot/detection/moved_geom.hpp"
 #include "dashpot/detection/terrain_points.hpp"

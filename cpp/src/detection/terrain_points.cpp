@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/hull_vertices.hpp"
 #include "dashpot/geometry/terrain_touch.hpp"
 

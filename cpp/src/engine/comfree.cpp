@@ -11,8 +11,8 @@ namespace dashpot {
 // Nothing is remembered but the ledger, and no spring stores energy.
 void Stepper::Impl::update_complementarity_free(mjData_* d) {
   data.reset_rows(rows);
-  islands.find(rows, motion.trees());
-  start_books(memory(d));
+  plan.find_islands(rows, motion.trees());
+  books.open(memory(d), sleeping.rows());
   comfree_groups.gap.clear();
   comfree_groups.effective_mass.clear();
   for (const RowGroup& c : rows.group) {
@@ -31,7 +31,7 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
                                        comfree_groups.effective_mass, clock.length, data);
   check_velocities();
   find_touched_trees();
-  book_rows(data, {}, {}, ledger);
+  book_rows(data, {}, {}, books.ledger());
 }
 
 }  // namespace dashpot

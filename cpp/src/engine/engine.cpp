@@ -77,7 +77,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
   host::StepParts parts(model, d);
-  host::SleepAtStart sleep(model, d, asleep_at_start);
+  host::SleepAtStart sleep(model, d, sleeping.at_start());
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
@@ -119,8 +119,8 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   report_forces(d);
   advance_state(d);
   mocap.write_velocities();
-  account_smooth_work(d);
-  ledger.work += mocap.work_against_gravity(clock.length);
+  books.add_smooth_work(d, solved_part(), forces.of_microsteps(), team);
+  books.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
   proven_apart.forget(on_trees.touched);
@@ -155,7 +155,7 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
     host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
     mocap.drive(constraints);
   } while (wake_reached(d, mocap));
-  leave_asleep(d);
+  sleeping.leave_out(model, d, contacts, constraints);
   part = Part();
   correct_contacts_ahead(d);
   mocap.drive(contacts);
@@ -172,6 +172,62 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   flights.follow(model, d, memory(d), detection.buffers, constraints, clock.length, contacts);
+}
+
+// Wakes what the contacts and constraints that were found reach, and finds how that moves; returns
+// whether there was any.
+bool Stepper::Impl::wake_reached(mjData_* d, const host::MocapMotion& mocap) {
+  if (!sleeping.wake_reached(model, d, contacts, constraints, mocap)) return false;
+  host::smooth_stage(model, d, false, host::Sensors::kStay, find_contacts);
+  mocap.write_velocities();
+  motion.find_smooth_motion(d, clock.length, false, data, team);
+  return true;
+}
+
+// Puts islands to sleep that have come to rest. What memory keeps of their motion is forgotten.
+void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
+  if (!host::may_sleep(model)) return;
+  const SolvedPart solved = solved_part();
+  const std::vector<int>& falling =
+      sleeping.find_falling(d, solved, plan.islands(), mocap, books.recovered());
+  if (falling.empty()) return;
+  Memory view = memory(d);
+  books.lose_motion(d, solved, falling, view);
+  sleeping.put_to_sleep(model, d);
+  for (int index : falling) view.rest(motion.trees().tree[index], index);
+}
+
+void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
+  Memory view = memory(d);
+  mocap.remember(view);
+  view.remember(contacts, constraints, rows, data, sleeping.rows(), team);
+  if (double* end_velocity = view.end_velocity())
+    std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
+  leapfrog.keep(clock.length, on_trees.held, motion, view);
+  const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
+  trapezoid.keep(d,
+                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
+                  leapfrog.fell_back(), leapfrog.way_back(), books.way()},
+                 motion, view, books.ledger());
+  books.close(view);
+}
+
+StepStats Stepper::Impl::statistics() const {
+  StepStats stats;
+  stats.contacts = static_cast<int>(contacts.size());
+  stats.islands = static_cast<int>(plan.islands().size());
+  for (const Island& island : plan.islands()) {
+    stats.microsteps = std::max(stats.microsteps, island.microsteps);
+    stats.clipped += island.clipped;
+  }
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind != RowKind::kContact) continue;
+    stats.touching += data.touched[i];
+    stats.max_penetration = std::max(stats.max_penetration, -contacts[c.input].gap);
+    stats.max_compression = std::max(stats.max_compression, -data.deformation[c.row]);
+  }
+  return stats;
 }
 
 Memory Stepper::Impl::memory(mjData_* d) const {

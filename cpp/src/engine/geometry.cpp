@@ -89,7 +89,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   mocap.show(0.5 * clock.length);
   host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
                               constraints, team);
-  leave_asleep(d);
+  sleeping.leave_out(model, d, contacts, constraints);
   drop_pairs(apart, contacts);
   drop_pairs(flights.near_misses(), contacts);
   mocap.drive(constraints);

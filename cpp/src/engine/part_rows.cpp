@@ -6,7 +6,6 @@
 #include <string>
 
 #include "dashpot/engine/row_assembly.hpp"
-#include "dashpot/islands/solref_load.hpp"
 #include "dashpot/microsteps/position_recovery.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -79,25 +78,16 @@ void Stepper::Impl::act_along_in_held_trees(mjData_* d) {
 
 void Stepper::Impl::finish_last_step(mjData_* d) {
   const StepView step = view(d);
-  start_books(step.memory);
-  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, ledger);
+  books.open(step.memory, sleeping.rows());
+  trapezoid.finish_last_step(d, step, differentiable, motion, rows, data, books.ledger());
 }
 
 void Stepper::Impl::plan_and_recall(mjData_* d) {
   data.reset_rows(rows);
-  islands.find(rows, motion.trees());
   const StepView step = view(d);
   const double recovery_speed = parameters.options.recovery_speed;
-  read_solref_at_load(step, data.velocity.data(), rows, materials);
-  pressed_between.find(model, contacts, rows, materials);
-  sag_times.find(model, step, rows, data.velocity.data(), team);
-  find_hits(step, rows, islands.all(), hit_frequency(), data);
-  pressed_together.find(materials, contacts, motion.trees(), data, clock.length, rows);
-  open_groups.find(step, rows, motion.tree_count(), data);
-  islands.plan(rows, motion.trees(),
-               {materials, sag_times.of_group(), open_groups.stays_open(), data, clock.length,
-                resolved_length(), parameters.options},
-               team);
+  plan.find(model, step, motion.trees(), parameters.options, resolved_length(), hit_frequency(),
+            rows, materials, data, team);
   recall(step, rows, recovery_speed, data, team);
   if (!part.impact.empty() && !std::isinf(recovery_speed))
     limit_compression(step, part.impact, rows, data);
@@ -108,7 +98,7 @@ void Stepper::Impl::run_islands(mjData_* d) {
   const EnergyShares before = elastic_energy(rows, data, team);
   velocity_before = data.velocity;
   find_trees_in_time();
-  microsteps.run(rows, motion.trees(), islands.all(), goes_in_time,
+  microsteps.run(rows, motion.trees(), plan.islands(), goes_in_time,
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
   check_memory(d);
@@ -116,10 +106,11 @@ void Stepper::Impl::run_islands(mjData_* d) {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
     if (goes_in_time[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
   leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
+  EnergyLedger& ledger = books.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;
   ways.recovery.assign(motion.trees().coordinates, 0.0);
-  for (const Island& island : islands.all()) {
+  for (const Island& island : plan.islands()) {
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
                           clock.length, data, ways.recovery);
@@ -141,7 +132,7 @@ void Stepper::Impl::check_memory(mjData_* d) const {
       std::count_if(rows.group.begin(), rows.group.end(), [&](const RowGroup& c) {
         return c.kind == RowKind::kContact && data.deformation[c.row] < 0.0;
       });
-  const auto remembered = compressed + memory(d).count(sleeping);
+  const auto remembered = compressed + memory(d).count(sleeping.rows());
   if (remembered > memory_layout.contacts)
     throw std::runtime_error(std::to_string(remembered) + " contacts exceed the memory for " +
                              std::to_string(memory_layout.contacts) +
@@ -151,6 +142,16 @@ void Stepper::Impl::check_memory(mjData_* d) const {
 
 StepView Stepper::Impl::view(mjData_* d) const {
   return {clock.length, contacts, constraints, memory(d), matches};
+}
+
+SolvedPart Stepper::Impl::solved_part() const {
+  return {model,        parameters.options.law == Law::kComFree,
+          clock.length, contacts,
+          constraints,  rows,
+          data,         on_trees,
+          ways,         motion,
+          leapfrog,     trapezoid,
+          runge_kutta,  held_stages};
 }
 
 }  // namespace dashpot

@@ -1,5 +1,5 @@
-// How the state follows: trees that rows moved go as in the micro-steps, all others as MuJoCo's
-// integrator takes them.
+// The forces of a part and how the state follows: trees that rows moved go as in the micro-steps,
+// all others as MuJoCo's integrator takes them.
 
 #include "dashpot/mujoco/state.hpp"
 
@@ -37,7 +37,7 @@ void Stepper::Impl::find_touched_trees() {
 // it leads or lands. MuJoCo's integrator would take its positions half a step ahead.
 void Stepper::Impl::find_trees_in_time() {
   goes_in_time.assign(motion.tree_count(), 0);
-  for (const Island& island : islands.all()) {
+  for (const Island& island : plan.islands()) {
     for (int tree : island.tree) goes_in_time[tree] = leapfrog.in_time()[tree] && may_be_held[tree];
   }
 }
@@ -51,12 +51,6 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
   return overlaps_semi_implicitly(rows, c, gap, velocity_before.data(),
                                   data.smooth_acceleration.data(), clock.length);
-}
-
-// Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
-// integrator then starts from the velocity with it.
-bool Stepper::Impl::gets_second_half_in_flight(int tree) const {
-  return !on_trees.touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
 }
 
 RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
@@ -84,9 +78,61 @@ bool Stepper::Impl::rows_move_all() const {
 }
 
 void Stepper::Impl::add_second_halves_in_flight(mjData_* d) {
+  const SolvedPart solved = solved_part();
   for (int index = 0; index < motion.tree_count(); ++index)
-    if (gets_second_half_in_flight(index))
+    if (solved.gets_second_half_in_flight(index))
       motion.add_velocity(d, index, trapezoid.added_velocity());
+}
+
+// Under those of the micro-steps MuJoCo's integrator moves trees.
+void Stepper::Impl::find_forces(mjData_* d) {
+  const SolvedPart solved = solved_part();
+  forces.start(rows);
+  trapezoid.add_borne(forces.borne());
+  const bool looked_at = detection.contact_rows != host::ContactRows::kNone;
+  if (looked_at) forces.leave_out_untouched(d, solved, contacts);
+  forces.find(d, solved, team);
+}
+
+// Of RK4. Who looks at its stages sees the sensors of the step there.
+void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
+  if (!host::is_runge_kutta(model)) return;
+  if (host::others_look_at_stages(model)) forces.report(d, solved_part());
+  add_second_halves_in_flight(d);
+  for (int index = 0; index < motion.tree_count(); ++index)
+    if (on_trees.touched[index]) motion.leave_dampers_to_stages(d, index);
+  held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
+                   on_trees.held, clock.length);
+  try {
+    runge_kutta.find_motion(model, d, new_control, held_stages, find_contacts);
+  } catch (...) {
+    host::set_velocity(d, motion.start_velocity());
+    throw;
+  }
+  host::set_velocity(d, motion.start_velocity());
+}
+
+// Decides which trees have their motion from the integrator of MuJoCo.
+void Stepper::Impl::find_integrated(mjData_* d) {
+  books.find_unpaid(memory(d), solved_part(), on_trees.unpaid);
+  const bool stages = host::is_runge_kutta(model);
+  for (int index = 0; index < motion.tree_count(); ++index)
+    if (!motion.is_accurate(index))
+      motion.find_integrated(d, index, clock.length, rows_on_tree(index, stages), data);
+}
+
+void Stepper::Impl::report_forces(mjData_* d) {
+  const bool stages = host::is_runge_kutta(model);
+  const SolvedPart solved = solved_part();
+  if (parameters.options.law != Law::kComFree) {
+    find_integrated(d);
+    for (int index = 0; stages && index < motion.tree_count(); ++index)
+      if (!motion.is_accurate(index) && solved.has_stages(index))
+        held_stages.add_borne(index, forces.borne());
+    forces.find_reported(d, solved);
+  }
+  const bool reported = stages && host::others_look_at_stages(model);
+  if (!reported || forces.report_others()) forces.report(d, solved);
 }
 
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
@@ -94,7 +140,7 @@ void Stepper::Impl::add_second_halves_in_flight(mjData_* d) {
 void Stepper::Impl::advance_state(mjData_* d) {
   const bool stages = host::is_runge_kutta(model);
   const bool comfree = parameters.options.law == Law::kComFree;
-  if (forces.report_more) host::exchange_forces(d, forces.reported, forces.reported_acceleration);
+  if (forces.report_others()) forces.exchange(d);
   if (!stages) add_second_halves_in_flight(d);
   try {
     host::integrate(model, d, comfree || !rows_move_all(), runge_kutta);
@@ -102,7 +148,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
     host::set_velocity(d, motion.start_velocity());
     throw;
   }
-  if (forces.report_more) host::exchange_forces(d, forces.reported, forces.reported_acceleration);
+  if (forces.report_others()) forces.exchange(d);
   if (comfree && !stages) return;
   on_trees.lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
@@ -119,7 +165,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
       continue;
     }
     if (!motion.is_accurate(index)) advance(index);
-    ledger.dissipated_normal += on_trees.lost[index];
+    books.ledger().dissipated_normal += on_trees.lost[index];
     if (const double* way = leapfrog.late_way(index)) {
       const Tree& tree = motion.trees().tree[index];
       host::move_tree(model, d, tree, way + tree.begin);

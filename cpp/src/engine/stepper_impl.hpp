@@ -1,13 +1,14 @@
 // What a stepper holds. The step and its parts are in engine.cpp; their rows in part_rows.cpp, the
-// geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, its forces in
-// reports.cpp, the state at its end in state.cpp, what sleeps in sleep.cpp, the
-// complementarity-free law in comfree.cpp, and the books in books.cpp. step_arrays.hpp has what is
-// found by tree, row or degree of freedom.
+// geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, the state at the end
+// in state.cpp, and the complementarity-free law in comfree.cpp. How rows are planned is in
+// row_plan.hpp, what their forces are in step_forces.hpp, what becomes of energy in books.hpp, and
+// what sleeps in sleeping_trees.hpp.
 
 #pragma once
 
 #include <vector>
 
+#include "books.hpp"
 #include "dashpot/detection/detection.hpp"
 #include "dashpot/engine/contacts.hpp"
 #include "dashpot/engine/engine.hpp"
@@ -17,22 +18,13 @@
 #include "dashpot/impacts/knock_on.hpp"
 #include "dashpot/impacts/middle.hpp"
 #include "dashpot/islands/contact_matching.hpp"
-#include "dashpot/islands/island_hits.hpp"
-#include "dashpot/islands/islands.hpp"
-#include "dashpot/islands/open_groups.hpp"
-#include "dashpot/islands/pressed_between.hpp"
-#include "dashpot/islands/pressed_together.hpp"
-#include "dashpot/islands/sag_times.hpp"
 #include "dashpot/microsteps/microstep.hpp"
 #include "dashpot/motion/leapfrog.hpp"
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
-#include "dashpot/mujoco/stage_work.hpp"
 #include "dashpot/mujoco/step_parts.hpp"
-#include "dashpot/mujoco/work.hpp"
-#include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/held_stages.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
@@ -42,9 +34,18 @@
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
-#include "step_arrays.hpp"
+#include "mean_motion.hpp"
+#include "row_plan.hpp"
+#include "sleeping_trees.hpp"
+#include "solved_part.hpp"
+#include "step_forces.hpp"
 
 namespace dashpot {
+
+// Of the complementarity-free law, per group.
+struct ComFreeGroups {
+  std::vector<double> gap, effective_mass;
+};
 
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
@@ -65,10 +66,8 @@ struct Stepper::Impl {
   bool shorten_for_rows(host::StepParts& parts);
   bool shorten(double shorter, host::StepParts& parts);
 
-  // What sleeps (sleep.cpp).
+  // What sleeps.
   bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
-  void leave_asleep(const mjData_* d);
-  void find_sleeping_islands(const host::MocapMotion& mocap);
   void fall_asleep(mjData_* d, const host::MocapMotion& mocap);
 
   // Contacts, beside those that detection finds.
@@ -101,41 +100,22 @@ struct Stepper::Impl {
   // The part anew where blows bring about more contacts (knock_on.cpp).
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
   bool goes_beyond_detection() const;
-  void find_mean_velocity();
-  void find_end_gaps();
 
-  // Forces that move trees, and those that are reported (reports.cpp).
+  // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
-  void leave_out_untouched(mjData_* d);
-  bool has_borne(const RowGroup& group) const;
   void find_stages(mjData_* d, bool new_control);
+  void find_integrated(mjData_* d);
   void report_forces(mjData_* d);
-  void add_borne_in_stages();
-  void keep_borne_inside_cones();
-  void find_reported(const mjData_* d);
-  void find_mean_acceleration(int tree);
-  void report_to_sensors(mjData_* d);
-
-  // The state at the end of the part (state.cpp).
   void advance_state(mjData_* d);
   void add_second_halves_in_flight(mjData_* d);
-  bool gets_second_half_in_flight(int tree) const;
   bool rows_move_all() const;
-  void find_unpaid(mjData_* d);
   RowsOnTree rows_on_tree(int tree, bool stages) const;
 
-  // Energies, memory and statistics (books.cpp).
-  bool has_stages(int tree) const;
-  bool goes_as_in_microsteps(int tree) const;
-  void find_mean_displacement(const mjData_* d);
-  void account_smooth_work(mjData_* d);
-  void leave_to_rows_by_stages(mjData_* d);
-  double work_ahead_of_servos() const;
-  void find_spring_changes();
-  void start_books(const Memory& memory);
+  // What is kept of the part, and told of it.
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;
+  SolvedPart solved_part() const;
   StepStats statistics() const;
 
   Team team;
@@ -164,12 +144,7 @@ struct Stepper::Impl {
   };
   host::MocapBuffers mocap_buffers;
 
-  // What sleeps.
-  std::vector<int> asleep_at_start;  // by tree, as mjData.tree_asleep; empty if nothing sleeps
-  SleepingRows sleeping;
-  double elastic_asleep = 0.0;  // J
-  std::vector<int> island_of;   // by tree, -1 for none
-  std::vector<char> driven;     // by tree: by mocap bodies that move
+  SleepingTrees sleeping;
 
   // Rows, their material and geometry.
   std::vector<ContactInput> contacts;
@@ -181,29 +156,21 @@ struct Stepper::Impl {
   std::vector<GroupMaterial> materials;  // per group
   ContactMatching matching;
   std::vector<Match> matches;  // per group
-  SagTimes sag_times;
-  PressedTogether pressed_together;
-  OpenGroups open_groups;
-  PressedBetween pressed_between;
+  RowPlan plan;
   ComFreeGroups comfree_groups;
 
   // What they do.
   std::vector<char> may_be_held;   // by tree: rows that have a position may move it
   std::vector<char> goes_in_time;  // by tree: it does, whether or not one of these holds it
-  Islands islands;
   RowData data;
   AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   MicrostepLoop microsteps{team.size()};
   RowsOnTrees on_trees;
-  ForcesOfRows forces;
+  WaysOfRows ways;
   HeldStages held_stages;
   host::RungeKutta runge_kutta;
-
-  // The books.
-  WaysOfTrees ways;
-  host::StageWork stage_work;
-  host::SmoothWork smooth_work;
-  EnergyLedger ledger;
+  StepForces forces;
+  Books books;
 };
 
 }  // namespace dashpot

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "dashpot/law/constants.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/welded_parts.hpp"
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "dashpot/law/constants.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 
@@ -12,7 +13,7 @@ namespace dashpot {
 namespace {
 
 // That of a hundred weights, as contacts of SI stiffness bear, m/s^2; of rotations the same number.
-constexpr double kBearableAcceleration = 100.0 * 9.80665;
+constexpr double kBearableAcceleration = 100.0 * kStandardGravity;
 constexpr double kElasticRatio = 0.2;  // of damping, see is_elastic()
 constexpr int kContactsAtOnce = 64;    // by a thread
 // Fraction of a step up to which the time that a contact is frozen at is that of the middle.

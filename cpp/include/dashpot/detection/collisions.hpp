@@ -20,7 +20,7 @@
 // apart from what they touch, to 1e-4 of it. Then MuJoCo clips faces against each other for more
 // points, which need not be those that touch: of capsules on hulls of 60 corners every third normal
 // is off, by up to 0.8 rad. Here the nearest points stay unless geoms lie flat
-// (detection/faces.hpp) or side by side (detection/side_by_side.hpp).
+// (detection/face_contacts.hpp) or side by side (detection/side_by_side.hpp).
 //
 // Points on height fields are those of detection/terrain.hpp, those of cylinders that stand flat on
 // planes those of detection/flat_cylinder.hpp.

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "dashpot/detection/candidates.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/narrowphase.hpp"
 #include "dashpot/detection/reach.hpp"

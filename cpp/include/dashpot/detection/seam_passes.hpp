@@ -6,7 +6,7 @@
 #include <Eigen/Core>
 
 #include "dashpot/detection/bearers.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 
 namespace dashpot::host {
 

@@ -31,7 +31,7 @@
 #include <vector>
 
 #include "dashpot/detection/bearers.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;

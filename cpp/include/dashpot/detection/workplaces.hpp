@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "dashpot/detection/collisions.hpp"
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/mujoco/errors.hpp"
 
 struct mjModel_;

@@ -16,10 +16,9 @@ int position_count(const mjModel_* m);
 int flex_count(const mjModel_* m);
 int mocap_count(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
-bool has_adhesion(const mjModel_* m);                // of actuators or of geoms
-double gravity(const mjModel_* m);                   // m/s^2; 0 if it is disabled
-inline constexpr double kStandardGravity = 9.80665;  // m/s^2
-double usual_gravity(const mjModel_* m);             // m/s^2; on earth if there is none
+bool has_adhesion(const mjModel_* m);     // of actuators or of geoms
+double gravity(const mjModel_* m);        // m/s^2; 0 if it is disabled
+double usual_gravity(const mjModel_* m);  // m/s^2; on earth if there is none
 // A metre in the model's unit of length, which gravity tells: a thousand where it is 9810, and one
 // where it is no more than on earth.
 double metre(const mjModel_* m);

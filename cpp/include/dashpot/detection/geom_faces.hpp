@@ -1,8 +1,4 @@
-// Contacts of geoms that lie flat on each other, as the points of their faces.
-//
-// MuJoCo keeps room for a pair's contacts by the types of its geoms: eight of two boxes, four of a
-// mesh. What faces share beyond that waits until collision is done, and then goes in beside the
-// pair's other contacts.
+// Faces of geoms: of boxes, of the hulls of meshes, and the flat ends of cylinders.
 
 #pragma once
 
@@ -12,25 +8,18 @@
 #include <optional>
 #include <vector>
 
+#include "dashpot/detection/surplus_contacts.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/flat_faces.hpp"
 #include "dashpot/geometry/shallow_cap.hpp"
 
 struct mjModel_;
 struct mjData_;
-struct mjPreContact_;
 
 namespace dashpot::host {
 
 // Least cosine between the normals of a face and of a contact on it.
 inline constexpr double kOfFace = 0.999999;
-
-// A contact that MuJoCo has no room for.
-struct SurplusContact {
-  std::array<int, 2> geom;
-  double distance;
-  std::array<double, 3> position, normal;
-};
 
 // Faces of the hulls of meshes, each made when first asked for, by whatever thread.
 struct HullFaces {
@@ -46,6 +35,26 @@ struct FaceBuffers {
   std::vector<SurplusContact> surplus;
   const double* body_velocity = nullptr;  // see detect_again(); null: the present one
 };
+
+// The face of a geom, a box, a mesh or a cylinder, that looks along a direction.
+struct GeomFace {
+  int geom = -1, type = -1;
+  Pose pose;
+  const FlatFace* face = nullptr;  // of a mesh
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+
+  GeomFace(const mjModel_* m, const mjData_* d, int id);
+  // Whether there is any.
+  bool find(const mjModel_* m, const Eigen::Vector3d& direction, FaceBuffers& buffers);
+  bool is_flat(const Eigen::Vector3d& direction) const;
+  // `up`: out of what it lies on.
+  PlacedFace place(const mjModel_* m, const Eigen::Vector3d& up) const;
+};
+
+// Finds what of a mesh all but lies flat on something, `width` (m) wide, in `buffers`; `up`: out of
+// that. False of others.
+bool find_cap(const mjModel_* m, const GeomFace& mesh, const Eigen::Vector3d& up, double width,
+              FaceBuffers& buffers);
 
 // Whether geoms of a type have faces to lie on: boxes, meshes, and cylinders with their flat ends.
 bool has_faces(int type);
@@ -70,17 +79,5 @@ std::optional<std::array<Eigen::Vector3d, 2>> edge_through(const mjModel_* m, co
                                                            const Eigen::Vector3d& outward,
                                                            const Eigen::Vector3d& along,
                                                            double tolerance, FaceBuffers& buffers);
-
-// Puts the points of the faces in place of the `count` contacts (at most mjMAXCONPAIR) that MuJoCo
-// finds of two geoms, where these lie flat on each other; returns how many they are, 0 where they
-// do not. Pairs of boxes, meshes, flat ends of cylinders and planes, of two boxes, and of capsules
-// on boxes, only where MuJoCo finds a single point; and round sides on faces. Of a capsule on a box
-// MuJoCo finds one end alone in half of all cases where it is parallel but for rounding.
-int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
-                         FaceBuffers& buffers, mjPreContact_* contact, int count);
-
-// After MuJoCo's collision, before its rows: adds contacts to those of their pairs, in the order in
-// which it asked for them. Whether they fit into the memory of the model; if not, none are added.
-bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus);
 
 }  // namespace dashpot::host

@@ -1,4 +1,4 @@
-#include "dashpot/detection/faces.hpp"
+#include "dashpot/detection/face_contacts.hpp"
 
 #include <mujoco/mujoco.h>
 
@@ -9,7 +9,6 @@
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/detection/side_by_side.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
-#include "dashpot/mujoco/contacts.hpp"
 
 namespace dashpot::host {
 
@@ -35,99 +34,18 @@ constexpr double kFaceAsDeep = 1e-4;
 // Fraction of the smaller geom's radius that facets which all but lie flat are wide, to count like
 // a face.
 constexpr double kWide = 0.25;
-// Cosine of the angle to an edge from which it runs along a direction no more.
-constexpr double kAlong = 0.9;
 
 // Radius about a geom; planes have none.
 double size(const mjModel* m, int geom) {
   return m->geom_type[geom] == mjGEOM_PLANE ? mjMAXVAL : m->geom_rbound[geom];
 }
 
-// What `make` makes of the vertices and polygons of a mesh's hull, none where the model holds none.
-template <typename Make>
-auto of_hull(const mjModel* m, int mesh, const Make& make) {
-  Eigen::Matrix3Xd vertices(3, m->mesh_vertnum[mesh]);
-  const float* const vertex = m->mesh_vert + 3 * m->mesh_vertadr[mesh];
-  for (int i = 0; i < vertices.size(); ++i) vertices.data()[i] = vertex[i];
-  std::vector<std::vector<int>> polygons(m->mesh_polynum[mesh]);
-  for (int i = 0; i < m->mesh_polynum[mesh]; ++i) {
-    const int polygon = m->mesh_polyadr[mesh] + i;
-    const int* const begin = m->mesh_polyvert + m->mesh_polyvertadr[polygon];
-    polygons[i].assign(begin, begin + m->mesh_polyvertnum[polygon]);
-  }
-  return make(vertices, polygons);
-}
-
-const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
-  const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
-  buffers.hulls->of_mesh.resize(m->nmesh);
-  std::optional<std::vector<FlatFace>>& faces = buffers.hulls->of_mesh[mesh];
-  if (!faces) faces = of_hull(m, mesh, flat_faces);
-  return *faces;
-}
-
-const std::vector<HullFacet>& facets_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
-  const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
-  buffers.hulls->facets_of_mesh.resize(m->nmesh);
-  std::optional<std::vector<HullFacet>>& facets = buffers.hulls->facets_of_mesh[mesh];
-  if (!facets) facets = of_hull(m, mesh, hull_facets);
-  return *facets;
-}
-
-// The face of a geom, a box, a mesh or a cylinder, that looks along a direction.
-struct Side {
-  int geom = -1, type = -1;
-  Pose pose;
-  const FlatFace* face = nullptr;  // of a mesh
-  Vector3d normal = Vector3d::Zero();
-
-  Side(const mjModel* m, const mjData* d, int id)
-      : geom(id), type(m->geom_type[id]), pose(unchecked_geom_pose(d, id)) {}
-
-  // Whether there is any.
-  bool find(const mjModel* m, const Vector3d& direction, FaceBuffers& buffers) {
-    const Vector3d local = pose.rotation.transpose() * direction;
-    if (type == mjGEOM_BOX) {
-      int axis = 0;
-      local.cwiseAbs().maxCoeff(&axis);
-      normal = std::copysign(1.0, local[axis]) * pose.rotation.col(axis);
-      return true;
-    }
-    if (type == mjGEOM_CYLINDER) {
-      normal = std::copysign(1.0, local.z()) * pose.rotation.col(2);
-      return true;
-    }
-    face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
-    if (face) normal = pose.rotation * face->normal;
-    return face;
-  }
-
-  bool is_flat(const Vector3d& direction) const {
-    return normal.dot(direction) >= (face ? face->cosine : std::cos(kMostTilt));
-  }
-
-  // `up`: out of what it lies on.
-  PlacedFace place(const mjModel* m, const Vector3d& up) const {
-    const mjtNum* const size = m->geom_size + 3 * geom;
-    if (face) return place_face(*face, pose, up);
-    if (type == mjGEOM_CYLINDER) return place_cap(size[0], size[1], pose, normal, up);
-    return place_box_face(Eigen::Map<const Vector3d>(size), pose, normal);
-  }
-};
-
 FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
-  Side side(m, d, geom);
+  GeomFace side(m, d, geom);
   if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
   return dashpot::meet_plane(unchecked_geom_pose(d, plane).position, normal, side.place(m, normal),
                              margin);
-}
-
-// Finds what of a mesh all but lies flat on something, `width` (m) wide; `up`: out of that.
-bool find_cap(const mjModel* m, const Side& mesh, const Vector3d& up, double width,
-              FaceBuffers& buffers) {
-  return mesh.type == mjGEOM_MESH &&
-         buffers.cap.find(facets_of(m, m->geom_dataid[mesh.geom], buffers), mesh.pose, up, width);
 }
 
 // Whether each axis of a box is nearly one of another box.
@@ -142,12 +60,12 @@ bool are_aligned(const mjData* d, int geom1, int geom2) {
 FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
                         const mjPreContact& contact, double margin, FaceBuffers& buffers) {
   const Vector3d direction = Eigen::Map<const Vector3d>(contact.normal);
-  Side side1(m, d, geom1), side2(m, d, geom2);
+  GeomFace side1(m, d, geom1), side2(m, d, geom2);
   const bool flat1 = side1.find(m, direction, buffers) && side1.is_flat(direction);
   const bool flat2 = side2.find(m, -direction, buffers) && side2.is_flat(-direction);
   if (!flat1 && !flat2) return {};
   const double smaller = std::min(m->geom_rbound[geom1], m->geom_rbound[geom2]);
-  if (const Side& flat = flat1 ? side1 : side2, &other = flat1 ? side2 : side1;
+  if (const GeomFace& flat = flat1 ? side1 : side2, &other = flat1 ? side2 : side1;
       flat1 != flat2 && std::abs(flat.normal.dot(direction)) > std::cos(kShallow) &&
       find_cap(m, other, flat.normal, kWide * smaller, buffers)) {
     FaceManifold faces = meet_cap(flat.place(m, -flat.normal), buffers.cap, margin,
@@ -183,7 +101,7 @@ bool lies_on_side(const mjModel* m, const mjData* d, int geom, const Vector3d& d
 // None where what it lies on is no face.
 FaceManifold meet_side(const mjModel* m, const mjData* d, int geom, int round,
                        const Vector3d& direction, double margin, FaceBuffers& buffers) {
-  Side side(m, d, geom);
+  GeomFace side(m, d, geom);
   if (!has_faces(side.type) || !side.find(m, direction, buffers) || !side.is_flat(direction) ||
       side.normal.dot(direction) < std::cos(kFlatEdge))
     return {};
@@ -209,7 +127,7 @@ FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
     return faces;
   }
   for (int geom : {geom1, geom2}) {
-    Side end(m, d, geom);
+    GeomFace end(m, d, geom);
     if (!has_faces(end.type)) return {};
     // The side of a cylinder is no face.
     if (end.type == mjGEOM_CYLINDER &&
@@ -220,57 +138,6 @@ FaceManifold meet_geoms(const mjModel* m, const mjData* d, int geom1, int geom2,
 }
 
 }  // namespace
-
-bool has_faces(int type) {
-  return type == mjGEOM_BOX || type == mjGEOM_MESH || type == mjGEOM_CYLINDER;
-}
-
-bool has_face_along(const mjModel_* m, const mjData_* d, int geom, const Vector3d& direction,
-                    double cosine, FaceBuffers& buffers) {
-  return face_normal_along(m, d, geom, direction, cosine, buffers).has_value();
-}
-
-std::optional<Vector3d> face_normal_along(const mjModel_* m, const mjData_* d, int geom,
-                                          const Vector3d& direction, double cosine,
-                                          FaceBuffers& buffers) {
-  Side side(m, d, geom);
-  if (!has_faces(side.type) || !side.find(m, direction, buffers) ||
-      side.normal.dot(direction) < cosine)
-    return std::nullopt;
-  return side.normal;
-}
-
-std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pose& pose,
-                                          const Vector3d& direction, double tilt,
-                                          FaceBuffers& buffers) {
-  const Vector3d local = pose.rotation.transpose() * direction;
-  const FlatFace* const face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
-  if (!face || face->normal.dot(local) < std::max(face->cosine, std::cos(tilt)))
-    return std::nullopt;
-  return place_face(*face, pose, -direction);
-}
-
-std::optional<std::array<Vector3d, 2>> edge_through(const mjModel_* m, const mjData_* d, int geom,
-                                                    const Vector3d& point, const Vector3d& outward,
-                                                    const Vector3d& along, double tolerance,
-                                                    FaceBuffers& buffers) {
-  Side side(m, d, geom);
-  if (!side.find(m, outward, buffers)) return std::nullopt;
-  const PlacedFace face = side.place(m, -outward);
-  std::optional<std::array<Vector3d, 2>> edge;
-  double nearest = tolerance;
-  for (int i = 0; i < face.count; ++i) {
-    const Vector3d& begin = face.corner[i];
-    const Vector3d& end = face.corner[(i + 1) % face.count];
-    const double length = (end - begin).norm();
-    if (length == 0.0 || std::abs(along.dot(end - begin)) < kAlong * length) continue;
-    const double distance = (point - begin).cross(end - begin).norm() / length;
-    if (distance > nearest) continue;
-    nearest = distance;
-    edge = {begin, end};
-  }
-  return edge;
-}
 
 int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geom2, double margin,
                          FaceBuffers& buffers, mjPreContact_* contact, int count) {
@@ -299,31 +166,6 @@ int take_points_of_faces(const mjModel_* m, const mjData_* d, int geom1, int geo
     mju_zero3(contact[i].tangent);
   }
   return faces.count;
-}
-
-bool add_surplus(mjData_* d, const std::vector<SurplusContact>& surplus) {
-  const auto is_of = [](const mjContact& contact, const SurplusContact& c) {
-    return contact.geom[0] == c.geom[0] && contact.geom[1] == c.geom[1];
-  };
-  // In the order of their pairs, as MuJoCo asks for them: backwards, from the last to the first.
-  const int found = d->ncon, count = static_cast<int>(surplus.size());
-  int left = count;
-  for (int from = found - 1; from >= 0; --from)
-    while (left > 0 && is_of(d->contact[from], surplus[left - 1])) --left;
-  if (left > 0) return false;  // MuJoCo had no room for the others of a pair
-  if (!make_room_for_contacts(d, count)) return false;
-  left = count;
-  for (int from = found - 1, to = d->ncon; left > 0; --from) {
-    for (; left > 0 && is_of(d->contact[from], surplus[left - 1]); --left) {
-      const SurplusContact& more = surplus[left - 1];
-      mjContact& contact = d->contact[--to] = d->contact[from];
-      contact.dist = more.distance;
-      mju_copy3(contact.pos, more.position.data());
-      set_frame(more.normal.data(), contact.frame);
-    }
-    d->contact[--to] = d->contact[from];
-  }
-  return true;
 }
 
 }  // namespace dashpot::host

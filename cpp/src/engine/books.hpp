@@ -1,0 +1,60 @@
+// The books of a step: what becomes of its energy (rows/energy_ledger.hpp).
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/mujoco/stage_work.hpp"
+#include "dashpot/mujoco/work.hpp"
+#include "dashpot/rows/energy_ledger.hpp"
+#include "dashpot/rows/memory.hpp"
+#include "dashpot/threads/team.hpp"
+#include "solved_part.hpp"
+
+struct mjData_;
+
+namespace dashpot {
+
+// Keeps its arrays from step to step.
+class Books {
+ public:
+  // Opens them with the ledger that memory has, but for the energy of what sleeps.
+  void open(const Memory& memory, const SleepingRows& sleeping);
+  void close(Memory& memory);
+  EnergyLedger& ledger() { return ledger_; }
+
+  // By tree, work (J) of contacts, because they turn, that no spring paid for: no more than all
+  // contacts together did too much. Shared by two trees as their relative motion is.
+  void find_unpaid(const Memory& memory, const SolvedPart& part, std::vector<double>& unpaid) const;
+  // After the state is that of the end of the part, whose rows had the generalized forces
+  // `of_rows`: books the work of smooth forces and surfaces.
+  void add_smooth_work(mjData_* d, const SolvedPart& part, const std::vector<double>& of_rows,
+                       Team& team);
+  // Books the kinetic energy of trees that fall asleep, and keeps the ledger in memory.
+  void lose_motion(const mjData_* d, const SolvedPart& part, const std::vector<int>& trees,
+                   Memory& memory);
+
+  // By degree of freedom: what the change of kinetic energy goes with, and how far recovery of
+  // equalities took trees beside it.
+  const std::vector<double>& way() const { return way_; }
+  const std::vector<double>& recovered() const { return recovered_; }
+
+ private:
+  void find_ways(const mjData_* d, const SolvedPart& part, Team& team);
+  void find_spring_changes(const SolvedPart& part);
+  void leave_to_rows_by_stages(mjData_* d, const SolvedPart& part,
+                               const std::vector<double>& of_rows);
+  void add_work_of_load(const SolvedPart& part);
+  double work_ahead_of_servos(const SolvedPart& part) const;
+
+  EnergyLedger ledger_;
+  double elastic_asleep_ = 0.0;  // J
+  host::StageWork stage_work_;
+  host::SmoothWork smooth_work_;
+  // By degree of freedom. Second halves are those of trees in flight; what is beyond stages is of
+  // RK4, how much farther than in its stages trees go; springs are those that act in the
+  // micro-steps, what they changed by in the mean over the way: empty where none act there.
+  std::vector<double> way_, recovered_, second_half_, beyond_stages_, spring_change_;
+};
+
+}  // namespace dashpot

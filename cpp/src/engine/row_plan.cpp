@@ -1,0 +1,23 @@
+#include "row_plan.hpp"
+
+#include "dashpot/islands/solref_load.hpp"
+
+namespace dashpot {
+
+void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& trees,
+                   const Options& options, double resolved, const HitFrequency& hit_frequency,
+                   Rows& rows, std::vector<GroupMaterial>& materials, RowData& data, Team& team) {
+  find_islands(rows, trees);
+  read_solref_at_load(step, data.velocity.data(), rows, materials);
+  pressed_between_.find(model, step.contacts, rows, materials);
+  sag_times_.find(model, step, rows, data.velocity.data(), team);
+  find_hits(step, rows, islands(), hit_frequency, data);
+  pressed_together_.find(materials, step.contacts, trees, data, step.length, rows);
+  open_groups_.find(step, rows, static_cast<int>(trees.tree.size()), data);
+  islands_.plan(rows, trees,
+                {materials, sag_times_.of_group(), open_groups_.stays_open(), data, step.length,
+                 resolved, options},
+                team);
+}
+
+}  // namespace dashpot

@@ -1,0 +1,70 @@
+// A part of a step whose rows are solved, as its forces, its state and its books see it.
+
+#pragma once
+
+#include <vector>
+
+#include "dashpot/lanes/aligned.hpp"
+#include "dashpot/motion/leapfrog.hpp"
+#include "dashpot/motion/trapezoid.hpp"
+#include "dashpot/motion/tree_motion.hpp"
+#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/rows/held_stages.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
+
+struct mjModel_;
+
+namespace dashpot {
+
+// By tree, what rows did to it in the part, see RowsOnTree.
+struct RowsOnTrees {
+  std::vector<char> touched;   // moved it
+  std::vector<char> joined;    // moved another one against it
+  std::vector<char> carries;   // some of these are contacts
+  std::vector<char> held;      // had a position as they moved it
+  std::vector<double> unpaid;  // J, work of contacts, because they turn, that no spring paid for
+  std::vector<double> lost;    // J, what they gave it and it does not have
+
+  void reset(int trees) {
+    for (auto* array : {&touched, &joined, &carries, &held}) array->assign(trees, 0);
+  }
+};
+
+// How far rows took trees beside RowData::total_displacement, in motion coordinates.
+struct WaysOfRows {
+  std::vector<double> recovery;  // of equalities, which that has
+  AlignedDoubles of_microsteps;  // of RK4: that without them
+};
+
+struct SolvedPart {
+  mjModel_* model;
+  bool is_comfree;
+  double length;  // H, s
+  const std::vector<ContactInput>& contacts;
+  const std::vector<ConstraintInput>& constraints;
+  const Rows& rows;
+  const RowData& data;
+  const RowsOnTrees& on_trees;
+  const WaysOfRows& ways;
+  const TreeMotion& motion;
+  const Leapfrog& leapfrog;
+  const Trapezoid& trapezoid;
+  const host::RungeKutta& runge_kutta;
+  const HeldStages& held_stages;
+
+  // Whether a tree went the way of the stages of RK4, or its velocity comes from them.
+  bool has_stages(int tree) const {
+    return host::is_runge_kutta(model) && motion.integrated()[tree];
+  }
+  bool goes_as_in_microsteps(int tree) const {
+    return on_trees.touched[tree] && (on_trees.held[tree] || !has_stages(tree));
+  }
+  // Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
+  // integrator then starts from the velocity with it.
+  bool gets_second_half_in_flight(int tree) const {
+    return !on_trees.touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
+  }
+};
+
+}  // namespace dashpot
