@@ -10,6 +10,23 @@ namespace dashpot {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// Whether a point lies to the left of a side of a face, seen from outside.
+bool is_inside(const PlacedFace& face, int side, const Vector3d& point) {
+  const Vector3d& begin = face.corner[side];
+  const Vector3d& end = face.corner[(side + 1) % face.count];
+  return (end - begin).cross(point - begin).dot(face.normal) >= 0.0;
+}
+
+bool is_inside(const PlacedFace& face, const Vector3d& point) {
+  for (int side = 0; side < face.count; ++side)
+    if (!is_inside(face, side, point)) return false;
+  return true;
+}
+
+}  // namespace
+
 std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
                                    const std::vector<std::vector<int>>& polygons) {
   std::vector<HullFacet> facets;
@@ -47,6 +64,7 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
   }
   const double cosine = std::cos(kShallow);
   plane_.clear();
+  corner_.clear();
   double lowest = std::numeric_limits<double>::infinity();
   // Unit vectors that are kShallow apart differ by less than that in each coordinate.
   const auto first =
@@ -59,9 +77,10 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
     const Vector3d normal = pose.rotation * facet.normal;
     plane_.push_back({normal, facet.offset + normal.dot(pose.position), slope});
     for (const Vector3d& corner : facet.corner) {
+      corner_.push_back(pose.position + pose.rotation * corner);
       if (const double height = corner.dot(local_up); height < lowest) {
         lowest = height;
-        outline_.origin = pose.position + pose.rotation * corner;
+        outline_.origin = corner_.back();
       }
       for (int k = 0; k < kMostCorners; ++k) {
         const double along = corner.dot(direction[k]);
@@ -82,11 +101,57 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
   return outline_.count > 2;
 }
 
+const ShallowCap::Plane& ShallowCap::highest_over(const Vector3d& point) const {
+  return *std::max_element(plane_.begin(), plane_.end(), [&](const Plane& a, const Plane& b) {
+    return a.height_over(point) < b.height_over(point);
+  });
+}
+
 double ShallowCap::height_over(const Vector3d& point) const {
-  double height = -std::numeric_limits<double>::infinity();
-  for (const Plane& plane : plane_)
-    height = std::max(height, (plane.offset - plane.normal.dot(point)) / plane.slope);
-  return height;
+  return highest_over(point).height_over(point);
+}
+
+std::optional<Vector3d> ShallowCap::lowest_corner_over(const PlacedFace& face) const {
+  std::optional<Vector3d> lowest;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Vector3d& corner : corner_) {
+    const double height = -outline_.normal.dot(corner);
+    if (height >= least || !is_inside(face, corner)) continue;
+    least = height;
+    lowest = corner;
+  }
+  return lowest;
+}
+
+// Where the planes that are highest over both ends cross, unless another is higher there, which
+// then takes the place of the one on its side: of convex heights each is taken once at most.
+std::optional<Vector3d> ShallowCap::lowest_between(const Vector3d& begin,
+                                                   const Vector3d& end) const {
+  double first = 0.0, last = 1.0;
+  for (int side = 0; side < outline_.count; ++side) {
+    const Vector3d& corner = outline_.corner[side];
+    const Vector3d inward =
+        outline_.normal.cross(outline_.corner[(side + 1) % outline_.count] - corner);
+    const double at_begin = inward.dot(begin - corner), at_end = inward.dot(end - corner);
+    if (at_begin < 0.0 && at_end < 0.0) return std::nullopt;
+    if (at_begin < 0.0) first = std::max(first, at_begin / (at_begin - at_end));
+    if (at_end < 0.0) last = std::min(last, at_begin / (at_begin - at_end));
+  }
+  if (first >= last) return std::nullopt;
+  const auto at = [&](double part) { return Vector3d(begin + part * (end - begin)); };
+  const auto rise = [&](const Plane& plane) {
+    return -plane.normal.dot(end - begin) / plane.slope;
+  };
+  const Plane *falling = &highest_over(at(first)), *rising = &highest_over(at(last));
+  for (size_t taken = 0; taken <= plane_.size(); ++taken) {
+    if (rise(*falling) >= 0.0 || rise(*rising) <= 0.0) return std::nullopt;
+    const double part = (falling->height_over(begin) - rising->height_over(begin)) /
+                        (rise(*rising) - rise(*falling));
+    const Plane* highest = &highest_over(at(part));
+    if (highest == falling || highest == rising || rise(*highest) == 0.0) return at(part);
+    (rise(*highest) < 0.0 ? falling : rising) = highest;
+  }
+  return std::nullopt;
 }
 
 FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
@@ -103,17 +168,20 @@ FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double marg
   FaceManifold manifold = meet_face(face, cap.outline(), std::numeric_limits<double>::infinity());
   double least = std::numeric_limits<double>::infinity();
   int count = 0;
-  for (int i = 0; i < manifold.count; ++i) {
-    const FacePoint point = placed(manifold.point[i].position);
-    if (point.distance > margin) continue;
+  const auto add = [&](const FacePoint& point) {
+    if (point.distance > margin || count == static_cast<int>(manifold.point.size())) return;
     least = std::min(least, point.distance);
     manifold.point[count++] = point;
+  };
+  const int shared = manifold.count;
+  for (int i = 0; i < shared; ++i) add(placed(manifold.point[i].position));
+  for (int i = 0; i < face.count; ++i) {
+    const Vector3d &begin = face.corner[i], &end = face.corner[(i + 1) % face.count];
+    if (const auto lowest = cap.lowest_between(begin, end)) add(placed(*lowest));
   }
+  if (const auto corner = cap.lowest_corner_over(face)) add(placed(*corner));
+  if (const FacePoint point = placed(nearest); point.distance < least - tolerance) add(point);
   manifold.count = count;
-  const FacePoint deepest = placed(nearest);
-  if (deepest.distance <= margin && deepest.distance < least - tolerance &&
-      count < static_cast<int>(manifold.point.size()))
-    manifold.point[manifold.count++] = deepest;
   return manifold;
 }
 

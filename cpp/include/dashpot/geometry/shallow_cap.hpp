@@ -6,11 +6,14 @@
 // nothing to stand on: light things rock from one point to the other and go in on either side
 // while the other is not held, or tip out. Against a face such facets count like one, but for their
 // heights: the points that it shares with their outline, seen along its normal, lie as deep as the
-// surface of the hull does there.
+// surface of the hull does there. Between these a convex hull can be deeper in a corner over the
+// face and where ridges cross the sides of that. A palm that leans so that a ridge lies level has
+// both ends of it: from one of them to the other its deepest point jumps by a hair of turn.
 
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "dashpot/geometry/face_manifold.hpp"
@@ -44,19 +47,34 @@ class ShallowCap {
   const PlacedFace& outline() const { return outline_; }
   // How far the surface lies above a point, along `up`, m.
   double height_over(const Eigen::Vector3d& point) const;
+  // The lowest of its corners that lie over a face, seen along `up`; none where none does.
+  std::optional<Eigen::Vector3d> lowest_corner_over(const PlacedFace& face) const;
+  // The point of the part of a segment within its outline, seen along `up`, over which it is
+  // lowest; none where that is an end of the part.
+  std::optional<Eigen::Vector3d> lowest_between(const Eigen::Vector3d& begin,
+                                                const Eigen::Vector3d& end) const;
 
  private:
   struct Plane {
     Eigen::Vector3d normal;  // outward, world
     double offset, slope;    // along it; of it along `up`
+
+    double height_over(const Eigen::Vector3d& point) const {
+      return (offset - normal.dot(point)) / slope;
+    }
   };
+  const Plane& highest_over(const Eigen::Vector3d& point) const;
+
   std::vector<Plane> plane_;
+  std::vector<Eigen::Vector3d> corner_;  // world, once for each of its facets
   PlacedFace outline_;
 };
 
-// The points within `margin` (m) that a face shares with a cap, found against the face's normal;
-// and where none of them is as deep to within `tolerance` (m), `nearest` (world), which is a point
-// of the face or beneath it.
+// The points within `margin` (m) that a face shares with a cap, found against the face's normal.
+// Beside those of the outline: the deepest corner over the face, and on each of its sides the point
+// where a ridge crosses it, however little deeper they are, for what comes and goes with that has
+// nothing to rest on; and where none of all is as deep to within `tolerance` (m), `nearest`
+// (world), which is a point of the face or beneath it.
 FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
                       const Eigen::Vector3d& nearest, double tolerance);
 
