@@ -101,6 +101,30 @@ def test_feet_that_share_a_weight_go_in_as_far_as_in_mujoco(solref, solimp):
     assert 0.1 - position[2] == pytest.approx(0.1 - plain[2], rel=1e-4)
 
 
+@pytest.mark.parametrize(("solref", "solimp"), OWN)
+def test_what_sticks_does_not_give_way_sideways_as_it_does_downwards(solref, solimp):
+    """Friction has no position in MuJoCo: feet that go in by millimetres do not slide back."""
+    own = attributes(solref, solimp)
+    engine = Engine(
+        mujoco.MjModel.from_xml_string(f"""
+        <mujoco><option timestep="0.002"/><worldbody><geom type="plane" size="1 1 1" {own}/>
+          <body pos="0 0 0.1"><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>
+            <geom type="box" size="0.1 0.15 0.1" mass="2" {own} friction="0.8"/></body>
+        </worldbody></mujoco>""")
+    )
+    data = engine.make_data()
+    engine.step(data, nstep=2000)
+    sag = -data.qpos[1]
+    data.qfrc_applied[0] = 0.6 * 2.0 * GRAVITY
+    engine.step(data, nstep=500)
+    # kappa = theta^2 / (c - 1) h^2, h = dt / 13, gives way by 0.6 g / kappa: 0.4 um with c = 3 of
+    # four contacts in two directions, where the sags are 12 um and more.
+    assert 0.0 < data.qpos[0] < min(1e-6, 0.05 * sag)
+    data.qfrc_applied[0] = 0.0
+    engine.step(data, nstep=500)
+    assert abs(data.qpos[0]) < 1e-9
+
+
 def pressed_ball(solref, solimp, timestep):
     """Return an engine of a ball of 2 kg on the floor."""
     own = attributes(solref, solimp)

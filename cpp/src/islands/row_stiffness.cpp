@@ -268,10 +268,11 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   }
   if (!is_rigid || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
   fill_row(rows, c, c.row, kappa, std::min(delta, most_damped));
+  const double of_springs = given.from_solref ? resolved : stiffest;
   const double resolved_sliding =
       is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
   const bool slides_as_given = fill_sliding_rows(
-      rows, c, given, microstep.hit, {stiffest, resolved_sliding, most_damped_sliding, beyond});
+      rows, c, given, microstep.hit, {of_springs, resolved_sliding, most_damped_sliding, beyond});
   return as_given && slides_as_given;
 }
 
