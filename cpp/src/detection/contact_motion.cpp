@@ -79,9 +79,11 @@ void ContactMotion::velocity_of(const Side& side, const mjtNum* point, mjtNum* v
 
 double ContactMotion::gravity() const { return usual_gravity(model_); }
 
+bool ContactMotion::is_ball(int side) const { return geom_type(side) == mjGEOM_SPHERE; }
+
 bool ContactMotion::is_free_ball(int side) const {
   const int geom = side_[side].geom;
-  if (!side_[side].is_free || model_->geom_type[geom] != mjGEOM_SPHERE) return false;
+  if (!is_free(side) || !is_ball(side)) return false;
   if (has_welded_parts(model_, model_->body_treeid[side_[side].body]))
     return mju_dist3(data_->geom_xpos + 3 * geom, side_[side].centre) <=
            kRounding * model_->geom_rbound[geom];

@@ -34,6 +34,8 @@ constexpr double kMayMeet = 2.0, kBent = 0.1, kMet = 1e-6, kPasses = 0.25;
 constexpr double kFollowed = 1.25;
 // A way that only grazes takes half of what is left of its closing speed at each.
 constexpr int kMostLooks = 10;
+// Cosine between normals that are the same to a ball: 1.4 mrad.
+constexpr double kSameNormal = 1.0 - 1e-6;
 // Fraction of the step in which the turn of a normal is lost in rounding.
 constexpr double kSliver = 1e-6;
 
@@ -119,9 +121,16 @@ bool TurningPair::comes(const ContactInput& contact) const {
   return closing > hit_speed_ && contact.gap < kMayMeet * step_.length * closing;
 }
 
+// Whether what a ball comes upon has turned by then: a normal of the start throws it back by up to
+// the turn within the step beside the way. Corners meet along normals of their own.
+bool TurningPair::turns_before(const ContactInput& then, const ContactInput& contact) const {
+  return (motion_.is_ball(0) || motion_.is_ball(1)) &&
+         mju_dot3(then.frame.data(), contact.frame.data()) < kSameNormal;
+}
+
 // Freezes a contact that comes on where it is met, or where it passes, with the gap that leads
-// there. Returns whether the way there bends; else it stays as it is. So does a corner that is met:
-// another one may come to be the nearest.
+// there. Returns whether the way there bends, or ends on what turns; else it stays as it is. So
+// does a corner that is met: another one may come to be the nearest.
 bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact) {
   double time = 0.0, gap = contact.gap, closing = -motion_.gap_rate(contact);
   ContactInput met;
@@ -131,7 +140,8 @@ bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& conta
     const ContactInput* const then = ahead_.find_coming(contact);
     if (!then) break;
     const double closing_then = -motion_.point_rate(*then, When::kThen)[0];
-    if (looks == 0 && closing_then > (1.0 - kBent) * closing) return false;
+    const bool bends = closing_then <= (1.0 - kBent) * closing || turns_before(*then, contact);
+    if (looks == 0 && !bends) return false;
     met = *then;
     time = next;
     gap = then->gap;

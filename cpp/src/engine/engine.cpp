@@ -83,7 +83,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
                                                             : host::ContactRows::kNone;
   proven_apart.clear();
   clock = StepClock();
-  clock.whole = parts.whole();
+  clock.whole = clock.uncut = parts.whole();
   StepStats total;
   int taken = 0;
   for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
@@ -203,7 +203,7 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   view.remember(contacts, constraints, rows, data, sleeping.rows(), team);
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(clock.length, on_trees.held, motion, view);
+  leapfrog.keep(clock.stride(), on_trees.held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(d,
                  {clock.length, leaves_half, constraints, rows, data, on_trees.held,

@@ -16,15 +16,15 @@ namespace dashpot {
 // earlier.
 bool Stepper::Impl::shorten_for_turns(const mjData_* d, host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(std::min(part_of_smooth_turn(model, d, motion, clock),
-                          part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
-                 parts);
+  return shorten_for_all(std::min(part_of_smooth_turn(model, d, motion, clock),
+                                  part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
+                         parts);
 }
 
 // Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
+  return shorten_for_all(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
 }
 
 // Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
@@ -33,7 +33,13 @@ bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double turn = trapezoid.fastest_turn();
   clock.row_turn_rate = turn / clock.length;
-  return shorten(part_of_turning_rows(turn, clock), parts);
+  return shorten_for_all(part_of_turning_rows(turn, clock), parts);
+}
+
+bool Stepper::Impl::shorten_for_all(double shorter, host::StepParts& parts) {
+  if (!shorten(shorter, parts)) return false;
+  clock.uncut = std::min(clock.uncut, clock.length);
+  return true;
 }
 
 bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {

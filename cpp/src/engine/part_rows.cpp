@@ -105,7 +105,7 @@ void Stepper::Impl::run_islands(mjData_* d) {
   find_touched_trees();
   for (int tree = 0; tree < motion.tree_count(); ++tree)
     if (goes_in_time[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
-  leapfrog.go_ahead(clock.length, on_trees.held, motion, rows, data);
+  leapfrog.go_ahead(clock.stride(), on_trees.held, motion, rows, data);
   EnergyLedger& ledger = books.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;

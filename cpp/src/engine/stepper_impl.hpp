@@ -64,6 +64,7 @@ struct Stepper::Impl {
   void detect(mjData_* d, host::MocapMotion& mocap);
   bool shorten_for_throws(host::StepParts& parts);
   bool shorten_for_rows(host::StepParts& parts);
+  bool shorten_for_all(double shorter, host::StepParts& parts);
   bool shorten(double shorter, host::StepParts& parts);
 
   // What sleeps.

@@ -208,7 +208,7 @@ void Leapfrog::take_times_back(Rows& rows) const {
 }
 
 // Trees do not go into a row with the semi-implicit update, either.
-void Leapfrog::find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+void Leapfrog::find_late(double stride, const std::vector<char>& held, const TreeMotion& motion,
                          const Rows& rows, const RowData& data) {
   for (int index = 0; index < motion.tree_count(); ++index)
     leads_late_[index] = in_time_[index] && !held[index];
@@ -219,9 +219,9 @@ void Leapfrog::find_late(double length, const std::vector<char>& held, const Tre
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& t = motion.trees().tree[index];
     for (int i = t.begin; i < t.begin + t.dof_count && leads_late_[index]; ++i)
-      late_way_[i] = 0.5 * length * start_velocity_[i];
+      late_way_[i] = 0.5 * stride * start_velocity_[i];
   }
-  find_next_way(length, start_velocity_, data, late_way_);
+  find_next_way(stride, start_velocity_, data, late_way_);
   for (bool stopped = true; stopped;) {
     stopped = false;
     for (const RowGroup& c : rows.group) {
@@ -234,17 +234,17 @@ void Leapfrog::find_late(double length, const std::vector<char>& held, const Tre
 }
 
 // The way is that of the semi-implicit update from `velocity`, and what goes ahead of it.
-void Leapfrog::find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+void Leapfrog::find_next_way(double stride, const AlignedDoubles& velocity, const RowData& data,
                              const AlignedDoubles& ahead) {
   next_way_ = ahead;
   for (size_t i = 0; i < next_way_.size(); ++i)
-    next_way_[i] += length * (velocity[i] + length * data.smooth_acceleration[i]);
+    next_way_[i] += stride * (velocity[i] + stride * data.smooth_acceleration[i]);
 }
 
-void Leapfrog::go_ahead(double length, const std::vector<char>& held, const TreeMotion& motion,
+void Leapfrog::go_ahead(double stride, const std::vector<char>& held, const TreeMotion& motion,
                         const Rows& rows, RowData& data) {
   if (leapfrogs_.empty()) return;
-  find_late(length, held, motion, rows, data);
+  find_late(stride, held, motion, rows, data);
   leads_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index)
     leads_[index] = leapfrogs_[index] && held[index] && !recovers_[index];
@@ -261,9 +261,9 @@ void Leapfrog::go_ahead(double length, const std::vector<char>& held, const Tree
     if (leads_[index]) find_acceleration(motion.trees(), index, data.total_displacement, data);
     for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
       way_ahead_[i] =
-          0.5 * length * (data.velocity[i] + 0.25 * length * acceleration_[i]) - kept_way_[i];
+          0.5 * stride * (data.velocity[i] + 0.25 * stride * acceleration_[i]) - kept_way_[i];
   }
-  find_next_way(length, data.velocity, data, way_ahead_);
+  find_next_way(stride, data.velocity, data, way_ahead_);
   // No tree goes into another row, nor where the next step would take it into one: what leaves a
   // row for less than a step would go ahead and fall back for nothing.
   for (bool stopped = true; stopped;) {
@@ -289,14 +289,14 @@ void Leapfrog::go_ahead(double length, const std::vector<char>& held, const Tree
   }
 }
 
-void Leapfrog::keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+void Leapfrog::keep(double stride, const std::vector<char>& held, const TreeMotion& motion,
                     Memory& memory) const {
   double* lead = memory.lead();
   if (!lead) return;
   for (int index = 0; index < motion.tree_count(); ++index) {
     const bool leads = !leapfrogs_.empty() && leapfrogs_[index] &&
                        (held[index] ? leads_[index] : !in_time_[index] || leads_late_[index]);
-    lead[index] = leads ? 0.5 * length : 0.0;
+    lead[index] = leads ? 0.5 * stride : 0.0;
   }
 }
 

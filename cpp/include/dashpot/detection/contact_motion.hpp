@@ -45,6 +45,7 @@ class ContactMotion {
 
   // Whether the geom is a ball about the centre of mass of a free body, which looks the same
   // however it turns.
+  bool is_ball(int side) const;
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;

@@ -49,9 +49,10 @@ class Leapfrog {
   // After the rows of a step have their deformations: takes trees that may be held back to where
   // they are in time, by the displacements and the gaps in `data`.
   void fall_back(const Memory& memory, const TreeMotion& motion, Rows& rows, RowData& data);
-  // After the micro-steps of a step of `length` (s): takes trees that leave their rows ahead.
-  // `held`, by tree: rows that have a position moved it.
-  void go_ahead(double length, const std::vector<char>& held, const TreeMotion& motion,
+  // After the micro-steps of a part whose length without cuts at impacts is `stride` (s, see
+  // StepClock): takes trees that leave their rows ahead. `held`, by tree: rows that have a position
+  // moved it.
+  void go_ahead(double stride, const std::vector<char>& held, const TreeMotion& motion,
                 const Rows& rows, RowData& data);
 
   // By tree: the lead (s) that it gave up as it fell back, 0 where it did not; and how far that
@@ -67,7 +68,7 @@ class Leapfrog {
   const std::vector<char>& in_time() const { return in_time_; }
 
   // Keeps in `memory` the leads at the end of the step.
-  void keep(double length, const std::vector<char>& held, const TreeMotion& motion,
+  void keep(double stride, const std::vector<char>& held, const TreeMotion& motion,
             Memory& memory) const;
 
  private:
@@ -85,9 +86,9 @@ class Leapfrog {
   void take_times_back(Rows& rows) const;
 
   // Trees that may go ahead in this step, where no row holds them.
-  void find_late(double length, const std::vector<char>& held, const TreeMotion& motion,
+  void find_late(double stride, const std::vector<char>& held, const TreeMotion& motion,
                  const Rows& rows, const RowData& data);
-  void find_next_way(double length, const AlignedDoubles& velocity, const RowData& data,
+  void find_next_way(double stride, const AlignedDoubles& velocity, const RowData& data,
                      const AlignedDoubles& ahead);
 
   // By tree: MuJoCo's integrator moves it where no row does; it is in time, as the last step left
