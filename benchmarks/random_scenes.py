@@ -273,6 +273,8 @@ def main() -> None:
     parser.add_argument("kind", nargs="?", choices=("free", "articulated"), default="free")
     parser.add_argument("integrator", nargs="?", default="implicitfast", help="of articulated ones")
     arguments = parser.parse_args()
+    if arguments.first >= arguments.last:
+        parser.error(f"no seed from {arguments.first} to before {arguments.last}")
     first, last = arguments.first, arguments.last
     failures = []
     for seed in range(first, last):
