@@ -6,7 +6,7 @@ import pytest
 
 import dashpot
 
-PHASES = np.linspace(0.0, 5.0, 6, endpoint=False)  # ms, of what happens within steps
+PHASES = np.linspace(0.0, 5.0, 6, endpoint=False)  # ms or 12 mrad by which hits differ within steps
 FINE = 5e-5  # s, short steps that give the reference
 
 
@@ -62,14 +62,16 @@ def test_a_bat_on_a_hinge_hits_a_ball_in_time_where_impacts_cut_steps(driven, ba
             ]
         )
 
-    exact, cut = hits(FINE, PHASES[::5], "none"), hits(timestep, PHASES, "cut")
-    speed, angle = (np.ptp(of) for of in (np.linalg.norm(exact, axis=1), angle_of(exact.T)))
-    # Driven, the bat gains speed over the phases; its torque is held over each step, of which the
-    # rest after the hit pushes on, second order in omega H = 0.15 at 5 ms.
-    assert np.linalg.norm(cut, axis=1) == pytest.approx(
-        np.linalg.norm(exact, axis=1).mean(), rel=3e-3, abs=speed
+    # The bat is faster the longer it was driven: evenly so to 1e-4.
+    exact = np.array(
+        [np.interp(PHASES, PHASES[::5], of) for of in hits(FINE, PHASES[::5], "none").T]
     )
-    assert angle_of(cut.T) == pytest.approx(angle_of(exact.T).mean(), abs=0.25 + angle)
+    cut = hits(timestep, PHASES, "cut").T
+    # Torque is held over each step, of which the rest after the hit pushes on: second order in
+    # omega H = 0.15 at 5 ms.
+    speed = np.linalg.norm(exact, axis=0)
+    assert np.linalg.norm(cut, axis=0) == pytest.approx(speed, rel=3e-3)
+    assert angle_of(cut) == pytest.approx(angle_of(exact), abs=0.25)
 
 
 def paddled(timestep, phase, half):
@@ -100,11 +102,12 @@ def paddled(timestep, phase, half):
     return angle_of(data.qvel[:2])
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
 @pytest.mark.parametrize("half", [0.01, 0.06])
 def test_a_flat_face_that_turns_throws_a_ball_back_along_the_normal_that_it_meets(half, timestep):
     """Not along that of the start of the step, off by up to 5 rad/s times the step: 1.4 deg."""
     exact = paddled(FINE, 0.0, half)
     angles = [paddled(timestep, phase, half) for phase in PHASES]
-    # The face turns on by 0.13 deg in half of the hit, pi / 2 sqrt(m / k) = 0.47 ms.
+    # The face turns on by 0.13 deg in half of the hit, pi / 2 sqrt(m / k) = 0.47 ms, which throws
+    # the ball about twice as far aside; off by half a step it would be 0.3 and 0.7 times two.
     assert np.abs(angles - exact).max() < 0.3

@@ -121,15 +121,15 @@ bool TurningPair::comes(const ContactInput& contact) const {
   return closing > hit_speed_ && contact.gap < kMayMeet * step_.length * closing;
 }
 
-// Whether what a ball comes upon has turned by then: a normal of the start throws it back by up to
-// the turn within the step beside the way. Corners meet along normals of their own.
-bool TurningPair::turns_before(const ContactInput& then, const ContactInput& contact) const {
+// Whether a ball comes upon another normal than at the start, along which it would leave beside the
+// way by as much. Corners meet along normals of their own.
+bool TurningPair::normal_turns(const ContactInput& then, const ContactInput& contact) const {
   return (motion_.is_ball(0) || motion_.is_ball(1)) &&
          mju_dot3(then.frame.data(), contact.frame.data()) < kSameNormal;
 }
 
 // Freezes a contact that comes on where it is met, or where it passes, with the gap that leads
-// there. Returns whether the way there bends, or ends on what turns; else it stays as it is. So
+// there. Returns whether the way there bends, or the normal turns; else it stays as it is. So
 // does a corner that is met: another one may come to be the nearest.
 bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact) {
   double time = 0.0, gap = contact.gap, closing = -motion_.gap_rate(contact);
@@ -140,8 +140,8 @@ bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& conta
     const ContactInput* const then = ahead_.find_coming(contact);
     if (!then) break;
     const double closing_then = -motion_.point_rate(*then, When::kThen)[0];
-    const bool bends = closing_then <= (1.0 - kBent) * closing || turns_before(*then, contact);
-    if (looks == 0 && !bends) return false;
+    if (looks == 0 && closing_then > (1.0 - kBent) * closing && !normal_turns(*then, contact))
+      return false;
     met = *then;
     time = next;
     gap = then->gap;

@@ -8,7 +8,6 @@
 #include "dashpot/engine/row_assembly.hpp"
 #include "dashpot/microsteps/position_recovery.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
-#include "dashpot/mujoco/properties.hpp"
 #include "dashpot/rows/recall.hpp"
 #include "stepper_impl.hpp"
 

@@ -12,7 +12,12 @@
 #include "dashpot/islands/pressed_between.hpp"
 #include "dashpot/islands/pressed_together.hpp"
 #include "dashpot/islands/sag_times.hpp"
+#include "dashpot/law/parameters.hpp"
+#include "dashpot/rows/hit.hpp"
+#include "dashpot/rows/row_data.hpp"
+#include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/step_view.hpp"
+#include "dashpot/rows/trees.hpp"
 #include "dashpot/threads/team.hpp"
 
 struct mjModel_;

@@ -1,4 +1,4 @@
-// A part of a step whose rows are solved, as its forces, its state and its books see it.
+// A part of a step whose rows are solved, as all that follows from that sees it.
 
 #pragma once
 
@@ -31,10 +31,10 @@ struct RowsOnTrees {
   }
 };
 
-// How far rows took trees beside RowData::total_displacement, in motion coordinates.
+// Parts of RowData::total_displacement, in motion coordinates.
 struct WaysOfRows {
-  std::vector<double> recovery;  // of equalities, which that has
-  AlignedDoubles of_microsteps;  // of RK4: that without them
+  std::vector<double> recovery;  // by recovery of equalities
+  AlignedDoubles of_microsteps;  // of RK4: all without that
 };
 
 struct SolvedPart {

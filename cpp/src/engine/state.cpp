@@ -4,7 +4,6 @@
 #include "dashpot/mujoco/state.hpp"
 
 #include "dashpot/mujoco/host.hpp"
-#include "dashpot/mujoco/properties.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {

@@ -30,8 +30,9 @@ class StepForces {
   // Sets the forces of MuJoCo's rows, and evaluates its sensors of accelerations.
   void report(mjData_* d, const SolvedPart& part);
   // Whether generalized forces and accelerations are reported that MuJoCo's integrator does not
-  // take; what it takes, while the fields of `d` hold these, and the other way round.
+  // take.
   bool report_others() const { return report_others_; }
+  // Swaps these with those of `d`: before and after its integrator.
   void exchange(mjData_* d);
 
   // Generalized, of the micro-steps.

@@ -12,6 +12,9 @@ using Eigen::Vector3d;
 
 namespace {
 
+// Fraction of the width of a cap between points that are one.
+constexpr double kSamePlace = 1e-7;
+
 // Whether a point lies to the left of a side of a face, seen from outside.
 bool is_inside(const PlacedFace& face, int side, const Vector3d& point) {
   const Vector3d& begin = face.corner[side];
@@ -91,8 +94,10 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
     }
   }
   if (plane_.empty()) return false;
+  width_ = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMostCorners / 2; ++k)
-    if (reach[k] + reach[k + kMostCorners / 2] < least_width) return false;
+    width_ = std::min(width_, reach[k] + reach[k + kMostCorners / 2]);
+  if (width_ < least_width) return false;
   outline_.normal = -up;
   outline_.count = 0;
   for (int k = 0; k < kMostCorners; ++k)
@@ -124,7 +129,7 @@ std::optional<Vector3d> ShallowCap::lowest_corner_over(const PlacedFace& face) c
 }
 
 // Where the planes that are highest over both ends cross, unless another is higher there, which
-// then takes the place of the one on its side: of convex heights each is taken once at most.
+// then takes the place of the one on its side: of convex heights each does once at most.
 std::optional<Vector3d> ShallowCap::lowest_between(const Vector3d& begin,
                                                    const Vector3d& end) const {
   double first = 0.0, last = 1.0;
@@ -143,45 +148,47 @@ std::optional<Vector3d> ShallowCap::lowest_between(const Vector3d& begin,
     return -plane.normal.dot(end - begin) / plane.slope;
   };
   const Plane *falling = &highest_over(at(first)), *rising = &highest_over(at(last));
-  for (size_t taken = 0; taken <= plane_.size(); ++taken) {
-    if (rise(*falling) >= 0.0 || rise(*rising) <= 0.0) return std::nullopt;
-    const double part = (falling->height_over(begin) - rising->height_over(begin)) /
-                        (rise(*rising) - rise(*falling));
-    const Plane* highest = &highest_over(at(part));
-    if (highest == falling || highest == rising || rise(*highest) == 0.0) return at(part);
-    (rise(*highest) < 0.0 ? falling : rising) = highest;
+  if (rise(*falling) >= 0.0 || rise(*rising) <= 0.0) return std::nullopt;
+  double part = first;
+  for (size_t taken = 0; taken < plane_.size(); ++taken) {
+    part = (falling->height_over(begin) - rising->height_over(begin)) /
+           (rise(*rising) - rise(*falling));
+    const Plane& highest = highest_over(at(part));
+    if (&highest == falling || &highest == rising || rise(highest) == 0.0) break;
+    (rise(highest) < 0.0 ? falling : rising) = &highest;
   }
-  return std::nullopt;
+  return at(part);
 }
 
 FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
                       const Vector3d& nearest, double tolerance) {
   const Vector3d& up = face.normal;
-  // Puts a point midway between the face and what lies above or below it.
-  const auto placed = [&](const Vector3d& point) {
+  const FaceManifold outline =
+      meet_face(face, cap.outline(), std::numeric_limits<double>::infinity());
+  FaceManifold manifold;
+  manifold.normal = outline.normal;
+  double least = std::numeric_limits<double>::infinity();
+  // Adds the point over another one, midway between the face and what lies above or below it, if it
+  // is `deeper` than all by so much and no other is there.
+  const auto add = [&](const Vector3d& point, double deeper) {
     const Vector3d on_face = point - up.dot(point - face.origin) * up;
     FacePoint found;
     found.distance = cap.height_over(on_face);
     found.position = on_face + 0.5 * found.distance * up;
-    return found;
+    if (found.distance > margin || found.distance >= least - deeper) return;
+    for (int i = 0; i < manifold.count; ++i)
+      if ((manifold.point[i].position - found.position).norm() <= kSamePlace * cap.width()) return;
+    manifold.point[manifold.count++] = found;
   };
-  FaceManifold manifold = meet_face(face, cap.outline(), std::numeric_limits<double>::infinity());
-  double least = std::numeric_limits<double>::infinity();
-  int count = 0;
-  const auto add = [&](const FacePoint& point) {
-    if (point.distance > margin || count == static_cast<int>(manifold.point.size())) return;
-    least = std::min(least, point.distance);
-    manifold.point[count++] = point;
-  };
-  const int shared = manifold.count;
-  for (int i = 0; i < shared; ++i) add(placed(manifold.point[i].position));
-  for (int i = 0; i < face.count; ++i) {
-    const Vector3d &begin = face.corner[i], &end = face.corner[(i + 1) % face.count];
-    if (const auto lowest = cap.lowest_between(begin, end)) add(placed(*lowest));
-  }
-  if (const auto corner = cap.lowest_corner_over(face)) add(placed(*corner));
-  if (const FacePoint point = placed(nearest); point.distance < least - tolerance) add(point);
-  manifold.count = count;
+  const double any = -std::numeric_limits<double>::infinity();
+  for (int i = 0; i < outline.count; ++i) add(outline.point[i].position, any);
+  for (int side = 0; side < face.count; ++side)
+    if (const auto lowest =
+            cap.lowest_between(face.corner[side], face.corner[(side + 1) % face.count]))
+      add(*lowest, any);
+  if (const auto corner = cap.lowest_corner_over(face)) add(*corner, any);
+  for (int i = 0; i < manifold.count; ++i) least = std::min(least, manifold.point[i].distance);
+  add(nearest, tolerance);
   return manifold;
 }
 

@@ -53,7 +53,6 @@ Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& give
     const double w = loaded_inverse_mass(rows, c, c.row);
     return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
   }
-  // Friction goes by the normal's rates even where nothing can move along the normal.
   const double typical = rows.typical_inverse_mass[c.row];
   const double ratio = typical > 0.0 ? rows.bounded_inverse_mass(c.row) / typical : 1.0;
   return {given.normalised_stiffness * ratio, given.normalised_damping * std::sqrt(ratio)};
@@ -153,10 +152,10 @@ void fill_row(Rows& rows, const RowGroup& c, int row, double kappa, double delta
   rows.damping[row] = w > 0.0 ? delta * mass : 0.0;
 }
 
-// Of sliding rows: kappa of the normal, as far as it is given and resolved; kappa and delta that
-// are resolved; and by how much the normal of a rigid hit is more than critically damped.
+// Of sliding rows: kappa and delta that are resolved; and by how much the normal of a rigid hit is
+// more than critically damped.
 struct SlidingBounds {
-  double stiffest, resolved, most_damped, beyond_critical;
+  double resolved, most_damped, beyond_critical;
 };
 
 // Fills the rows of friction of a group whose normal is filled. Returns whether nothing that was
@@ -173,7 +172,7 @@ bool fill_sliding_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given
     const double of_mean = w > 0.0 && (!is_rigid || hit) ? w / mean : 1.0;
     const double of_resolved =
         hit || w == 0.0 ? of_mean : w / larger_inverse_mass(c, i, inverse_mass);
-    double asked = bounds.stiffest * of_mean;
+    double asked = std::numeric_limits<double>::infinity();
     if (given.has_si_stiffness()) asked = rows.stiffness[row] * w;
     if (is_rigid && hit)
       asked = material.tangential_ratio * rows.stiffness[c.row] *
@@ -268,11 +267,10 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   }
   if (!is_rigid || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
   fill_row(rows, c, c.row, kappa, std::min(delta, most_damped));
-  const double of_springs = given.from_solref ? resolved : stiffest;
   const double resolved_sliding =
       is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
-  const bool slides_as_given = fill_sliding_rows(
-      rows, c, given, microstep.hit, {of_springs, resolved_sliding, most_damped_sliding, beyond});
+  const bool slides_as_given = fill_sliding_rows(rows, c, given, microstep.hit,
+                                                 {resolved_sliding, most_damped_sliding, beyond});
   return as_given && slides_as_given;
 }
 

@@ -57,6 +57,7 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
   }
   const bool in_middle = light_[tree] != 0;
   now.gravity_ahead[tree] = in_middle;
+  // A part that a cut leaves shorter than the lead begins at its middle at most.
   const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
   weight = (half - back) / (end.length + lead - back);
   for (int i = 0; i < t.count; ++i)

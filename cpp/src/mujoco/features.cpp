@@ -160,10 +160,11 @@ void report_contacts(const mjModel* m, Report& report) {
                  "pulls along the normals of the contacts at the start of a step");
     const mjtNum* friction = m->pair_solreffriction + mjNREF * pair;
     if (friction[0] != 0.0 || friction[1] != 0.0)
-      report.add(name + " solreffriction", Treatment::kMapped,
-                 report.comfree()
-                     ? "friction is that of the facets"
-                     : "friction springs follow the normal stiffness, critically damped");
+      report.add(
+          name + " solreffriction", Treatment::kMapped,
+          report.comfree()
+              ? "friction is that of the facets"
+              : "friction is as rigid as micro-steps resolve, or a material's, critically damped");
   }
 }
 

@@ -43,9 +43,9 @@ class ContactMotion {
   const std::array<double, 2>& lag() const { return lag_; }
   bool lags() const { return lag_[0] != 0.0 || lag_[1] != 0.0; }
 
+  bool is_ball(int side) const;
   // Whether the geom is a ball about the centre of mass of a free body, which looks the same
   // however it turns.
-  bool is_ball(int side) const;
   bool is_free_ball(int side) const;
   // Whether the normal turns wherever the two touch.
   bool are_round() const;

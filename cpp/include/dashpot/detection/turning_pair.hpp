@@ -50,7 +50,7 @@ class TurningPair {
   const ContactInput* in_its_time(FaceBuffers& faces, ContactInput& contact);
   void freeze_after_impact(FaceBuffers& faces, ContactInput& contact);
   bool comes(const ContactInput& contact) const;
-  bool turns_before(const ContactInput& then, const ContactInput& contact) const;
+  bool normal_turns(const ContactInput& then, const ContactInput& contact) const;
   bool freeze_where_it_is_met(FaceBuffers& faces, ContactInput& contact);
   void take_geometry(const ContactInput& then, ContactInput& contact);
 

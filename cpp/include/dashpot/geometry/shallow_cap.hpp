@@ -7,8 +7,8 @@
 // while the other is not held, or tip out. Against a face such facets count like one, but for their
 // heights: the points that it shares with their outline, seen along its normal, lie as deep as the
 // surface of the hull does there. Between these a convex hull can be deeper in a corner over the
-// face and where ridges cross the sides of that. A palm that leans so that a ridge lies level has
-// both ends of it: from one of them to the other its deepest point jumps by a hair of turn.
+// face and where ridges cross the sides of that, and these are points as well: from one end of a
+// ridge that lies level to the other the deepest point alone jumps by a hair of turn.
 
 #pragma once
 
@@ -36,7 +36,7 @@ struct HullFacet {
 std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
                                    const std::vector<std::vector<int>>& polygons);
 
-// Kept by the thread: finding one allocates nothing.
+// Kept by the thread: finding one allocates nothing once there was one as large.
 class ShallowCap {
  public:
   // Those of hull_facets() that look against `up` (world, unit: out of what it lies on). Whether
@@ -45,6 +45,7 @@ class ShallowCap {
             double least_width);
   // Its corners are farthest along directions that are fixed in the hull; its origin is the lowest.
   const PlacedFace& outline() const { return outline_; }
+  double width() const { return width_; }  // of the outline, m
   // How far the surface lies above a point, along `up`, m.
   double height_over(const Eigen::Vector3d& point) const;
   // The lowest of its corners that lie over a face, seen along `up`; none where none does.
@@ -67,14 +68,15 @@ class ShallowCap {
 
   std::vector<Plane> plane_;
   std::vector<Eigen::Vector3d> corner_;  // world, once for each of its facets
+  double width_ = 0.0;                   // m
   PlacedFace outline_;
 };
 
-// The points within `margin` (m) that a face shares with a cap, found against the face's normal.
-// Beside those of the outline: the deepest corner over the face, and on each of its sides the point
-// where a ridge crosses it, however little deeper they are, for what comes and goes with that has
-// nothing to rest on; and where none of all is as deep to within `tolerance` (m), `nearest`
-// (world), which is a point of the face or beneath it.
+// The points within `margin` (m) that a face shares with a cap, found against the face's normal: of
+// the outline, where ridges cross the sides of the face, and the deepest corner over it, however
+// little deeper they are, for what comes and goes with that has nothing to rest on; and where none
+// of these is as deep to within `tolerance` (m), `nearest` (world), which is a point of the face or
+// beneath it.
 FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
                       const Eigen::Vector3d& nearest, double tolerance);
 

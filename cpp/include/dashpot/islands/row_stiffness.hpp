@@ -17,10 +17,10 @@
 // what dry friction holds no further than kRigidSag. Friction of a rigid hit whose normal is more
 // than critically damped is so by twice as much, and its kappa gives way to that. A model's own
 // solref is a kappa and a delta of normals, as far as the bounds allow: what they leave out of a
-// delta that is more than critical adds to kappa. Its friction is rigid, for MuJoCo's has no spring
-// either: on one as soft as the normal's a Go1 trotted 0.42 m, not 0.6. A material in SI units that
-// micro-steps do not resolve is rigid, no stiffer than it says, and has its damping ratio as far as
-// the bounds allow.
+// delta that is more than critical adds to kappa. Its friction is as rigid as these allow, for
+// MuJoCo's has no spring either: on one as soft as the normal's a Go1 trotted 0.42 m, not 0.6. A
+// material in SI units that micro-steps do not resolve is rigid, no stiffer than it says, and has
+// its damping ratio as far as the bounds allow.
 
 #pragma once
 
