@@ -15,16 +15,13 @@ namespace {
 // Fraction of the width of a cap between points that are one.
 constexpr double kSamePlace = 1e-7;
 
-// Whether a point lies to the left of a side of a face, seen from outside.
-bool is_inside(const PlacedFace& face, int side, const Vector3d& point) {
-  const Vector3d& begin = face.corner[side];
-  const Vector3d& end = face.corner[(side + 1) % face.count];
-  return (end - begin).cross(point - begin).dot(face.normal) >= 0.0;
-}
-
-bool is_inside(const PlacedFace& face, const Vector3d& point) {
-  for (int side = 0; side < face.count; ++side)
-    if (!is_inside(face, side, point)) return false;
+// Whether a point lies to the left of all sides of a face, seen from outside.
+bool is_over(const PlacedFace& face, const Vector3d& point) {
+  for (int side = 0; side < face.count; ++side) {
+    const Vector3d& begin = face.corner[side];
+    const Vector3d& end = face.corner[(side + 1) % face.count];
+    if ((end - begin).cross(point - begin).dot(face.normal) < 0.0) return false;
+  }
   return true;
 }
 
@@ -121,7 +118,7 @@ std::optional<Vector3d> ShallowCap::lowest_corner_over(const PlacedFace& face) c
   double least = std::numeric_limits<double>::infinity();
   for (const Vector3d& corner : corner_) {
     const double height = -outline_.normal.dot(corner);
-    if (height >= least || !is_inside(face, corner)) continue;
+    if (height >= least || !is_over(face, corner)) continue;
     least = height;
     lowest = corner;
   }
