@@ -84,3 +84,52 @@ def test_a_sole_on_a_wide_face_has_each_of_its_points_once():
         assert (apart[np.triu_indices(len(apart), 1)] > 0.01).all()
         seen = max(seen, len(position))
     assert seen > 2
+
+
+def domed(fine, *, sag, ground):
+    """Return 1 kg, 10 by 6 cm, whose bottom of fine x fine corners sags by `sag` (m)."""
+    at = np.linspace(-1.0, 1.0, fine)
+    bottom = [(0.05 * x, 0.03 * y, 0.5 * sag * (x * x + y * y)) for x in at for y in at]
+    top = [(0.05 * x, 0.03 * y, 0.04) for x in (-1, 1) for y in (-1, 1)]
+    return mujoco.MjModel.from_xml_string(
+        f"""<mujoco><asset>{mesh("dish", bottom + top)}</asset><worldbody>
+          <geom name='ground' {ground}/>
+          <body name='dish' pos='0 0 .0205' euler='.5 .7 20'><freejoint/>
+            <geom name='dish' type='mesh' mesh='dish' mass='1'/></body></worldbody></mujoco>"""
+    )
+
+
+GROUNDS = {
+    "plane": "type='plane' size='1 1 .1'",
+    "box": "type='box' size='1 1 .1' pos='0 0 -.1'",
+    "cylinder": "type='cylinder' size='.045 .1' pos='.004 .003 -.1'",
+}
+
+
+@pytest.mark.parametrize("fine", [3, 9, 15])
+@pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (1e-4, 50.0), (5e-4, 50.0)])
+@pytest.mark.parametrize("ground", GROUNDS)
+def test_what_has_a_shallow_bottom_comes_to_rest(ground, sag, load, fine):
+    """A selection of its corners rattles by 0.1 to 10 rad/s: some come as others go."""
+    model = domed(fine, sag=sag, ground=GROUNDS[ground])
+    engine = Engine(model)
+    data = engine.make_data()
+    data.xfrc_applied[model.body("dish").id, 2] = -load
+    engine.step(data, nstep=1500)
+    assert np.abs(data.qvel).max() < 1e-5
+    assert engine.contacts(data).force[:, 0].sum() == pytest.approx(load + GRAVITY, rel=1e-6)
+
+
+@pytest.mark.parametrize("puck", PUCKS)
+@pytest.mark.parametrize("seed", range(4))
+def test_where_a_puck_stands_beneath_a_palm_does_not_matter(puck, seed):
+    rng = np.random.default_rng(seed)
+    model = palm_over_puck(puck, bulge=rng.uniform(1e-4, 1.2e-3))
+    engine = Engine(model)
+    data = engine.make_data()
+    data.qpos[:2] = rng.uniform(-0.008, 0.008, 2)
+    yaw = rng.uniform(-1.0, 1.0)
+    data.qpos[3:7] = np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)
+    data.qfrc_applied[model.joint("down").dofadr[0]] = -PUSH
+    engine.step(data, nstep=1500)
+    assert np.abs(data.qvel).max() < 1e-5

@@ -43,9 +43,11 @@ double size(const mjModel* m, int geom) {
 FaceManifold meet_plane(const mjModel* m, const mjData* d, int plane, int geom,
                         const Vector3d& normal, double margin, FaceBuffers& buffers) {
   GeomFace side(m, d, geom);
-  if (!side.find(m, -normal, buffers) || !side.is_flat(-normal)) return {};
-  return dashpot::meet_plane(unchecked_geom_pose(d, plane).position, normal, side.place(m, normal),
-                             margin);
+  const Vector3d origin = unchecked_geom_pose(d, plane).position;
+  if (side.find(m, -normal, buffers) && side.is_flat(-normal))
+    return dashpot::meet_plane(origin, normal, side.place(m, normal), margin);
+  if (!find_cap(m, side, normal, kWide * m->geom_rbound[geom], buffers)) return {};
+  return buffers.cap.meet_plane(origin, margin);
 }
 
 // Whether each axis of a box is nearly one of another box.
@@ -68,8 +70,9 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
   if (const GeomFace& flat = flat1 ? side1 : side2, &other = flat1 ? side2 : side1;
       flat1 != flat2 && std::abs(flat.normal.dot(direction)) > std::cos(kShallow) &&
       find_cap(m, other, flat.normal, kWide * smaller, buffers)) {
-    FaceManifold faces = meet_cap(flat.place(m, -flat.normal), buffers.cap, margin,
-                                  Eigen::Map<const Vector3d>(contact.pos), kFaceAsDeep * smaller);
+    FaceManifold faces =
+        buffers.cap.meet_face(flat.place(m, -flat.normal), margin,
+                              Eigen::Map<const Vector3d>(contact.pos), kFaceAsDeep * smaller);
     if (!flat1) faces.normal = -faces.normal;
     return faces;
   }

@@ -34,18 +34,18 @@ auto of_hull(const mjModel* m, int mesh, const Make& make) {
 
 const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
   const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
-  buffers.hulls->of_mesh.resize(m->nmesh);
-  std::optional<std::vector<FlatFace>>& faces = buffers.hulls->of_mesh[mesh];
+  buffers.hulls->faces_of_mesh.resize(m->nmesh);
+  std::optional<std::vector<FlatFace>>& faces = buffers.hulls->faces_of_mesh[mesh];
   if (!faces) faces = of_hull(m, mesh, flat_faces);
   return *faces;
 }
 
-const std::vector<HullFacet>& facets_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
+const HullSurface& hull_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
   const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
-  buffers.hulls->facets_of_mesh.resize(m->nmesh);
-  std::optional<std::vector<HullFacet>>& facets = buffers.hulls->facets_of_mesh[mesh];
-  if (!facets) facets = of_hull(m, mesh, hull_facets);
-  return *facets;
+  buffers.hulls->of_mesh.resize(m->nmesh);
+  std::optional<HullSurface>& hull = buffers.hulls->of_mesh[mesh];
+  if (!hull) hull = of_hull(m, mesh, hull_surface);
+  return *hull;
 }
 
 }  // namespace
@@ -84,7 +84,7 @@ PlacedFace GeomFace::place(const mjModel_* m, const Vector3d& up) const {
 bool find_cap(const mjModel_* m, const GeomFace& mesh, const Vector3d& up, double width,
               FaceBuffers& buffers) {
   return mesh.type == mjGEOM_MESH &&
-         buffers.cap.find(facets_of(m, m->geom_dataid[mesh.geom], buffers), mesh.pose, up, width);
+         buffers.cap.find(hull_of(m, m->geom_dataid[mesh.geom], buffers), mesh.pose, up, width);
 }
 
 bool has_faces(int type) {

@@ -25,30 +25,56 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
   return true;
 }
 
+// The places of `vertices` in an order in which each is as far as can be from all before it.
+std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
+  const int count = static_cast<int>(vertices.cols());
+  std::vector<int> place(count);
+  Eigen::RowVectorXd square =
+      Eigen::RowVectorXd::Constant(count, std::numeric_limits<double>::infinity());
+  for (int next = 0, i = 0; next < count; ++next) {
+    place[i] = next;
+    square = square.cwiseMin((vertices.colwise() - vertices.col(i)).colwise().squaredNorm());
+    square[i] = -1.0;
+    square.maxCoeff(&i);
+  }
+  return place;
+}
+
 }  // namespace
 
-std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
-                                   const std::vector<std::vector<int>>& polygons) {
-  std::vector<HullFacet> facets;
+HullSurface hull_surface(const Eigen::Matrix3Xd& vertices,
+                         const std::vector<std::vector<int>>& polygons) {
+  HullSurface hull;
+  std::vector<int> corner_of(vertices.cols(), -1);
+  for (const std::vector<int>& polygon : polygons)
+    for (int vertex : polygon) corner_of[vertex] = 0;
+  int count = 0;
+  for (int& corner : corner_of)
+    if (corner == 0) corner = count++;
+  hull.corner.resize(3, count);
+  for (int vertex = 0; vertex < vertices.cols(); ++vertex)
+    if (corner_of[vertex] >= 0) hull.corner.col(corner_of[vertex]) = vertices.col(vertex);
+  hull.place = spread_out(hull.corner);
   for (const std::vector<int>& polygon : polygons) {
     HullFacet facet;
-    for (int vertex : polygon) facet.corner.push_back(vertices.col(vertex));
+    for (int vertex : polygon) facet.corner.push_back(corner_of[vertex]);
+    const auto corner = [&](size_t i) { return hull.corner.col(facet.corner[i]); };
     Vector3d area = Vector3d::Zero();
     for (size_t i = 2; i < facet.corner.size(); ++i)
-      area += (facet.corner[i - 1] - facet.corner[0]).cross(facet.corner[i] - facet.corner[0]);
+      area += (corner(i - 1) - corner(0)).cross(corner(i) - corner(0));
     if (area.norm() == 0.0) continue;
     facet.normal = area.normalized();
     facet.offset = -std::numeric_limits<double>::infinity();
-    for (const Vector3d& corner : facet.corner)
-      facet.offset = std::max(facet.offset, facet.normal.dot(corner));
-    facets.push_back(std::move(facet));
+    for (size_t i = 0; i < facet.corner.size(); ++i)
+      facet.offset = std::max(facet.offset, facet.normal.dot(corner(i)));
+    hull.facet.push_back(std::move(facet));
   }
-  std::sort(facets.begin(), facets.end(),
+  std::sort(hull.facet.begin(), hull.facet.end(),
             [](const HullFacet& a, const HullFacet& b) { return a.normal.z() < b.normal.z(); });
-  return facets;
+  return hull;
 }
 
-bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, const Vector3d& up,
+bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d& up,
                       double least_width) {
   const Vector3d local_up = pose.rotation.transpose() * up;
   int axis = 0;
@@ -65,22 +91,27 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
   const double cosine = std::cos(kShallow);
   plane_.clear();
   corner_.clear();
+  is_corner_.assign(hull.corner.cols(), 0);
   double lowest = std::numeric_limits<double>::infinity();
   // Unit vectors that are kShallow apart differ by less than that in each coordinate.
   const auto first =
-      std::lower_bound(facets.begin(), facets.end(), -local_up.z() - kShallow,
+      std::lower_bound(hull.facet.begin(), hull.facet.end(), -local_up.z() - kShallow,
                        [](const HullFacet& facet, double z) { return facet.normal.z() < z; });
-  for (auto it = first; it != facets.end() && it->normal.z() <= -local_up.z() + kShallow; ++it) {
+  for (auto it = first; it != hull.facet.end() && it->normal.z() <= -local_up.z() + kShallow;
+       ++it) {
     const HullFacet& facet = *it;
     const double slope = facet.normal.dot(local_up);
     if (slope > -cosine) continue;
     const Vector3d normal = pose.rotation * facet.normal;
     plane_.push_back({normal, facet.offset + normal.dot(pose.position), slope});
-    for (const Vector3d& corner : facet.corner) {
-      corner_.push_back(pose.position + pose.rotation * corner);
+    for (int index : facet.corner) {
+      if (is_corner_[index]) continue;
+      is_corner_[index] = 1;
+      const Vector3d corner = hull.corner.col(index);
+      corner_.push_back({pose.position + pose.rotation * corner, hull.place[index]});
       if (const double height = corner.dot(local_up); height < lowest) {
         lowest = height;
-        outline_.origin = corner_.back();
+        outline_.origin = corner_.back().position;
       }
       for (int k = 0; k < kMostCorners; ++k) {
         const double along = corner.dot(direction[k]);
@@ -103,89 +134,125 @@ bool ShallowCap::find(const std::vector<HullFacet>& facets, const Pose& pose, co
   return outline_.count > 2;
 }
 
-const ShallowCap::Plane& ShallowCap::highest_over(const Vector3d& point) const {
-  return *std::max_element(plane_.begin(), plane_.end(), [&](const Plane& a, const Plane& b) {
-    return a.height_over(point) < b.height_over(point);
-  });
-}
-
 double ShallowCap::height_over(const Vector3d& point) const {
-  return highest_over(point).height_over(point);
+  double height = -std::numeric_limits<double>::infinity();
+  for (const Plane& plane : plane_) height = std::max(height, plane.height_over(point));
+  return height;
 }
 
-std::optional<Vector3d> ShallowCap::lowest_corner_over(const PlacedFace& face) const {
-  std::optional<Vector3d> lowest;
-  double least = std::numeric_limits<double>::infinity();
-  for (const Vector3d& corner : corner_) {
-    const double height = -outline_.normal.dot(corner);
-    if (height >= least || !is_over(face, corner)) continue;
-    least = height;
-    lowest = corner;
-  }
-  return lowest;
-}
-
-// Where the planes that are highest over both ends cross, unless another is higher there, which
-// then takes the place of the one on its side: of convex heights each does once at most.
-std::optional<Vector3d> ShallowCap::lowest_between(const Vector3d& begin,
-                                                   const Vector3d& end) const {
+// From one end to the other the highest plane gives way to the first that meets it, which rises
+// more.
+const std::vector<Vector3d>& ShallowCap::cross_ridges(const Vector3d& begin, const Vector3d& end,
+                                                      double margin) {
+  crossing_.clear();
   double first = 0.0, last = 1.0;
   for (int side = 0; side < outline_.count; ++side) {
     const Vector3d& corner = outline_.corner[side];
     const Vector3d inward =
         outline_.normal.cross(outline_.corner[(side + 1) % outline_.count] - corner);
     const double at_begin = inward.dot(begin - corner), at_end = inward.dot(end - corner);
-    if (at_begin < 0.0 && at_end < 0.0) return std::nullopt;
+    if (at_begin < 0.0 && at_end < 0.0) return crossing_;
     if (at_begin < 0.0) first = std::max(first, at_begin / (at_begin - at_end));
     if (at_end < 0.0) last = std::min(last, at_begin / (at_begin - at_end));
   }
-  if (first >= last) return std::nullopt;
-  const auto at = [&](double part) { return Vector3d(begin + part * (end - begin)); };
-  const auto rise = [&](const Plane& plane) {
-    return -plane.normal.dot(end - begin) / plane.slope;
-  };
-  const Plane *falling = &highest_over(at(first)), *rising = &highest_over(at(last));
-  if (rise(*falling) >= 0.0 || rise(*rising) <= 0.0) return std::nullopt;
-  double part = first;
-  for (size_t taken = 0; taken < plane_.size(); ++taken) {
-    part = (falling->height_over(begin) - rising->height_over(begin)) /
-           (rise(*rising) - rise(*falling));
-    const Plane& highest = highest_over(at(part));
-    if (&highest == falling || &highest == rising || rise(highest) == 0.0) break;
-    (rise(highest) < 0.0 ? falling : rising) = &highest;
+  line_.clear();
+  Line highest;
+  for (const Plane& plane : plane_) {
+    const double height = plane.height_over(begin);
+    const Line line{height, plane.height_over(end) - height};
+    // The surface lies below no plane.
+    if (std::min(line.at(first), line.at(last)) > margin) return crossing_;
+    line_.push_back(line);
+    if (line.at(first) > highest.at(first)) highest = line;
   }
-  return at(part);
+  while (first < last) {
+    const Line* next = nullptr;
+    double soonest = last;
+    for (const Line& line : line_) {
+      if (line.rise <= highest.rise) continue;
+      const double meets = (highest.height - line.height) / (line.rise - highest.rise);
+      if (meets >= soonest) continue;
+      soonest = meets;
+      next = &line;
+    }
+    if (!next) break;
+    highest = *next;
+    first = soonest;
+    if (highest.at(first) <= margin) crossing_.push_back(begin + first * (end - begin));
+  }
+  return crossing_;
 }
 
-FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
-                      const Vector3d& nearest, double tolerance) {
+bool ShallowCap::Point::comes_before(const Point& other) const {
+  const bool touches = at.distance < 0.0, other_touches = other.at.distance < 0.0;
+  if (touches != other_touches) return touches;
+  return touches ? place < other.place : at.distance < other.at.distance;
+}
+
+bool ShallowCap::has_point(const Vector3d& position) const {
+  return std::any_of(point_.begin(), point_.end(), [&](const Point& other) {
+    return (other.at.position - position).norm() <= kSamePlace * width_;
+  });
+}
+
+void ShallowCap::take_points(FaceManifold& manifold) {
+  if (point_.size() > kMostCapPoints) {
+    std::nth_element(point_.begin(), point_.begin() + kMostCapPoints, point_.end(),
+                     [](const Point& a, const Point& b) { return a.comes_before(b); });
+    point_.resize(kMostCapPoints);
+  }
+  for (const Point& point : point_) manifold.point[manifold.count++] = point.at;
+}
+
+FaceManifold ShallowCap::meet_plane(const Vector3d& origin, double margin) {
+  FaceManifold manifold;
+  manifold.normal = -outline_.normal;
+  const Vector3d& up = manifold.normal;
+  point_.clear();
+  for (const Corner& corner : corner_) {
+    const double distance = up.dot(corner.position - origin);
+    if (distance <= margin)
+      point_.push_back({{corner.position - 0.5 * distance * up, distance}, corner.place});
+  }
+  take_points(manifold);
+  return manifold;
+}
+
+FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const Vector3d& nearest,
+                                   double tolerance) {
   const Vector3d& up = face.normal;
   const FaceManifold outline =
-      meet_face(face, cap.outline(), std::numeric_limits<double>::infinity());
+      dashpot::meet_face(face, outline_, std::numeric_limits<double>::infinity());
   FaceManifold manifold;
   manifold.normal = outline.normal;
-  double least = std::numeric_limits<double>::infinity();
-  // Adds the point over another one, midway between the face and what lies above or below it, if it
-  // is `deeper` than all by so much and no other is there.
-  const auto add = [&](const Vector3d& point, double deeper) {
-    const Vector3d on_face = point - up.dot(point - face.origin) * up;
-    FacePoint found;
-    found.distance = cap.height_over(on_face);
-    found.position = on_face + 0.5 * found.distance * up;
-    if (found.distance > margin || found.distance >= least - deeper) return;
-    for (int i = 0; i < manifold.count; ++i)
-      if ((manifold.point[i].position - found.position).norm() <= kSamePlace * cap.width()) return;
-    manifold.point[manifold.count++] = found;
+  const auto on_face = [&](const Vector3d& point) -> Vector3d {
+    return point - up.dot(point - face.origin) * up;
   };
-  const double any = -std::numeric_limits<double>::infinity();
-  for (int i = 0; i < outline.count; ++i) add(outline.point[i].position, any);
+  // The point over one of the face, midway between that and what lies above or below it.
+  const auto point_over = [&](const Vector3d& place) {
+    const double distance = height_over(place);
+    return FacePoint{place + 0.5 * distance * up, distance};
+  };
+  const auto add = [&](const FacePoint& point, int place) {
+    if (point.distance <= margin && !has_point(point.position)) point_.push_back({point, place});
+  };
+  point_.clear();
+  // A corner may lie below planes of facets that are not quite flat.
+  for (const Corner& corner : corner_)
+    if (up.dot(corner.position - face.origin) <= margin && is_over(face, corner.position))
+      add(point_over(on_face(corner.position)), corner.place);
+  for (int i = 0; i < outline.count; ++i)
+    add(point_over(on_face(outline.point[i].position)), kFirst);
   for (int side = 0; side < face.count; ++side)
-    if (const auto lowest =
-            cap.lowest_between(face.corner[side], face.corner[(side + 1) % face.count]))
-      add(*lowest, any);
-  if (const auto corner = cap.lowest_corner_over(face)) add(*corner, any);
-  for (int i = 0; i < manifold.count; ++i) least = std::min(least, manifold.point[i].distance);
-  add(nearest, tolerance);
+    for (const Vector3d& place :
+         cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin))
+      add(point_over(place), kLast);
+  const FacePoint found = point_over(on_face(nearest));
+  if (std::all_of(point_.begin(), point_.end(), [&](const Point& point) {
+        return found.distance < point.at.distance - tolerance;
+      }))
+    add(found, kFirst);
+  take_points(manifold);
   return manifold;
 }
 

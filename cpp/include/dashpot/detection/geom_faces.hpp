@@ -21,11 +21,11 @@ namespace dashpot::host {
 // Least cosine between the normals of a face and of a contact on it.
 inline constexpr double kOfFace = 0.999999;
 
-// Faces of the hulls of meshes, each made when first asked for, by whatever thread.
+// Hulls of meshes and their faces, each made when first asked for, by whatever thread.
 struct HullFaces {
   std::mutex mutex;
-  std::vector<std::optional<std::vector<FlatFace>>> of_mesh;
-  std::vector<std::optional<std::vector<HullFacet>>> facets_of_mesh;
+  std::vector<std::optional<std::vector<FlatFace>>> faces_of_mesh;
+  std::vector<std::optional<HullSurface>> of_mesh;
 };
 
 // Kept from step to step: a step allocates nothing. Of one thread, but for the hulls.

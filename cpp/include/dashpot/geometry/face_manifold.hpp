@@ -62,9 +62,8 @@ struct FacePoint {
 
 struct FaceManifold {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  // Of two faces at most twice as many as one has corners, and of a cap (shallow_cap.hpp) one more
-  // on each side of the face and two inside.
-  std::array<FacePoint, 3 * (kMostCorners + 1) + 2> point;
+  // Of two faces at most twice as many as one has corners; of a cap (shallow_cap.hpp) the deepest.
+  std::array<FacePoint, 3 * (kMostCorners + 1)> point;
   int count = 0;
   int dropped = 0;  // flat crossings, see meet_face
 };

@@ -1,19 +1,19 @@
 // The part of a convex hull that all but lies flat.
 //
-// The palm of a hand, a foot or the sole of a shoe is a few wide facets that lean on each other by
-// some hundredths of a radian: none of them is a face to lie flat on (flat_faces.hpp), and what is
-// pressed against them overlaps them all. In a single contact, that of the nearest points, it has
-// nothing to stand on: light things rock from one point to the other and go in on either side
-// while the other is not held, or tip out. Against a face such facets count like one, but for their
-// heights: the points that it shares with their outline, seen along its normal, lie as deep as the
-// surface of the hull does there. Between these a convex hull can be deeper in a corner over the
-// face and where ridges cross the sides of that, and these are points as well: from one end of a
-// ridge that lies level to the other the deepest point alone jumps by a hair of turn.
+// The palm of a hand, the sole of a shoe or the bottom of a scanned bottle is some wide facets that
+// lean on each other by some hundredths of a radian: none of them is a face to lie flat on
+// (flat_faces.hpp), and what is pressed against them overlaps them all. Against a face or a plane
+// they count like one, but for their heights. What both share has a corner of the surface of the
+// hull in each corner of that, in each corner of the face and where ridges cross its sides: these
+// are the points, all of them. Of any selection, the nearest, the deepest, MuJoCo's three on a
+// plane, some come as others go by a hair of turn, and what rests on them rocks for good on what
+// recovers of overlaps that no spring has taken up.
 
 #pragma once
 
 #include <Eigen/Core>
-#include <optional>
+#include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "dashpot/geometry/face_manifold.hpp"
@@ -24,36 +24,44 @@ namespace dashpot {
 // Tilt (rad) up to which a facet belongs to the cap.
 inline constexpr double kShallow = 0.05;
 
-// A polygon of the surface of a hull, in its frame.
+// Points of a cap that meet something, at most: of finely meshed ones more touch. Then those that
+// are farthest apart stand for all, which are the same however it leans.
+inline constexpr size_t kMostCapPoints = 24;
+
+// A polygon of the surface of a hull.
 struct HullFacet {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward
   double offset = 0.0;                               // of its plane along it, m
-  std::vector<Eigen::Vector3d> corner;
+  std::vector<int> corner;                           // columns of HullSurface::corner
 };
 
-// Of the polygons of `vertices` (m), counterclockwise from outside, those that have an area, sorted
-// by the third component of their normals.
-std::vector<HullFacet> hull_facets(const Eigen::Matrix3Xd& vertices,
-                                   const std::vector<std::vector<int>>& polygons);
+struct HullSurface {
+  Eigen::Matrix3Xd corner;  // m, in its frame
+  // By corner: its place in an order in which each is as far as can be from all before it.
+  std::vector<int> place;
+  std::vector<HullFacet> facet;  // sorted by the third component of their normals
+};
+
+// The hull of `vertices` (m) that these polygons, counterclockwise from outside, are the surface
+// of; without those that have no area.
+HullSurface hull_surface(const Eigen::Matrix3Xd& vertices,
+                         const std::vector<std::vector<int>>& polygons);
 
 // Kept by the thread: finding one allocates nothing once there was one as large.
 class ShallowCap {
  public:
-  // Those of hull_facets() that look against `up` (world, unit: out of what it lies on). Whether
-  // their outline is `least_width` (m) wide; of a finely meshed ball it is not.
-  bool find(const std::vector<HullFacet>& facets, const Pose& pose, const Eigen::Vector3d& up,
+  // The facets that look against `up` (world, unit: out of what it lies on). Whether their outline
+  // is `least_width` (m) wide; of a finely meshed ball it is not.
+  bool find(const HullSurface& hull, const Pose& pose, const Eigen::Vector3d& up,
             double least_width);
-  // Its corners are farthest along directions that are fixed in the hull; its origin is the lowest.
-  const PlacedFace& outline() const { return outline_; }
-  double width() const { return width_; }  // of the outline, m
-  // How far the surface lies above a point, along `up`, m.
-  double height_over(const Eigen::Vector3d& point) const;
-  // The lowest of its corners that lie over a face, seen along `up`; none where none does.
-  std::optional<Eigen::Vector3d> lowest_corner_over(const PlacedFace& face) const;
-  // The point of the part of a segment within its outline, seen along `up`, over which it is
-  // lowest; none where that is an end of the part.
-  std::optional<Eigen::Vector3d> lowest_between(const Eigen::Vector3d& begin,
-                                                const Eigen::Vector3d& end) const;
+
+  // Its corners within `margin` (m) of a plane through `origin` that looks along `up`.
+  FaceManifold meet_plane(const Eigen::Vector3d& origin, double margin);
+  // The points within `margin` (m) that it shares with a face that looks along `up`, along that:
+  // the corners of what the two share of its surface. Where none of these is as deep to within
+  // `tolerance` (m), `nearest` (world), which is a point of the face or beneath it.
+  FaceManifold meet_face(const PlacedFace& face, double margin, const Eigen::Vector3d& nearest,
+                         double tolerance);
 
  private:
   struct Plane {
@@ -64,20 +72,42 @@ class ShallowCap {
       return (offset - normal.dot(point)) / slope;
     }
   };
-  const Plane& highest_over(const Eigen::Vector3d& point) const;
+  struct Corner {
+    Eigen::Vector3d position;  // world, m
+    int place;                 // see HullSurface
+  };
+  // Height of a plane over a segment: at its beginning, and to its end from there, m.
+  struct Line {
+    double height = -std::numeric_limits<double>::infinity(), rise = 0.0;
+    double at(double part) const { return height + part * rise; }
+  };
+  // One that meets something, and its place among the corners.
+  struct Point {
+    FacePoint at;
+    int place;
+    // Whether it is the one to keep: if it touches, by its place, else by its distance.
+    bool comes_before(const Point& other) const;
+  };
+  static constexpr int kFirst = -1, kLast = std::numeric_limits<int>::max();
+
+  // How far the surface lies above a point, along `up`, m.
+  double height_over(const Eigen::Vector3d& point) const;
+  // The points of the part of a segment within the outline, seen along `up`, over which ridges
+  // cross it no higher than `margin` (m) above it.
+  const std::vector<Eigen::Vector3d>& cross_ridges(const Eigen::Vector3d& begin,
+                                                   const Eigen::Vector3d& end, double margin);
+  bool has_point(const Eigen::Vector3d& position) const;
+  void take_points(FaceManifold& manifold);
 
   std::vector<Plane> plane_;
-  std::vector<Eigen::Vector3d> corner_;  // world, once for each of its facets
-  double width_ = 0.0;                   // m
+  std::vector<Corner> corner_;
+  std::vector<char> is_corner_;  // by corner of the hull
+  double width_ = 0.0;           // of the outline, m
+  // Its corners are farthest along directions that are fixed in the hull; its origin is the lowest.
   PlacedFace outline_;
+  std::vector<Line> line_;  // by plane, of the last segment
+  std::vector<Eigen::Vector3d> crossing_;
+  std::vector<Point> point_;
 };
-
-// The points within `margin` (m) that a face shares with a cap, found against the face's normal: of
-// the outline, where ridges cross the sides of the face, and the deepest corner over it, however
-// little deeper they are, for what comes and goes with that has nothing to rest on; and where none
-// of these is as deep to within `tolerance` (m), `nearest` (world), which is a point of the face or
-// beneath it.
-FaceManifold meet_cap(const PlacedFace& face, const ShallowCap& cap, double margin,
-                      const Eigen::Vector3d& nearest, double tolerance);
 
 }  // namespace dashpot
