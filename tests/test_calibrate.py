@@ -159,7 +159,10 @@ def test_results_read_well(noisy_ball):
     # Three axes at 0.1 mm and at 1 mrad.
     assert metrics["position_rms"] == pytest.approx(math.sqrt(3) * 1e-4, rel=0.3)
     assert metrics["rotation_rms"] == pytest.approx(math.sqrt(3) * 1e-3, rel=0.3)
-    with pytest.raises(ValueError, match="no parameter named 'mass'; there are stiffness"):
+    assert list(result) == list(TRUTH)
+    assert "stiffness" in result
+    assert "mass" not in result
+    with pytest.raises(KeyError, match="no parameter named 'mass'; there are stiffness"):
         result["mass"]
 
 
@@ -182,6 +185,11 @@ def test_results_read_well(noisy_ball):
 def test_bad_options_are_named(noisy_ball, options, message):
     with pytest.raises(ValueError, match=message):
         fit(noisy_ball, **options)
+
+
+def test_windows_beyond_the_problems_are_refused(noisy_ball):
+    with pytest.raises(ValueError, match=r"windows end with 0.2 s; .* shorter than the problem's"):
+        fit(noisy_ball.with_window(0.2), windows=(0.1, 0.2))
 
 
 @pytest.mark.parametrize(

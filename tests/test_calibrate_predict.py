@@ -123,6 +123,8 @@ def test_a_start_that_nothing_tells_is_refused():
         predict(problem_of([throw]), TRUTH, head=0.1)
     with pytest.raises(ValueError, match="12 residuals cannot determine 12 unknowns"):
         predict(problem, TRUTH, head=0.01)
+    with pytest.raises(ValueError, match=r"head is 9 s; it leaves nothing to predict of .*'throw"):
+        predict(problem, TRUTH, head=9)
     with pytest.raises(ValueError, match="head must be finite and > 0, got 0"):
         predict(problem, TRUTH, head=0)
 

@@ -179,6 +179,11 @@ def test_what_a_parameter_sets_is_checked_when_it_is_made():
         Parameter.model(5, "body", **at)
     with pytest.raises(TypeError, match=r"^elements must be names or ids, one or a sequence"):
         Parameter.model("body_mass", 0.5, **at)
+    with pytest.raises(ValueError, match="index names no column"):
+        Parameter.model("geom_friction", "ball", index=np.array([], int), **at)
+    for attribute in ("geom_friction", "geom_solref", "pair_solreffriction", "dof_solimp"):
+        with pytest.raises(ValueError, match=f"columns of {attribute} differ in what they mean"):
+            Parameter.model(attribute, "ball", **at)
     for index in ("a", 0.0, [], True):
         with pytest.raises(TypeError, match=r"^index must be an integer or a sequence of integers"):
             Parameter.model("geom_friction", "ball", index=index, **at)
@@ -602,7 +607,8 @@ def test_advice_on_geoms_without_names_can_be_followed():
     ],
 )
 def test_bounds_that_hold_what_no_body_is_are_refused(attribute, element, lower, allowed):
-    at = {"start": 0.5, "transform": "linear"}
+    index = 0 if attribute == "geom_friction" else None
+    at = {"start": 0.5, "transform": "linear", "index": index}
     sign = ">" if allowed else ">="
     message = f"parameter '{attribute}': {attribute} of '{element}' must be {sign} 0.*at {lower:g}$"
     with pytest.raises(ValueError, match=message):

@@ -146,6 +146,8 @@ def test_questions_without_an_answer_are_errors():
         engine.contact_material("ball", "floor")
     with pytest.raises(ValueError, match="same geom"):
         engine.contact_material("ball", 1)
+    with pytest.raises(ValueError, match="same geom"):
+        engine.pair_material("ball", 1)
     with pytest.raises(ValueError, match="did you mean 'ball'"):
         engine.contact_material("bal", "floor")
     with pytest.raises(ValueError, match="takes no materials"):

@@ -529,7 +529,10 @@ def test_a_friction_reference_of_its_own_is_reported_as_mapped():
       <geom name="floor" type="plane" size="1 1 1"/><body pos="0 0 1"><freejoint/>
       <geom name="ball" size=".1"/></body></worldbody><contact>
       <pair name="p" geom1="floor" geom2="ball" solreffriction="0.01 1"/></contact></mujoco>""")
-    mapped = [feature.name for feature in dashpot.Engine(model).report().of("mapped")]
+    report = dashpot.Engine(model).report()
+    with pytest.raises(ValueError, match="treatment must be one of honoured, mapped, refused"):
+        report.of("honored")
+    mapped = [feature.name for feature in report.of("mapped")]
     assert "pair 'p' solreffriction" in mapped
 
 

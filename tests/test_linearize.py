@@ -245,8 +245,8 @@ def test_centered_is_true_or_false(centered):
         dashpot.linearize(engine, engine.make_data(), centered=centered)
 
 
-@pytest.mark.parametrize("eps", [0.0, -1e-6, np.nan, np.inf])
-def test_eps_must_be_positive(eps):
+@pytest.mark.parametrize("eps", [0.0, -1e-6, np.nan, np.inf, 1e-15, 1.0])
+def test_eps_must_be_of_use(eps):
     engine = engine_of(ARM.format("Euler"))
     with pytest.raises(ValueError, match="eps"):
         dashpot.linearize(engine, engine.make_data(), eps=eps)

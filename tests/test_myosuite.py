@@ -1,6 +1,7 @@
 """MyoSuite's environments step with dashpot and stay what they are otherwise."""
 
-from types import SimpleNamespace
+import sys
+from types import ModuleType, SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -120,6 +121,7 @@ def test_ids_make_environments_with_their_wrappers(monkeypatch):
 
     monkeypatch.setattr(gymnasium.envs.registration, "registry", {})
     gymnasium.register("Bending-v0", entry_point=Bending, max_episode_steps=3)
+    monkeypatch.setitem(sys.modules, "myosuite", ModuleType("myosuite"))
     env = dashpot.myosuite.make("Bending-v0", disable_env_checker=True)
     env.reset(seed=0)
     assert [env.step(np.array([0.5]))[3] for _ in range(3)] == [False, False, True]

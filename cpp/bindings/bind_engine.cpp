@@ -161,7 +161,9 @@ void bind_engine(py::module_& module) {
 
   py::class_<StepStats>(module, "StepStats",
                         "What a call of step() did; counts of the last step unless said otherwise.")
-      .def_readonly("contacts", &StepStats::contacts, "Contacts that could touch during the step.")
+      .def_readonly(
+          "contacts", &StepStats::contacts,
+          "Contacts that could touch during the step; Engine.contacts has those that did.")
       .def_readonly("touching", &StepStats::touching, "Contacts that carried an impulse.")
       .def_readonly("islands", &StepStats::islands,
                     "Islands of trees joined by contacts, limits and equalities.")
@@ -170,7 +172,8 @@ void bind_engine(py::module_& module) {
       .def_readonly("clipped", &StepStats::clipped,
                     "Rows whose stiffness or damping was lowered, maximum over all steps.")
       .def_readonly("max_penetration", &StepStats::max_penetration,
-                    "Deepest overlap at the start of any step, beyond the margin of a contact, m.")
+                    "Deepest overlap at the start of any step, with the margin that a model gives "
+                    "a contact, m.")
       .def_readonly("max_compression", &StepStats::max_compression,
                     "Deepest compression of a spring at the end of any step, m.")
       .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")

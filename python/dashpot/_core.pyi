@@ -255,7 +255,7 @@ class StepStats:
     @property
     def contacts(self) -> int:
         """
-        Contacts that could touch during the step.
+        Contacts that could touch during the step; Engine.contacts has those that did.
         """
     @property
     def cuts(self) -> int:
@@ -275,7 +275,7 @@ class StepStats:
     @property
     def max_penetration(self) -> float:
         """
-        Deepest overlap at the start of any step, beyond the margin of a contact, m.
+        Deepest overlap at the start of any step, with the margin that a model gives a contact, m.
         """
     @property
     def microsteps(self) -> int:

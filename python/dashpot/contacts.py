@@ -122,10 +122,10 @@ class Energy:
     that are interpolated between nodes (``dof="trilinear"`` and its like), whose totals change with
     what they store. ``elastic`` is stored in the springs of contacts, limits and equalities, and
     ``dissipated_constraint`` is what limits, equalities and dry friction loss have dissipated.
-    ``dissipated_normal`` has, besides what dampers took, what bodies that turn within a step gained
-    from hits less or more than the work of their springs; of elastic hits it is that alone, of
-    either sign. ``dissipated_recovery`` is elastic energy given up where geometry left a spring
-    behind, less what the recovery of unstressed overlap put in; it can be negative.
+    ``dissipated_normal`` is what dampers of contacts took, and the error in the energy of bodies
+    that turn while they hit, of either sign; of elastic hits it is that error alone.
+    ``dissipated_recovery`` is elastic energy given up where geometry left a spring behind, less
+    what the recovery of unstressed overlap put in; it can be negative.
     ``dissipated_damping`` went to the dampers of joints and tendons and to fluids; in steps with
     impacts on damped joints, its split from what the rows dissipated is of
     first order in the time step. ``work`` is what actuators, applied forces, gravity compensation

@@ -256,19 +256,21 @@ class Engine(ReadableOptions):
 
         None: the combination again.
         """
-        pair = self._geom_pair(geom1, geom2)
-        if pair[0] == pair[1]:
-            raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
-        self._set(self._pair_material, pair, material)
+        self._set(self._pair_material, self._geom_pair(geom1, geom2), material)
 
     def material(self, geom: Element) -> Material:
-        """Material of a geom; the rigid default where none was set."""
+        """Material set for a geom; ``Material()`` where none was.
+
+        What contacts have then may also come from the model's ``solref``: see
+        :meth:`contact_material`.
+        """
         return self._geom_material.get(self.geom_id(geom), Material())
 
     def pair_material(self, geom1: Element, geom2: Element) -> Material | None:
         """Material set for a pair of geoms, or None where the combination applies.
 
-        What applies then is :meth:`contact_material`.
+        What applies then is :meth:`contact_material`. ValueError if a geom is unknown or both are
+        the same.
         """
         return self._pair_material.get(self._geom_pair(geom1, geom2))
 
@@ -285,8 +287,6 @@ class Engine(ReadableOptions):
         """
         self._check_takes_materials()
         pair = self._geom_pair(geom1, geom2)
-        if pair[0] == pair[1]:
-            raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
         found = _core.contact_material(self.model._address, self._parameters(), *pair)
         of_solref = found.pop("of_solref")
         source: Literal["pair", "geoms", "solref", "rigid"]
@@ -497,9 +497,11 @@ class Engine(ReadableOptions):
         return built.rollouts
 
     def _geom_pair(self, geom1: Element, geom2: Element) -> tuple[int, int]:
-        """Ids of two geoms, the lower first."""
+        """Ids of two different geoms, the lower first."""
         first = object_id(self.model, geom1, "geom", "geom1")
         second = object_id(self.model, geom2, "geom", "geom2")
+        if first == second:
+            raise ValueError(f"geoms {geom1!r} and {geom2!r} are the same geom")
         return min(first, second), max(first, second)
 
     def _check_takes_materials(self) -> None:

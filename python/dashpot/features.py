@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-__all__ = ["Feature", "Report"]
+__all__ = ["Feature", "Report", "Treatment"]
+
+Treatment = Literal["honoured", "mapped", "refused"]
 
 
 @dataclass(frozen=True)
@@ -14,7 +16,7 @@ class Feature:
     """One feature of a model and how the engine treats it."""
 
     name: str
-    treatment: Literal["honoured", "mapped", "refused"]
+    treatment: Treatment
     note: str
 
 
@@ -24,8 +26,11 @@ class Report:
 
     features: tuple[Feature, ...]
 
-    def of(self, treatment: Literal["honoured", "mapped", "refused"]) -> tuple[Feature, ...]:
-        """Features with one treatment."""
+    def of(self, treatment: Treatment) -> tuple[Feature, ...]:
+        """Features with one treatment; ValueError if there is none of that name."""
+        if treatment not in get_args(Treatment):
+            known = ", ".join(get_args(Treatment))
+            raise ValueError(f"treatment must be one of {known}, got {treatment!r}")
         return tuple(f for f in self.features if f.treatment == treatment)
 
     def __repr__(self) -> str:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot import _core
-from dashpot.checks import finite_array, flag, positive_number, thread_count
+from dashpot.checks import finite_array, flag, number, thread_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 
 # What a step starts from, without user data: contact memory lies there.
+_LEAST_EPS, _MOST_EPS = 1e-10, 1e-2
 _START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
 
 
@@ -73,7 +74,8 @@ def linearize(
         Made by :meth:`Engine.make_data`: state, controls, applied forces, mocap poses and active
         equalities to linearize about. It is only read.
     eps
-        Size of the differences, > 0, in the unit of each number that is displaced.
+        Size of the differences, in [1e-10, 0.01], in the unit of each number that is displaced:
+        smaller ones are lost in rounding, larger ones see no derivative.
     centered
         Differences of both sides, with errors of order ``eps**2``, in twice the number of steps.
         Controls at a limit of theirs are displaced away from it.
@@ -92,7 +94,9 @@ def linearize(
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")
-    eps = positive_number("eps", eps)
+    eps = number("eps", eps)
+    if not _LEAST_EPS <= eps <= _MOST_EPS:
+        raise ValueError(f"eps must be in [{_LEAST_EPS:g}, {_MOST_EPS:g}], got {eps:g}")
     centered = flag("centered", centered)
     engine._check_data(data)
     model = engine.model

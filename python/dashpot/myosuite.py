@@ -27,13 +27,13 @@ def make(
     Parameters
     ----------
     env_id
-        As of ``gymnasium.make``, after ``import myosuite``.
+        As of ``gymnasium.make``; myosuite is imported, which registers its own.
     make_engine
         As of `with_dashpot`.
     kwargs
         What else ``gymnasium.make`` takes.
-
     """
+    importlib.import_module("myosuite")
     registration = importlib.import_module("gymnasium.envs.registration")
     spec = copy.deepcopy(registration.spec(env_id))
     creator = spec.entry_point

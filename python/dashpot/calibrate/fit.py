@@ -108,10 +108,12 @@ def fit(
         `Fit.residual_variance`); searches go on to further starts where more than a tenth of the
         residuals are beyond four standard deviations, or noise does not explain the others.
     loss_scale
-        Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0.
+        Weighted residual (in standard deviations) from which a robust loss counts as outlying, > 0;
+        the ``"linear"`` one has no use for it.
     windows
-        Seconds; ascending windows to search first. None: none, or, where `starts` is None too,
-        chosen (at most three, at 1/8, 1/4 and 1/2 of the time after the onset of contact).
+        Seconds; ascending windows to search first, shorter than the problem's. None: none, or,
+        where `starts` is None too, chosen (at most three, at 1/8, 1/4 and 1/2 of the time after the
+        onset of contact).
     starts
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
         in one batch; those whose simulation fails are left out. None: none, or, where `windows` is
@@ -120,7 +122,7 @@ def fit(
         no starts.
     local_searches
         At most how many of the best starts are searched from, >= 1; one after the other until the
-        stated noise explains the residuals.
+        stated noise explains the residuals. CMA-ES starts from the best alone.
     max_evaluations
         Budget of the search in simulated sets of trajectories, those for its derivatives included.
         It takes one iteration at least; derivatives for the intervals, and what follows the cost
@@ -165,7 +167,12 @@ def fit(
     progress = flag("progress", progress)
     threads = thread_count(nthread)
     began = time.perf_counter()
-    stages = [problem.with_window(w) for w in _earlier(first_windows, problem.window)] + [problem]
+    if problem.window is not None and first_windows and first_windows[-1] >= problem.window:
+        raise ValueError(
+            f"windows end with {first_windows[-1]:g} s; they must be shorter than the problem's, "
+            f"{problem.window:g} s"
+        )
+    stages = [problem.with_window(w) for w in first_windows] + [problem]
     objectives = [Objective(stage, nthread=threads) for stage in stages]
     objective = objectives[-1]
     check_count(objective.measured_count, objective.unknowns)
@@ -289,10 +296,6 @@ def _errors_kind(errors: Errors, problem: Problem, objective: Objective) -> str:
     if errors == "clustered" and clusters < 2:
         raise ValueError("errors='clustered' needs at least two trajectories")
     return errors
-
-
-def _earlier(windows: Sequence[float], last: float | None) -> list[float]:
-    return [w for w in windows if last is None or w < last]
 
 
 def _windows(windows: Sequence[float]) -> list[float]:

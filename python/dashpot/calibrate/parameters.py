@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import operator
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, get_args
@@ -35,6 +36,8 @@ MaterialField = Literal[
 
 # Search coordinate, finite-difference step: quantities of unknown order of magnitude in log.
 _DEFAULT_TRANSFORM: dict[str, TransformName] = {"restitution": "logit"}
+# Arrays of the model whose columns are not of one kind.
+_UNLIKE_COLUMNS = re.compile(r"(geom|pair)_friction|\w+_sol(ref|imp)\w*")
 _TRANSFORMS: tuple[str, ...] = get_args(TransformName)
 _MATERIAL_FIELDS: tuple[str, ...] = get_args(MaterialField)
 
@@ -232,7 +235,8 @@ class Parameter:
             Name or id of the body, geom ... whose row is set, or several; of the joint, for all of
             its degrees of freedom.
         index
-            Which columns of the row take the value; None: all of them.
+            Which columns of the row take the value; None: all of them, where they are alike. Those
+            of ``geom_friction`` and of all ``solref``, ``solimp`` and their like are not.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
@@ -243,6 +247,10 @@ class Parameter:
         if not isinstance(attribute, str):
             raise TypeError(f"attribute must be a string, got {attribute!r}")
         names = _elements("elements", elements)
+        if index is None and _UNLIKE_COLUMNS.fullmatch(attribute):
+            raise ValueError(
+                f"columns of {attribute} differ in what they mean; say which take the value: index"
+            )
         parameter = cls(
             name=name or attribute,
             start=start,
@@ -291,6 +299,8 @@ def _columns(index: int | Sequence[int] | None) -> tuple[int, ...] | None:
     columns = np.atleast_1d(np.asarray(index))
     if columns.ndim != 1 or not np.issubdtype(columns.dtype, np.integer):
         raise TypeError(f"index must be an integer or a sequence of integers, got {index!r}")
+    if not columns.size:
+        raise ValueError("index names no column")
     return tuple(int(column) for column in columns)
 
 

@@ -95,7 +95,8 @@ def predict(
     trajectories
         Any of the model, fitted or not. None: those of the problem.
     head
-        Seconds from the first frame, > 0, to which initial states are fitted. Only with
+        Seconds from the first frame, > 0 and shorter than each trajectory, to which initial states
+        are fitted. Only with
         ``initial_state="velocity"`` or ``"pose_and_velocity"``.
     loss, loss_scale
         Of that fit, as in `dashpot.calibrate.fit`.
@@ -135,6 +136,14 @@ def predict(
                 "Problem of the others, with theirs"
             )
         problem = replace(problem, trajectories=trajectories)
+    if head is not None:
+        for trajectory in problem.trajectories:
+            length = float(trajectory.time[-1] - trajectory.time[0])
+            if head >= length:
+                raise ValueError(
+                    f"head is {head:g} s; it leaves nothing to predict of trajectory "
+                    f"'{trajectory.name}', which lasts {length:g} s"
+                )
     if head is None and estimated:
         for trajectory in problem.trajectories:
             if trajectory.initial_qvel is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +102,13 @@ class Fit:
             if estimate.name == name:
                 return estimate
         known = ", ".join(e.name for e in self.estimates)
-        raise ValueError(f"no parameter named {name!r}; there are {known}")
+        raise KeyError(f"no parameter named {name!r}; there are {known}")
+
+    def __contains__(self, name: object) -> bool:
+        return any(estimate.name == name for estimate in self.estimates)
+
+    def __iter__(self) -> Iterator[str]:
+        return (estimate.name for estimate in self.estimates)
 
     def __str__(self) -> str:
         """Return the table as text."""
@@ -240,8 +246,8 @@ class Fit:
             from the initial states that the fit estimates; within the problem's window their
             errors are its residuals, unweighted.
         head
-            Seconds of each of `trajectories`, > 0, to which its initial state is fitted, with the
-            loss of the fit.
+            Seconds of each of `trajectories`, > 0 and shorter than it, to which its initial state
+            is fitted, with the loss of the fit.
         nthread
             Number of threads, >= 1. None: one per core. The result does not depend on it.
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.checks import number
 from dashpot.tables import table_html, table_text
 
 if TYPE_CHECKING:
@@ -95,8 +97,11 @@ class Run:
         return self.penetration_sum / np.maximum(self.contacts, 1)
 
     def statistics(self, settled_after: float) -> Statistics:
-        """Summarise the run; a part without any contact has penetration NaN."""
-        settled = self.time >= settled_after
+        """Summarise the run, split at `settled_after` (s).
+
+        A part without any contact has penetration NaN.
+        """
+        settled = self.time >= number("settled_after", settled_after)
 
         def mean_and_max(part: NDArray[np.bool_]) -> tuple[float, float]:
             count = int(self.contacts[part].sum())
@@ -152,6 +157,12 @@ class Comparison:
             if candidate.name == name:
                 return candidate
         raise KeyError(f"{name!r} is none of the runs {[r.name for r in self.runs]}")
+
+    def __contains__(self, name: object) -> bool:
+        return any(run.name == name for run in self.runs)
+
+    def __iter__(self) -> Iterator[str]:
+        return (run.name for run in self.runs)
 
     def __str__(self) -> str:
         """Return the table as text."""

@@ -50,7 +50,8 @@ def run(
 
     Every setting starts from the same state: the model's first keyframe, where it has one, else
     its reference pose; controls keep the keyframe's value. Every state of every run is measured
-    on the same unchanged model.
+    on the same unchanged model. MuJoCo's settings take the place of the model's own: where they do
+    not say otherwise cones are pyramidal, ``impratio`` is 1 and there are no noslip iterations.
 
     Parameters
     ----------

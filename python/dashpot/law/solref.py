@@ -61,16 +61,17 @@ def solref_to_spring_at_rest(
     """Return the mass-normalised spring and damper that the engine takes a MuJoCo row for.
 
     At rest a row of MuJoCo carries a load with the stiffness d^2 k / (1 - d), d being its impedance
-    at that deformation and k that of :func:`solref_to_spring`; in free motion it swings with d^2 k,
-    as if its mass were 1 / (1 - d) times as large. The spring and damper deform as far at rest and
-    have the same damping ratio, hence the same restitution.
+    at that deformation and k that of :func:`solref_to_spring` with its d_width; in free motion it
+    swings with d^2 k, as if its mass were 1 / (1 - d) times as large. The spring and damper deform
+    as far at rest and have the same damping ratio, hence the same restitution.
 
     Parameters
     ----------
     solref : array_like, shape (2,)
         (timeconst, dampratio), both > 0, or (-stiffness, -damping), both <= 0.
     solimp : array_like, shape (5,)
-        (d_0, d_width, width, midpoint, power); width in m or rad.
+        (d_0, d_width, width, midpoint, power), all >= 0, width in m or rad. Impedances and the
+        midpoint are clipped to [0.0001, 0.9999], as in MuJoCo.
     load : float, optional
         Acceleration (m/s^2 or rad/s^2, > 0) that the row has to balance, for which d is found;
         without it d is d_width. The engine takes the weight of the lighter tree for contacts, which
