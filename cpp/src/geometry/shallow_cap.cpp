@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace dashpot {
 
@@ -25,13 +26,17 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
   return true;
 }
 
-// The places of `vertices` in an order in which each is as far as can be from all before it.
+// Corners of a hull up to which their order is by distance: enough for kMostCapPoints in a cap, and
+// little work for the finest of meshes.
+constexpr int kMostSpread = 256;
+
 std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
-  const int count = static_cast<int>(vertices.cols());
+  const int count = static_cast<int>(vertices.cols()), last = std::min(count, kMostSpread);
   std::vector<int> place(count);
+  std::iota(place.begin(), place.end(), kMostSpread);
   Eigen::RowVectorXd square =
       Eigen::RowVectorXd::Constant(count, std::numeric_limits<double>::infinity());
-  for (int next = 0, i = 0; next < count; ++next) {
+  for (int next = 0, i = 0; next < last; ++next) {
     place[i] = next;
     square = square.cwiseMin((vertices.colwise() - vertices.col(i)).colwise().squaredNorm());
     square[i] = -1.0;

@@ -37,7 +37,8 @@ struct HullFacet {
 
 struct HullSurface {
   Eigen::Matrix3Xd corner;  // m, in its frame
-  // By corner: its place in an order in which each is as far as can be from all before it.
+  // By corner: its place in an order in which each of the first 256 is as far as can be from all
+  // before it.
   std::vector<int> place;
   std::vector<HullFacet> facet;  // sorted by the third component of their normals
 };
