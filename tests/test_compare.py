@@ -51,6 +51,8 @@ def test_free_fall_loses_nothing_and_has_no_penetration():
     comparison = compare.run(BALL.format(height=5), duration=0.2, settings=["dashpot"])
     assert list(comparison) == ["dashpot"]
     assert "elliptic" not in comparison
+    with pytest.raises(ValueError, match="settled_after must be a time, got nan"):
+        comparison["dashpot"].statistics(np.nan)
     run = comparison["dashpot"]
     # g t²/2 below and m v²/2 with v = g t: the exact parabola of the engine.
     assert run.kinetic[-1] == pytest.approx((9.81 * 0.2) ** 2, rel=1e-9)

@@ -107,7 +107,7 @@ GROUNDS = {
 
 
 @pytest.mark.parametrize("fine", [3, 9, 15])
-@pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (1e-4, 50.0), (5e-4, 50.0)])
+@pytest.mark.parametrize(("sag", "load"), [(1e-4, 0.0), (1e-4, 50.0), (1e-4, 300.0), (5e-4, 50.0)])
 @pytest.mark.parametrize("ground", GROUNDS)
 def test_what_has_a_shallow_bottom_comes_to_rest(ground, sag, load, fine):
     """A selection of its corners rattles by 0.1 to 10 rad/s: some come as others go."""
@@ -118,6 +118,23 @@ def test_what_has_a_shallow_bottom_comes_to_rest(ground, sag, load, fine):
     engine.step(data, nstep=1500)
     assert np.abs(data.qvel).max() < 1e-5
     assert engine.contacts(data).force[:, 0].sum() == pytest.approx(load + GRAVITY, rel=1e-6)
+
+
+@pytest.mark.parametrize("fine", [3, 9, 15])
+def test_what_has_a_shallow_bottom_stands_on_a_bar(fine):
+    """Ridges cross both sides of the bar, more than there is room for: it needs points of both."""
+    model = domed(fine, sag=1e-4, ground="type='box' size='.2 .004 .1' pos='0 0 -.1'")
+    engine = Engine(model)
+    engine.set_pair_material("dish", "ground", Material(stiffness=2e4, restitution=0.1))
+    data = engine.make_data()
+    data.qpos[2:] = 0.0203, 1.0, 0.0, 0.0, 0.0
+    data.xfrc_applied[model.body("dish").id, 2] = -50.0
+    engine.step(data, nstep=750)
+    assert np.abs(data.qvel).max() < 1e-5
+    contacts = engine.contacts(data)
+    assert contacts.force[:, 0].sum() == pytest.approx(50.0 + GRAVITY, rel=1e-6)
+    assert contacts.force[:, 0] @ contacts.position[:, 1] == pytest.approx(0.0, abs=1e-6)
+    assert data.body("dish").xmat[8] > 1.0 - 1e-6
 
 
 @pytest.mark.parametrize("puck", PUCKS)
@@ -132,4 +149,8 @@ def test_where_a_puck_stands_beneath_a_palm_does_not_matter(puck, seed):
     data.qpos[3:7] = np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)
     data.qfrc_applied[model.joint("down").dofadr[0]] = -PUSH
     engine.step(data, nstep=1500)
+    load = PUSH + GRAVITY * PALM_MASS
     assert np.abs(data.qvel).max() < 1e-5
+    assert data.body(1).xmat[8] > 0.999
+    pressed = engine.contacts(data, pair=("palm", "puck"))
+    assert pressed.force[:, 0].sum() == pytest.approx(load, rel=1e-4)

@@ -14,8 +14,8 @@ from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 
-# What a step starts from, without user data: contact memory lies there.
 _LEAST_EPS, _MOST_EPS = 1e-10, 1e-2
+# What a step starts from, without user data: contact memory lies there.
 _START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
 
 

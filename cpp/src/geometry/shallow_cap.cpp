@@ -26,8 +26,8 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
   return true;
 }
 
-// Corners of a hull up to which their order is by distance: enough for kMostCapPoints in a cap, and
-// little work for the finest of meshes.
+// Corners of a hull up to which their order is by distance: enough for most caps, and little
+// work for the finest of meshes.
 constexpr int kMostSpread = 256;
 
 std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
@@ -41,6 +41,19 @@ std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
     square = square.cwiseMin((vertices.colwise() - vertices.col(i)).colwise().squaredNorm());
     square[i] = -1.0;
     square.maxCoeff(&i);
+  }
+  return place;
+}
+
+// The place of one of `count` points along a line in an order in which those before any lie evenly:
+// the ends, the middle, the middles of both halves.
+int spread_place(int index, int count) {
+  int low = 0, high = count - 1;
+  if (index == low || index == high) return 0;
+  int place = 1;
+  for (int middle = (low + high) / 2; middle != index; middle = (low + high) / 2) {
+    place = 2 * place + (index > middle);
+    (index < middle ? high : low) = middle;
   }
   return place;
 }
@@ -93,22 +106,22 @@ bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d&
     const double angle = 2.0 * EIGEN_PI * k / kMostCorners;
     direction[k] = std::cos(angle) * x + std::sin(angle) * y;
   }
-  const double cosine = std::cos(kShallow);
+  const double shallow = std::cos(kShallow), steep = std::cos(kSteep);
   plane_.clear();
   corner_.clear();
   is_corner_.assign(hull.corner.cols(), 0);
   double lowest = std::numeric_limits<double>::infinity();
-  // Unit vectors that are kShallow apart differ by less than that in each coordinate.
+  // Unit vectors that are kSteep apart differ by less than that in each coordinate.
   const auto first =
-      std::lower_bound(hull.facet.begin(), hull.facet.end(), -local_up.z() - kShallow,
+      std::lower_bound(hull.facet.begin(), hull.facet.end(), -local_up.z() - kSteep,
                        [](const HullFacet& facet, double z) { return facet.normal.z() < z; });
-  for (auto it = first; it != hull.facet.end() && it->normal.z() <= -local_up.z() + kShallow;
-       ++it) {
+  for (auto it = first; it != hull.facet.end() && it->normal.z() <= -local_up.z() + kSteep; ++it) {
     const HullFacet& facet = *it;
     const double slope = facet.normal.dot(local_up);
-    if (slope > -cosine) continue;
+    if (slope > -steep) continue;
     const Vector3d normal = pose.rotation * facet.normal;
     plane_.push_back({normal, facet.offset + normal.dot(pose.position), slope});
+    if (slope > -shallow) continue;
     for (int index : facet.corner) {
       if (is_corner_[index]) continue;
       is_corner_[index] = 1;
@@ -126,7 +139,7 @@ bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d&
       }
     }
   }
-  if (plane_.empty()) return false;
+  if (corner_.empty()) return false;
   width_ = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kMostCorners / 2; ++k)
     width_ = std::min(width_, reach[k] + reach[k + kMostCorners / 2]);
@@ -194,17 +207,17 @@ bool ShallowCap::Point::comes_before(const Point& other) const {
   return touches ? place < other.place : at.distance < other.at.distance;
 }
 
-bool ShallowCap::has_point(const Vector3d& position) const {
+bool ShallowCap::has_point_over(const Vector3d& place) const {
   return std::any_of(point_.begin(), point_.end(), [&](const Point& other) {
-    return (other.at.position - position).norm() <= kSamePlace * width_;
+    return outline_.normal.cross(other.at.position - place).norm() <= kSamePlace * width_;
   });
 }
 
 void ShallowCap::take_points(FaceManifold& manifold) {
-  if (point_.size() > kMostCapPoints) {
-    std::nth_element(point_.begin(), point_.begin() + kMostCapPoints, point_.end(),
+  if (point_.size() > kMostPoints) {
+    std::nth_element(point_.begin(), point_.begin() + kMostPoints, point_.end(),
                      [](const Point& a, const Point& b) { return a.comes_before(b); });
-    point_.resize(kMostCapPoints);
+    point_.resize(kMostPoints);
   }
   for (const Point& point : point_) manifold.point[manifold.count++] = point.at;
 }
@@ -239,19 +252,23 @@ FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const 
     return FacePoint{place + 0.5 * distance * up, distance};
   };
   const auto add = [&](const FacePoint& point, int place) {
-    if (point.distance <= margin && !has_point(point.position)) point_.push_back({point, place});
+    if (point.distance <= margin && !has_point_over(point.position))
+      point_.push_back({point, place});
   };
   point_.clear();
-  // A corner may lie below planes of facets that are not quite flat.
-  for (const Corner& corner : corner_)
-    if (up.dot(corner.position - face.origin) <= margin && is_over(face, corner.position))
-      add(point_over(on_face(corner.position)), corner.place);
+  for (const Corner& corner : corner_) {
+    const double distance = up.dot(corner.position - face.origin);
+    if (distance <= margin && is_over(face, corner.position))
+      point_.push_back({{corner.position - 0.5 * distance * up, distance}, corner.place});
+  }
   for (int i = 0; i < outline.count; ++i)
     add(point_over(on_face(outline.point[i].position)), kFirst);
-  for (int side = 0; side < face.count; ++side)
-    for (const Vector3d& place :
-         cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin))
-      add(point_over(place), kLast);
+  for (int side = 0; side < face.count; ++side) {
+    const std::vector<Vector3d>& crossing =
+        cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin);
+    const int count = static_cast<int>(crossing.size());
+    for (int i = 0; i < count; ++i) add(point_over(crossing[i]), spread_place(i, count));
+  }
   const FacePoint found = point_over(on_face(nearest));
   if (std::all_of(point_.begin(), point_.end(), [&](const Point& point) {
         return found.distance < point.at.distance - tolerance;

@@ -37,7 +37,9 @@ MaterialField = Literal[
 # Search coordinate, finite-difference step: quantities of unknown order of magnitude in log.
 _DEFAULT_TRANSFORM: dict[str, TransformName] = {"restitution": "logit"}
 # Arrays of the model whose columns are not of one kind.
-_UNLIKE_COLUMNS = re.compile(r"(geom|pair)_friction|\w+_sol(ref|imp)\w*")
+_UNLIKE_COLUMNS = re.compile(
+    r"(geom|pair)_friction|\w+_sol(ref|imp)\w*|actuator_\w+prm|geom_fluid|\w+_i?quat"
+)
 _TRANSFORMS: tuple[str, ...] = get_args(TransformName)
 _MATERIAL_FIELDS: tuple[str, ...] = get_args(MaterialField)
 
@@ -236,7 +238,8 @@ class Parameter:
             its degrees of freedom.
         index
             Which columns of the row take the value; None: all of them, where they are alike. Those
-            of ``geom_friction`` and of all ``solref``, ``solimp`` and their like are not.
+            of ``geom_friction``, ``solref``, ``solimp``, quaternions and parameters of actuators
+            are not.
         start, bounds, name, transform, difference
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction

@@ -101,7 +101,10 @@ class Run:
 
         A part without any contact has penetration NaN.
         """
-        settled = self.time >= number("settled_after", settled_after)
+        split = number("settled_after", settled_after)
+        if np.isnan(split):
+            raise ValueError(f"settled_after must be a time, got {settled_after!r}")
+        settled = self.time >= split
 
         def mean_and_max(part: NDArray[np.bool_]) -> tuple[float, float]:
             count = int(self.contacts[part].sum())

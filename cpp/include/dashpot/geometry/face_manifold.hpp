@@ -55,6 +55,10 @@ PlacedFace place_cap(double radius, double half_length, const Pose& pose,
 PlacedFace place_side(double radius, double half_length, bool capsule, const Pose& pose,
                       const Eigen::Vector3d& up);
 
+// Of two faces at most twice as many as one has corners, of a cap (shallow_cap.hpp) more; MuJoCo
+// has room for 50 of a pair.
+inline constexpr int kMostPoints = 48;
+
 struct FacePoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // midway between both surfaces, m, world
   double distance = 0.0;                               // along the normal, m
@@ -62,8 +66,7 @@ struct FacePoint {
 
 struct FaceManifold {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  // Of two faces at most twice as many as one has corners; of a cap (shallow_cap.hpp) the deepest.
-  std::array<FacePoint, 3 * (kMostCorners + 1)> point;
+  std::array<FacePoint, kMostPoints> point;
   int count = 0;
   int dropped = 0;  // flat crossings, see meet_face
 };

@@ -5,14 +5,14 @@
 // (flat_faces.hpp), and what is pressed against them overlaps them all. Against a face or a plane
 // they count like one, but for their heights. What both share has a corner of the surface of the
 // hull in each corner of that, in each corner of the face and where ridges cross its sides: these
-// are the points, all of them. Of any selection, the nearest, the deepest, MuJoCo's three on a
-// plane, some come as others go by a hair of turn, and what rests on them rocks for good on what
-// recovers of overlaps that no spring has taken up.
+// are the points. Of a selection, the nearest, the deepest, MuJoCo's three on a plane, some come as
+// others go by a hair of turn, and what rests on them rocks for good on what recovers of overlaps
+// that no spring has taken up. Where there is no room for all, of fine meshes that are pressed
+// flat, what is left of that is a tremble of millimetres a second.
 
 #pragma once
 
 #include <Eigen/Core>
-#include <cstddef>
 #include <limits>
 #include <vector>
 
@@ -24,9 +24,8 @@ namespace dashpot {
 // Tilt (rad) up to which a facet belongs to the cap.
 inline constexpr double kShallow = 0.05;
 
-// Points of a cap that meet something, at most: of finely meshed ones more touch. Then those that
-// are farthest apart stand for all, which are the same however it leans.
-inline constexpr size_t kMostCapPoints = 24;
+// Tilt up to which facets beside it bound its height.
+inline constexpr double kSteep = 0.2;
 
 // A polygon of the surface of a hull.
 struct HullFacet {
@@ -89,7 +88,7 @@ class ShallowCap {
     // Whether it is the one to keep: if it touches, by its place, else by its distance.
     bool comes_before(const Point& other) const;
   };
-  static constexpr int kFirst = -1, kLast = std::numeric_limits<int>::max();
+  static constexpr int kFirst = -1;
 
   // How far the surface lies above a point, along `up`, m.
   double height_over(const Eigen::Vector3d& point) const;
@@ -97,7 +96,9 @@ class ShallowCap {
   // cross it no higher than `margin` (m) above it.
   const std::vector<Eigen::Vector3d>& cross_ridges(const Eigen::Vector3d& begin,
                                                    const Eigen::Vector3d& end, double margin);
-  bool has_point(const Eigen::Vector3d& position) const;
+  // Whether there is one over a place, seen along `up`.
+  bool has_point_over(const Eigen::Vector3d& place) const;
+  // The points found; of more than there is room for those that touch, farthest apart.
   void take_points(FaceManifold& manifold);
 
   std::vector<Plane> plane_;
