@@ -168,7 +168,7 @@ def stored(engine: Engine, data: mujoco.MjData) -> np.ndarray:
 def settled_bin() -> np.ndarray:
     """Return the state of a bin some time after its bodies fell in."""
     engine, data = at_rest(Engine(scene(pile(180))))
-    engine.step(data, nstep=150)
+    engine.step(data, nstep=200)
     return stored(engine, data)
 
 
