@@ -172,8 +172,8 @@ void bind_engine(py::module_& module) {
       .def_readonly("clipped", &StepStats::clipped,
                     "Rows whose stiffness or damping was lowered, maximum over all steps.")
       .def_readonly("max_penetration", &StepStats::max_penetration,
-                    "Deepest overlap at the start of any step, with the margin that a model gives "
-                    "a contact, m.")
+                    "Deepest overlap at the start of any step, m; it begins at the margin that a "
+                    "model gives a contact.")
       .def_readonly("max_compression", &StepStats::max_compression,
                     "Deepest compression of a spring at the end of any step, m.")
       .def_readonly("cuts", &StepStats::cuts, "Cuts at impacts, sum over all steps.")

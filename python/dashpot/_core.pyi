@@ -275,7 +275,7 @@ class StepStats:
     @property
     def max_penetration(self) -> float:
         """
-        Deepest overlap at the start of any step, with the margin that a model gives a contact, m.
+        Deepest overlap at the start of any step, m; it begins at the margin that a model gives a contact.
         """
     @property
     def microsteps(self) -> int:

@@ -26,10 +26,12 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
   return true;
 }
 
-// Corners of a hull up to which their order is by distance: enough for most caps, and little
-// work for the finest of meshes.
+// Corners of a hull that are put in order by distance: a cap of a few of its sides has more of them
+// than kMostPoints, and it is little work for the finest of meshes.
 constexpr int kMostSpread = 256;
 
+// By vertex, its place in an order in which each is as far as can be from all before it; beyond the
+// first kMostSpread the order is that of the vertices.
 std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
   const int count = static_cast<int>(vertices.cols()), last = std::min(count, kMostSpread);
   std::vector<int> place(count);

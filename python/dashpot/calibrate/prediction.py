@@ -96,8 +96,7 @@ def predict(
         Any of the model, fitted or not. None: those of the problem.
     head
         Seconds from the first frame, > 0 and shorter than each trajectory, to which initial states
-        are fitted. Only with
-        ``initial_state="velocity"`` or ``"pose_and_velocity"``.
+        are fitted. Only with ``initial_state="velocity"`` or ``"pose_and_velocity"``.
     loss, loss_scale
         Of that fit, as in `dashpot.calibrate.fit`.
     nthread

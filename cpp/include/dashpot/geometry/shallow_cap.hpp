@@ -8,7 +8,7 @@
 // are the points. Of a selection, the nearest, the deepest, MuJoCo's three on a plane, some come as
 // others go by a hair of turn, and what rests on them rocks for good on what recovers of overlaps
 // that no spring has taken up. Where there is no room for all, of fine meshes that are pressed
-// flat, what is left of that is a tremble of millimetres a second.
+// flat, a tremble is left of that (docs/limits.md).
 
 #pragma once
 
@@ -24,7 +24,8 @@ namespace dashpot {
 // Tilt (rad) up to which a facet belongs to the cap.
 inline constexpr double kShallow = 0.05;
 
-// Tilt up to which facets beside it bound its height.
+// Tilt (rad) up to which other facets bound its height, where its outline spans notches of it:
+// those that lean more are too narrow to matter, seen along the normal.
 inline constexpr double kSteep = 0.2;
 
 // A polygon of the surface of a hull.
