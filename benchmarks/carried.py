@@ -12,12 +12,14 @@ stiff as the time step allows (solref of two steps).
 
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 
-import dashpot
 from no_arguments import takes_no_arguments
-from scene import Array
+from scene import Array, Run, Scene
+from simulate import AS_SHIPPED, DASHPOT, Setting, record
 
 OBJECTS = {
     "box": 'type="box" size=".02 .02 .02"',
@@ -27,18 +29,18 @@ OBJECTS = {
 }
 TIMESTEPS = (0.001, 0.002, 0.005)
 GRIP = 15.0
-ADVISED = 'cone="elliptic" impratio="100" noslip_iterations="10"'
+ADVISED = Setting(
+    "as advised",
+    stiff=True,
+    option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "impratio": 100.0, "noslip_iterations": 10},
+)
 
 
-def carried(shape: str, timestep: float, *, advised: bool = False) -> mujoco.MjModel:
-    """Return the arm with the object between its fingers, not yet pressed."""
-    options = ADVISED if advised else ""
-    solref = f'<default><geom solref="{2 * timestep} 1"/></default>' if advised else ""
+def arm_with(shape: str) -> str:
+    """Return the MJCF of the arm with the object between its fingers, not yet pressed."""
     link = 'contype="0" conaffinity="0"'
     finger = 'type="box" size=".005 .02 .03" mass=".05" friction="1"'
-    return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{timestep}" integrator="implicitfast" {options}/>
-        {solref}<worldbody>
+    return f"""<mujoco><option integrator="implicitfast"/><worldbody>
           <body pos="0 0 1"><joint name="shoulder" axis="0 1 0" damping="1"/>
             <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03" mass="2" {link}/>
             <body pos="0 0 -.4"><joint name="elbow" axis="0 1 0" damping=".5"/>
@@ -54,7 +56,11 @@ def carried(shape: str, timestep: float, *, advised: bool = False) -> mujoco.MjM
         <actuator><position joint="shoulder" kp="300" kv="20"/>
           <position joint="elbow" kp="150" kv="8"/><position joint="wrist" kp="20" kv="1"/>
           <motor joint="finger"/></actuator></mujoco>"""
-    )
+
+
+def carried(shape: str, timestep: float) -> mujoco.MjModel:
+    """Return the arm with the object between its fingers, not yet pressed."""
+    return carrying(shape).model(timestep)
 
 
 def control(time: float) -> tuple[float, float, float, float]:
@@ -68,23 +74,42 @@ def control(time: float) -> tuple[float, float, float, float]:
     )
 
 
+def displacements(run: Run) -> Array:
+    """Return how far (m) the object is from its place in the hand, every sample from 1 s on."""
+    data = mujoco.MjData(run.model)
+    hand, held = run.model.body("hand").id, run.model.body("object").id
+    places = []
+    for qpos in run.qpos[run.time > 1.0 - 1e-9]:
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(run.model, data)
+        places.append(data.xmat[hand].reshape(3, 3).T @ (data.xpos[held] - data.xpos[hand]))
+    return np.linalg.norm(np.array(places) - places[0], axis=1)
+
+
+def carrying(shape: str, *, duration: float = 20.0) -> Scene:
+    """Swing an object in a gripper; the farthest that it gets from its place there."""
+
+    def swing(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.ctrl[:] = control(data.time)
+
+    return Scene(
+        name=f"carried-{shape}",
+        title=f"{shape} in the gripper of an arm that swings it for {duration:g} s, slip",
+        xml=arm_with(shape),
+        duration=duration,
+        drive=swing,
+        measure=lambda run: {"slip": float(displacements(run).max())},
+        targets={"slip": 2e-4},
+        units={"slip": "m"},
+        sample_interval=0.1,
+        timesteps=TIMESTEPS,
+    )
+
+
 def drifts(model: mujoco.MjModel, *, duration: float, peer: bool) -> Array:
     """Return how far (m) the object is from its place in the hand, every 0.1 s from 1 s on."""
-    engine = None if peer else dashpot.Engine(model)
-    model = model if engine is None else engine.model
-    data = mujoco.MjData(model) if engine is None else engine.make_data()
-    hand, held = model.body("hand").id, model.body("object").id
-    places = []
-    for step in range(1, round(duration / model.opt.timestep) + 1):
-        data.ctrl[:] = control(data.time)
-        if engine is None:
-            mujoco.mj_step(model, data)
-        else:
-            engine.step(data)
-        if step % round(0.1 / model.opt.timestep) == 0 and data.time > 1.0 - 1e-9:
-            mujoco.mj_kinematics(model, data)
-            places.append(data.xmat[hand].reshape(3, 3).T @ (data.xpos[held] - data.xpos[hand]))
-    return np.linalg.norm(np.array(places) - places[0], axis=1)
+    scene = dataclasses.replace(carrying("box", duration=duration), compiled=model)
+    return displacements(record(scene, AS_SHIPPED if peer else DASHPOT, model.opt.timestep))
 
 
 def main() -> None:
@@ -93,9 +118,8 @@ def main() -> None:
     for shape in OBJECTS:
         for timestep in TIMESTEPS:
             texts = []
-            for advised, peer in ((False, False), (False, True), (True, True)):
-                model = carried(shape, timestep, advised=advised)
-                drift = 1e3 * drifts(model, duration=20.0, peer=peer)
+            for setting in (DASHPOT, AS_SHIPPED, ADVISED):
+                drift = 1e3 * displacements(record(carrying(shape), setting, timestep))
                 lost = np.flatnonzero(drift > 20.0)
                 texts.append(
                     f"lost after {1 + 0.1 * lost[0]:.1f} s" if lost.size else f"{drift.max():.3f}"

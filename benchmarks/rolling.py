@@ -17,12 +17,14 @@ from scipy.integrate import solve_ivp
 
 import dashpot
 from no_arguments import takes_no_arguments
-from scene import Array
+from scene import Array, Run, Scene
+from simulate import AS_SHIPPED, DASHPOT, record
 
 MASS, RADIUS, OFFSET, INERTIA = 1.0, 0.05, 0.01, 1e-3
 MOMENTS = f"{INERTIA} {INERTIA} {INERTIA}"
 SWING = 0.3
 GRAVITY = 9.81
+SWING_ENERGY = MASS * GRAVITY * OFFSET * (1 - np.cos(SWING))
 TIMESTEPS = (0.001, 0.002, 0.005)
 SLIDES = "".join(f'<joint type="slide" axis="{axis}"/>' for axis in ("1 0 0", "0 1 0", "0 0 1"))
 FLYWHEEL = '<inertial pos="0 0 0" mass=".1" diaginertia="1e-5 1e-5 1e-5"/>'
@@ -55,13 +57,18 @@ def tumbler_xml(joints: str, attributes: str) -> str:
       <geom type="sphere" size="{RADIUS}" friction="1 0 0"/></body>"""
 
 
+def tumbler_on(ground: str, joints: str) -> str:
+    """Return the MJCF of the tumbler at the end of its swing."""
+    attributes = f'pos=".03 .02 {RADIUS}" euler="0 {np.degrees(SWING)} 0"'
+    return f"""<mujoco>{ASSETS}<worldbody>{GROUNDS[ground]}
+      {tumbler_xml(joints, attributes)}</worldbody></mujoco>"""
+
+
 def tumbler(timestep: float, joints: str = "free", ground: str = "plane") -> mujoco.MjModel:
     """Return the tumbler at the end of its swing."""
-    attributes = f'pos=".03 .02 {RADIUS}" euler="0 {np.degrees(SWING)} 0"'
-    return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{timestep}"/>{ASSETS}<worldbody>{GROUNDS[ground]}
-          {tumbler_xml(joints, attributes)}</worldbody></mujoco>"""
-    )
+    model = mujoco.MjModel.from_xml_string(tumbler_on(ground, joints))
+    model.opt.timestep = timestep
+    return model
 
 
 def swing(timestep: float, joints: str = "free", integrator: str = "Euler") -> mujoco.MjModel:
@@ -93,14 +100,18 @@ def swing_of_tumbler(times: Array) -> Array:
     return solution.y[0]
 
 
+def dropped_xml(shape: str, friction: str = 'friction="1 0 0"') -> str:
+    """Return the MJCF of a coin or an egg, tilted, 1 to 3 cm above the plane."""
+    return f"""<mujoco><worldbody>{PLANE}
+      <body pos="0 0 .05" euler="20 30 0"><freejoint/>
+        <geom {SHAPES[shape]} density="1000" {friction}/></body></worldbody></mujoco>"""
+
+
 def dropped(shape: str, timestep: float, *, friction: str = 'friction="1 0 0"') -> mujoco.MjModel:
     """Return a coin or an egg, tilted, 1 to 3 cm above the plane."""
-    return mujoco.MjModel.from_xml_string(
-        f"""<mujoco><option timestep="{timestep}"/><worldbody>
-          {PLANE}
-          <body pos="0 0 .05" euler="20 30 0"><freejoint/>
-            <geom {SHAPES[shape]} density="1000" {friction}/></body></worldbody></mujoco>"""
-    )
+    model = mujoco.MjModel.from_xml_string(dropped_xml(shape, friction))
+    model.opt.timestep = timestep
+    return model
 
 
 def energies(
@@ -110,34 +121,94 @@ def energies(
 
     `velocity` at the start, by degree of freedom.
     """
-    engine = None if peer else dashpot.Engine(model)
-    model = model if engine is None else engine.model
-    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    data = mujoco.MjData(model) if engine is None else engine.make_data()
-    for dof, rate in velocity.items():
-        data.qvel[dof] = rate
-    steps = round(0.01 / model.opt.timestep)
 
-    def energy() -> float:
-        mujoco.mj_fwdPosition(model, data)
-        mujoco.mj_energyPos(model, data)
-        mujoco.mj_energyVel(model, data)
-        return float(data.energy.sum())
+    def begin(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        for dof, rate in velocity.items():
+            data.qvel[dof] = rate
 
-    rows = [energy()]
-    for _ in range(round(duration / 0.01)):
-        if engine is None:
-            mujoco.mj_step(model, data, steps)
-        else:
-            engine.step(data, nstep=steps)
-        rows.append(energy())
-    return np.array(rows)
+    scene = Scene(
+        name="",
+        title="",
+        compiled=model,
+        duration=duration,
+        start=begin,
+        measure=lambda run: {},
+        sample_interval=0.01,
+    )
+    return energy_of(record(scene, AS_SHIPPED if peer else DASHPOT, model.opt.timestep))
+
+
+def energy_of(run: Run) -> Array:
+    """Return kinetic and potential energy (J) at every sample, (T,)."""
+    data = mujoco.MjData(run.model)
+    energies = np.empty(len(run.time))
+    for i, (qpos, qvel) in enumerate(zip(run.qpos, run.qvel, strict=True)):
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        mujoco.mj_fwdPosition(run.model, data)
+        mujoco.mj_energyPos(run.model, data)
+        mujoco.mj_energyVel(run.model, data)
+        energies[i] = data.energy.sum()
+    return energies
+
+
+def tumblers(*, duration: float = 20.0) -> list[Scene]:
+    """Let tumblers swing; change of their energy in parts of the swing's."""
+
+    def measure(run: Run) -> dict[str, float]:
+        energy = energy_of(run)
+        return {"energy change": abs(float(energy[-1] - energy[0])) / SWING_ENERGY}
+
+    return [
+        Scene(
+            name=f"tumbler-{joints.replace(' ', '-')}",
+            title=f"tumbler ({joints}) rolling on a plane, change of energy in {duration:g} s",
+            xml=tumbler_on("plane", joints),
+            duration=duration,
+            measure=measure,
+            targets={"energy change": 2e-3},
+            units={"energy change": ""},
+            sample_interval=duration,
+            timesteps=TIMESTEPS,
+        )
+        for joints in JOINTS
+    ]
+
+
+def rolling_after_a_fall(*, duration: float = 10.0) -> list[Scene]:
+    """Drop a coin and an egg; change of energy from 1 s on over the weight, a height.
+
+    They have landed by then, and rolling takes nothing.
+    """
+
+    def spun(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qvel[3] = 5.0
+
+    def measure(run: Run) -> dict[str, float]:
+        height = energy_of(run) / (GRAVITY * run.model.body_mass[1])
+        return {"height change": abs(float(height[-1] - height[run.at(1.0)]))}
+
+    return [
+        Scene(
+            name=f"rolling-{shape}",
+            title=f"{shape} that rolls after a fall, energy over weight, change from 1 to "
+            f"{duration:g} s",
+            xml=dropped_xml(shape),
+            duration=duration,
+            start=spun,
+            measure=measure,
+            targets={"height change": 5e-3},
+            units={"height change": "m"},
+            sample_interval=1.0,
+            timesteps=TIMESTEPS,
+        )
+        for shape in SHAPES
+    ]
 
 
 def change_of_tumbler(model: mujoco.MjModel, *, duration: float, peer: bool) -> Array:
     """Return the change of energy every 10 ms, in parts of that of the swing."""
     energy = energies(model, {}, duration=duration, peer=peer)
-    return (energy - energy[0]) / (MASS * GRAVITY * OFFSET * (1 - np.cos(SWING)))
+    return (energy - energy[0]) / SWING_ENERGY
 
 
 def change_on_swing(model: mujoco.MjModel, *, duration: float, peer: bool) -> Array:

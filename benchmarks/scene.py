@@ -7,6 +7,7 @@ error or a bound, so smaller is better. Stepping lives in `simulate`.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -27,7 +28,8 @@ class Run:
 
     `penetration` (T, 3) holds the sum of squares (m^2), the sum (m) and the largest (m) of the
     geometric overlaps, `touching` (T,) how many contacts overlap; both are empty unless the scene
-    asks for them.
+    asks for them. `diverged`: MuJoCo found a bad state and reset it. `cpu`: processor time (s) of
+    all steps together.
     """
 
     model: mujoco.MjModel
@@ -36,6 +38,8 @@ class Run:
     qvel: Array
     penetration: Array
     touching: Array
+    diverged: bool = False
+    cpu: float = 0.0
 
     def position(self, body: str) -> Array:
         """Positions (T, 3) of a free body."""
@@ -54,12 +58,16 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """One benchmark scene; see the module docstring."""
+    """One benchmark scene; see the module docstring.
+
+    `compiled` stands in place of `xml` where a model comes from files.
+    """
 
     name: str
     title: str
-    xml: str
     duration: float
+    xml: str = ""
+    compiled: mujoco.MjModel | None = None
     measure: Callable[[Run], dict[str, float]]
     targets: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
@@ -75,8 +83,11 @@ class Scene:
     timesteps: tuple[float, ...] = (0.001, 0.002, 0.005, 0.010)
 
     def model(self, timestep: float) -> mujoco.MjModel:
-        """Compile the MJCF and set the time step (s)."""
-        model = mujoco.MjModel.from_xml_string(self.xml)
+        """Compile the MJCF, or copy the compiled model, and set the time step (s)."""
+        if self.compiled is not None:
+            model = copy.copy(self.compiled)
+        else:
+            model = mujoco.MjModel.from_xml_string(self.xml)
         model.opt.timestep = timestep
         return model
 

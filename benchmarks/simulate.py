@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,22 +15,41 @@ from scene import Run, Scene
 
 Advance = Callable[[int], None]
 DIRECT_IMPEDANCE = 1e-4  # MuJoCo's smallest: its load-dependent part of the contact force
+HARD_IMPEDANCE = 0.9999  # MuJoCo's largest
+INTEGRATORS = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+}
+SOLREFS = ("geom_solref", "pair_solref", "eq_solref", "jnt_solref", "tendon_solref_lim")
+SOLIMPS = ("geom_solimp", "pair_solimp", "eq_solimp", "jnt_solimp", "tendon_solimp_lim")
+BAD_STATE = (
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+)
 
 
 @dataclass(frozen=True)
 class Setting:
     """A way to step: dashpot, or MuJoCo with options set on `model.opt`.
 
-    `stiff`: contacts have the smallest time constant that MuJoCo steps stably, of two time steps.
-    `threads` share a step of dashpot's, and the islands of MuJoCo's, which has a pool of those
-    beside the calling one.
+    `stiff`: contacts, limits and equalities have the smallest time constant that MuJoCo steps
+    stably, of two time steps. `hard`: they have MuJoCo's largest impedance at any overlap.
+    `direct`: contacts have the stiffness and damping that the scene states. `disable` adds flags
+    to `model.opt.disableflags`. `threads` share a step of dashpot's, and the islands of MuJoCo's,
+    which has a pool of those beside the calling one.
     """
 
     name: str
     dashpot: bool = False
     direct: bool = False
     stiff: bool = False
+    hard: bool = False
     option: Mapping[str, Any] = field(default_factory=dict)
+    disable: int = 0
     threads: int = 1
 
     def on_threads(self, count: int) -> Setting:
@@ -40,12 +60,24 @@ class Setting:
         """Direct stiffness is defined for scenes that say what it is."""
         return not self.direct or scene.direct_solref is not None
 
+    def apply(self, model: mujoco.MjModel) -> None:
+        """Set what does not depend on the scene, but for its time step, which is set already."""
+        for name, value in self.option.items():
+            setattr(model.opt, name, value)
+        model.opt.disableflags |= self.disable
+        if self.stiff:
+            for name in SOLREFS:
+                getattr(model, name)[:] = 2 * model.opt.timestep, 1.0
+        if self.hard:
+            for name in SOLIMPS:
+                getattr(model, name)[:, :2] = HARD_IMPEDANCE
+
 
 DASHPOT = Setting("dashpot", dashpot=True)
 IMPRATIO_100 = {
     "cone": mujoco.mjtCone.mjCONE_ELLIPTIC,
     "impratio": 100.0,
-    "integrator": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "integrator": INTEGRATORS["implicitfast"],
 }
 MUJOCO = (
     Setting("mujoco default"),
@@ -58,6 +90,7 @@ MUJOCO = (
     ),
     Setting("mujoco direct", direct=True),
 )
+AS_SHIPPED = MUJOCO[0]
 SETTINGS = {s.name: s for s in (DASHPOT, *MUJOCO)}
 
 
@@ -66,10 +99,7 @@ def prepare(
 ) -> tuple[mujoco.MjModel, mujoco.MjData, Advance]:
     """Return model, data in the initial state, and a function that advances by n steps."""
     model = scene.model(timestep)
-    for name, value in setting.option.items():
-        setattr(model.opt, name, value)
-    if setting.stiff:
-        model.geom_solref[:] = 2 * timestep, 1.0
+    setting.apply(model)
     if setting.direct:
         model.geom_solref[:] = scene.direct_solref
         model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
@@ -111,7 +141,14 @@ def record(scene: Scene, setting: Setting = DASHPOT, timestep: float = 0.002) ->
     stride = 1 if scene.sample_interval is None else max(1, round(scene.sample_interval / timestep))
     kick = round(scene.kick_time / timestep) if scene.kick is not None else -1
     rows: list[tuple[float, np.ndarray, np.ndarray, tuple[float, float, float, int]]] = []
-    done = 0
+    done, spent = 0, 0.0
+
+    def timed(steps: int) -> None:
+        nonlocal spent
+        before = time.process_time()
+        advance(steps)
+        spent += time.process_time() - before
+
     while True:
         if done == kick and scene.kick is not None:
             scene.kick(model, data)
@@ -123,11 +160,11 @@ def record(scene: Scene, setting: Setting = DASHPOT, timestep: float = 0.002) ->
         if done < kick:
             steps = min(steps, kick - done)
         if scene.drive is None:
-            advance(steps)
+            timed(steps)
         else:
             for _ in range(steps):
                 scene.drive(model, data)
-                advance(1)
+                timed(1)
         done += steps
     times, qpos, qvel, overlap_rows = zip(*rows, strict=True)
     penetration = np.array(overlap_rows)
@@ -138,6 +175,8 @@ def record(scene: Scene, setting: Setting = DASHPOT, timestep: float = 0.002) ->
         np.array(qvel),
         penetration[:, :3] if scene.penetration else np.empty((0, 3)),
         penetration[:, 3] if scene.penetration else np.empty(0),
+        diverged=any(data.warning[kind].number for kind in BAD_STATE),
+        cpu=spent,
     )
 
 

@@ -16,6 +16,8 @@ import numpy as np
 import dashpot
 from no_arguments import takes_no_arguments
 from random_scenes import random_articulated_scene
+from scene import Run, Scene
+from simulate import AS_SHIPPED, DASHPOT, measure
 
 CASES = ((7780, 180, 80),)  # seed, steps before, steps
 
@@ -116,25 +118,39 @@ def drift_without_rows(seed: int, before: int, steps: int) -> None:
             print(text)
 
 
-def drift_of_mechanism(name: str, timestep: float, duration: float = 12.0) -> None:
-    """Print what `duration` (s) of swinging add, in parts of the kinetic energy at the start."""
+def mechanism(name: str, *, duration: float = 12.0) -> Scene:
+    """Let a mechanism swing; change of its energy in parts of the kinetic one at the start."""
     xml, velocity = MECHANISMS[name]
-    model = mujoco.MjModel.from_xml_string(xml)
-    model.opt.timestep = timestep
-    engine = dashpot.Engine(model)
-    ours, theirs = engine.make_data(), mujoco.MjData(model)
-    steps = round(duration / timestep)
-    at_rest = energy(model, theirs)
-    for data in (ours, theirs):
+
+    def pass_lowest(model: mujoco.MjModel, data: mujoco.MjData) -> None:
         data.qvel[:] = velocity
-    start = energy(model, ours)
-    engine.step(ours, nstep=steps)
-    mujoco.mj_step(model, theirs, steps)
-    gains = [(energy(model, data) - start) / (start - at_rest) for data in (ours, theirs)]
-    print(
-        f"{name}, {duration:g} s at {1e3 * timestep:g} ms: "
-        f"dashpot {gains[0]:+.2%}, mj_step {gains[1]:+.2%}"
+
+    def measure(run: Run) -> dict[str, float]:
+        data = mujoco.MjData(run.model)
+        energies = []
+        for row, speed in ((0, 0.0), (0, 1.0), (-1, 1.0)):
+            data.qpos[:], data.qvel[:] = run.qpos[row], speed * run.qvel[row]
+            energies.append(energy(run.model, data))
+        rest, start, end = energies
+        return {"energy change": abs((end - start) / (start - rest))}
+
+    return Scene(
+        name=name.split(",")[0].replace(" ", "-"),
+        title=f"{name}, change of energy in {duration:g} s",
+        xml=xml,
+        duration=duration,
+        start=pass_lowest,
+        measure=measure,
+        targets={"energy change": 1e-3},
+        units={"energy change": ""},
+        sample_interval=duration,
+        timesteps=(0.001, 0.002, 0.005),
     )
+
+
+def mechanisms() -> list[Scene]:
+    """Return the mechanisms that equalities hold."""
+    return [mechanism(name) for name in MECHANISMS]
 
 
 def main() -> None:
@@ -142,9 +158,13 @@ def main() -> None:
     takes_no_arguments(__doc__)
     for case in CASES:
         drift_without_rows(*case)
-    for name in MECHANISMS:
-        for timestep in (5e-4, 1e-3, 2e-3, 5e-3):
-            drift_of_mechanism(name, timestep)
+    for scene in mechanisms():
+        for timestep in scene.timesteps:
+            errors = [measure(scene, s, timestep)["energy change"] for s in (DASHPOT, AS_SHIPPED)]
+            print(
+                f"{scene.title} at {1e3 * timestep:g} ms: "
+                f"dashpot {errors[0]:.3%}, mj_step {errors[1]:.3%}"
+            )
 
 
 if __name__ == "__main__":

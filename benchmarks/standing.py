@@ -4,8 +4,8 @@
 
 A body of 5 kg swings by 4 mm on a leg of 5 kN/m that stands on the floor, a spring or an undamped
 position servo, and a mass on such a servo, which an equality couples to a light one, by 10 mm.
-Nothing takes energy from either, and nothing may put any in: printed is how far they swing in the
-last 0.4 s of 5 s. Rigid contact; MuJoCo with its defaults and elliptic cones.
+Nothing takes energy from either, and nothing may put any in: printed is by how much less they swing
+in the last 0.4 s of 5 s. Rigid contact; MuJoCo with its defaults and elliptic cones.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-import dashpot
 from no_arguments import takes_no_arguments
+from scene import Run, Scene
+from simulate import INTEGRATORS, Setting, measure
 
 STIFFNESS, MASS = 5000.0, 5.0
 TIMESTEPS = (0.001, 0.002, 0.005)
@@ -46,46 +47,65 @@ def coupled() -> str:
       <equality><joint joint1="light" joint2="swings"/></equality>{SERVO}"""
 
 
+def swinging(name: str, mjcf: str, start: tuple[float, float], swing: float) -> Scene:
+    """Let the first joint swing by `swing` (m); the error of that at the end."""
+
+    def begin(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        data.qpos[:] = start
+
+    def measure(run: Run) -> dict[str, float]:
+        last = run.qpos[run.time > DURATION - WINDOW, 0]
+        return {"swing error": abs(0.5 * float(np.ptp(last)) - swing)}
+
+    return Scene(
+        name=name,
+        title=f"{name.replace('-', ' ')}, error of a swing by {1e3 * swing:g} mm",
+        xml=f"<mujoco>{mjcf}</mujoco>",
+        duration=DURATION,
+        start=begin,
+        measure=measure,
+        targets={"swing error": 1e-4},
+        units={"swing error": "m"},
+        timesteps=TIMESTEPS,
+    )
+
+
+def standing() -> list[Scene]:
+    """Return what swings on a spring, on a servo, and on a servo through an equality."""
+    sag = MASS * 9.81 / STIFFNESS
+    start = (-0.5 - sag - SWING_OF_LEG, sag + SWING_OF_LEG)
+    return [
+        swinging("leg-on-spring", leg(servo=False), start, SWING_OF_LEG),
+        swinging("leg-on-servo", leg(servo=True), start, SWING_OF_LEG),
+        swinging("servo-in-equality", coupled(), (SWING_OF_MASS, SWING_OF_MASS), SWING_OF_MASS),
+    ]
+
+
 def last_swing(
     mjcf: str, start: tuple[float, float], timestep: float, integrator: str, *, peer: bool
 ) -> float:
     """Return half the way (m) that the first joint goes to and fro at the end."""
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><option timestep="{timestep}" integrator="{integrator}" cone="elliptic"/>'
-        f"{mjcf}</mujoco>"
+    setting = Setting(
+        integrator,
+        dashpot=not peer,
+        option={"integrator": INTEGRATORS[integrator], "cone": mujoco.mjtCone.mjCONE_ELLIPTIC},
     )
-    engine = None if peer else dashpot.Engine(model)
-    data = mujoco.MjData(model) if engine is None else engine.make_data()
-    data.qpos[:] = start
-    positions = []
-    for _ in range(round(DURATION / timestep)):
-        if engine is None:
-            mujoco.mj_step(model, data)
-        else:
-            engine.step(data)
-        positions.append(float(data.qpos[0]))
-    return 0.5 * float(np.ptp(positions[-round(WINDOW / timestep) :]))
+    return measure(swinging("", mjcf, start, 0.0), setting, timestep)["swing error"]
 
 
 def main() -> None:
     takes_no_arguments(__doc__)
-    sag = MASS * 9.81 / STIFFNESS
-    standing = (-0.5 - sag - SWING_OF_LEG, sag + SWING_OF_LEG)
-    scenes = {
-        "leg on a spring": (leg(servo=False), standing, SWING_OF_LEG),
-        "leg on a servo": (leg(servo=True), standing, SWING_OF_LEG),
-        "servo in an equality": (coupled(), (SWING_OF_MASS, SWING_OF_MASS), SWING_OF_MASS),
-    }
-    for name, (mjcf, start, swing) in scenes.items():
+    for scene in standing():
         for integrator in ("Euler", "RK4"):
+            option = {"integrator": INTEGRATORS[integrator]}
+            elliptic = {**option, "cone": mujoco.mjtCone.mjCONE_ELLIPTIC}
+            ours = Setting("dashpot", dashpot=True, option=option)
+            theirs = Setting("mujoco elliptic", option=elliptic)
             for timestep in TIMESTEPS:
-                ours, theirs = (
-                    1e3 * last_swing(mjcf, start, timestep, integrator, peer=peer)
-                    for peer in (False, True)
-                )
+                errors = [1e3 * measure(scene, s, timestep)["swing error"] for s in (ours, theirs)]
                 print(
-                    f"{name}, {integrator}, {1e3 * timestep:g} ms: swings by {ours:.2f} of "
-                    f"{1e3 * swing:g} mm after {DURATION:g} s; MuJoCo {theirs:.2f}"
+                    f"{scene.title}, after {DURATION:g} s, {integrator}, {1e3 * timestep:g} ms: "
+                    f"dashpot {errors[0]:.2f} mm, MuJoCo {errors[1]:.2f}"
                 )
 
 
