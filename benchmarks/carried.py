@@ -31,7 +31,7 @@ TIMESTEPS = (0.001, 0.002, 0.005)
 GRIP = 15.0
 ADVISED = Setting(
     "as advised",
-    stiff=True,
+    timeconst_steps=2.0,
     option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "impratio": 100.0, "noslip_iterations": 10},
 )
 

@@ -5,16 +5,11 @@
 Every robot of robosuite, let go of its base, a humanoid and an ant fall from random attitudes,
 turning at 2 rad/s about each axis or so, and lie for the rest of 1.5 s. Where light links (wrists,
 hands, feet) meet the floor they are thrown to 100 rad/s and more. Counted are the falls that end in
-a diverged state, under dashpot and under mj_step; times are those of falls that end well in both,
-their median.
+a diverged state, under dashpot and under mj_step; times are processor times of falls that end well
+in both, the median of their ratios.
 """
 
 from __future__ import annotations
-
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,6 +17,8 @@ import numpy as np
 import dashpot
 from grasps import package_file
 from no_arguments import takes_no_arguments
+from scene import Scene
+from simulate import AS_SHIPPED, DASHPOT, Setting, record
 
 # Those that compile without what robosuite adds to them.
 ROBOSUITE = "baxter gr1 iiwa jaco kinova3 panda sawyer spot tiago ur5e xarm7"
@@ -34,19 +31,6 @@ TIMESTEPS = (0.001, 0.002, 0.005, 0.01)
 SEEDS = range(8)
 DURATION = 1.5
 HEIGHT = 1.5
-BAD_STATE = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
-
-
-@dataclass
-class Fall:
-    """How one fall ended."""
-
-    diverged: bool = False
-    seconds: float = 0.0
 
 
 def let_go(path: str) -> mujoco.MjModel:
@@ -59,34 +43,43 @@ def let_go(path: str) -> mujoco.MjModel:
     return spec.compile()
 
 
-def throw(model: mujoco.MjModel, data: mujoco.MjData, seed: int) -> None:
-    """Lift everything free above the floor, in a random attitude and turning."""
-    rng = np.random.default_rng(seed)
-    free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    for k, joint in enumerate(free):
-        place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-        attitude = rng.normal(size=4)
-        data.qpos[place + 2] = HEIGHT + k
-        data.qpos[place + 3 : place + 7] = attitude / np.linalg.norm(attitude)
-        data.qvel[dof + 3 : dof + 6] = 2.0 * rng.normal(size=3)
+def falling(name: str, model: mujoco.MjModel, seed: int) -> Scene:
+    """Throw everything free above the floor, in a random attitude and turning."""
+
+    def throw(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        rng = np.random.default_rng(seed)
+        free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+        for k, joint in enumerate(free):
+            place, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+            attitude = rng.normal(size=4)
+            data.qpos[place + 2] = HEIGHT + k
+            data.qpos[place + 3 : place + 7] = attitude / np.linalg.norm(attitude)
+            data.qvel[dof + 3 : dof + 6] = 2.0 * rng.normal(size=3)
+
+    return Scene(
+        name=name,
+        title=f"{name} thrown on the floor",
+        compiled=model,
+        duration=DURATION,
+        start=throw,
+        measure=lambda run: {"diverged": float(run.diverged)},
+        sample_interval=DURATION,
+        timesteps=TIMESTEPS,
+    )
 
 
-def fall(model: mujoco.MjModel, data: mujoco.MjData, step: Callable[[], object], seed: int) -> Fall:
-    """Let a robot fall."""
-    throw(model, data, seed)
-    result = Fall()
-    began = time.perf_counter()
-    for _ in range(round(DURATION / model.opt.timestep)):
-        try:
-            step()
-        except RuntimeError:
-            result.diverged = True
-            return result
-        if any(data.warning[kind].number for kind in BAD_STATE):
-            result.diverged = True
-            return result
-    result.seconds = time.perf_counter() - began
-    return result
+def robots() -> dict[str, mujoco.MjModel]:
+    """Return the models of all robots, let go of their bases."""
+    return {name: let_go(package_file(*file)) for name, file in FILES.items()}
+
+
+def fall(scene: Scene, setting: Setting, timestep: float) -> tuple[bool, float]:
+    """Return whether a fall diverged, and the processor time (s) of its steps."""
+    try:
+        run = record(scene, setting, timestep)
+    except (dashpot.DivergenceError, mujoco.FatalError):
+        return True, np.nan
+    return run.diverged, run.cpu
 
 
 def main() -> None:
@@ -98,29 +91,19 @@ def main() -> None:
         f"| robot | diverged of {len(SEEDS)}, dt {head} ms: dashpot | `mj_step` | times as long |"
     )
     print("|---|---|---|---|")
-    for name, (package, path) in FILES.items():
-        model = let_go(str(Path(package_file(package, path))))
-        ours, theirs, ratios = [], [], []
+    for name, model in robots().items():
+        counts: list[list[str]] = [[], []]
+        ratios = []
         for timestep in TIMESTEPS:
-            model.opt.timestep = timestep
-            engine = dashpot.Engine(model)
-            falls = []
-            for seed in SEEDS:
-                data, plain = engine.make_data(), mujoco.MjData(model)
-                falls.append(
-                    (
-                        fall(engine.model, data, lambda d=data, e=engine: e.step(d), seed),
-                        fall(model, plain, lambda m=model, p=plain: mujoco.mj_step(m, p), seed),
-                    )
-                )
-            ours.append(sum(a.diverged for a, _ in falls))
-            theirs.append(sum(b.diverged for _, b in falls))
-            ratios += [a.seconds / b.seconds for a, b in falls if not (a.diverged or b.diverged)]
-        print(
-            f"| {name} | {ours} | {theirs} | {np.median(ratios):.2f} |".replace("[", "").replace(
-                "]", ""
-            )
-        )
+            falls = [
+                [fall(falling(name, model, seed), s, timestep) for s in (DASHPOT, AS_SHIPPED)]
+                for seed in SEEDS
+            ]
+            for count, ends in zip(counts, zip(*falls, strict=True), strict=True):
+                count.append(str(sum(diverged for diverged, _ in ends)))
+            ratios += [ours[1] / own[1] for ours, own in falls if not (ours[0] or own[0])]
+        cells = " | ".join(", ".join(count) for count in counts)
+        print(f"| {name} | {cells} | {np.median(ratios):.2f} |", flush=True)
 
 
 if __name__ == "__main__":

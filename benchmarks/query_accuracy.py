@@ -17,7 +17,8 @@ where a witness point is that far outside its shape, or where the two points do 
 distance times normal. `search` is how far the search alone ends below the reference, at worst, in
 overlap, where nothing else proves that no direction is shorter (after eight times the samples where
 it stalls).
-python-fcl takes part where it is installed.
+python-fcl takes part where it is installed. MuJoCo takes part as shipped, with a tolerance of 1e-10
+and 200 iterations, and with these and libccd in place of its own algorithm.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ except ImportError:
     fcl = None
 
 CURVED = {"cylinder", "ellipsoid"}
+FINE = {"ccd_tolerance": 1e-10, "ccd_iterations": 200}
+MUJOCO = {"mujoco": {}, "mujoco fine": FINE, "mujoco libccd": FINE}  # options of its model
+NO_NATIVECCD = int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
 
 
 def make_model():
@@ -68,6 +72,7 @@ class Pair:
 
     def __init__(self, model, kind1, kind2, count, rng):
         self.model, self.data = model, mujoco.MjData(model)
+        self.shipped = model.opt.ccd_tolerance, model.opt.ccd_iterations
         mujoco.mj_forward(model, self.data)
         self.kinds = (kind1, kind2)
         second = kind2 + ("1" if kind2 == "hfield" else "2")
@@ -137,7 +142,12 @@ class Pair:
             found = dashpot.distance(self.model, self.data, *self.ids)
             spent = time.perf_counter() - start
             return found.distance, found.point1, found.point2, found.normal, spent
-        if library == "mujoco":
+        if library in MUJOCO:
+            option = self.model.opt
+            option.ccd_tolerance, option.ccd_iterations = self.shipped
+            for name, value in MUJOCO[library].items():
+                setattr(option, name, value)
+            option.disableflags = NO_NATIVECCD if library == "mujoco libccd" else 0
             segment = np.zeros(6)
             start = time.perf_counter()
             value = mujoco.mj_geomDistance(self.model, self.data, *self.ids, 10.0, segment)
@@ -218,10 +228,11 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--pair", nargs=2, metavar=("KIND1", "KIND2"), help="only this pair")
     arguments = parser.parse_args()
-    peers = ["mujoco"] + (["python-fcl"] if fcl else [])
+    peers = [*MUJOCO, *(["python-fcl"] if fcl else [])]
     columns = ["dashpot", *peers]
     print("| pair | " + " | ".join(f"{c} worst m, wrong, time" for c in columns) + " | search m |")
     print("|---" * (len(columns) + 2) + "|")
+    wrong = dict.fromkeys(columns, 0)
     for kind1, kind2 in [tuple(arguments.pair)] if arguments.pair else all_pairs():
         rng = np.random.default_rng(arguments.seed)
         pair = Pair(make_model(), kind1, kind2, arguments.count, rng)
@@ -231,6 +242,9 @@ def main():
             for r in map(results.get, columns)
         ]
         print(f"| {kind1}, {kind2} | " + " | ".join(cells) + f" | {alone:.0e} |", flush=True)
+        for library, found in results.items():
+            wrong[library] += found[1]
+    print("wrong: " + ", ".join(f"{library} {count}" for library, count in wrong.items()))
 
 
 if __name__ == "__main__":

@@ -60,7 +60,8 @@ class Run:
 class Scene:
     """One benchmark scene; see the module docstring.
 
-    `compiled` stands in place of `xml` where a model comes from files.
+    `compiled` stands in place of `xml` where a model comes from files. `direct_solref`, of all
+    geoms or a row for each, is the scene's stiffness and damping in MuJoCo's terms, per mass.
     """
 
     name: str
@@ -77,7 +78,7 @@ class Scene:
     kick_time: float = 0.0
     materials: Mapping[str, Material] = field(default_factory=dict)
     pair_materials: Mapping[tuple[str, str], Material] = field(default_factory=dict)
-    direct_solref: tuple[float, float] | None = None
+    direct_solref: Array | tuple[float, float] | None = None
     sample_interval: float | None = None
     penetration: bool = False
     timesteps: tuple[float, ...] = (0.001, 0.002, 0.005, 0.010)

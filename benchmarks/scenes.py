@@ -279,6 +279,10 @@ def stack(
     pairs = {}
     if stiffness is not None:
         pairs = {(a, b): Material(stiffness) for a, b in itertools.pairwise(names)}
+    # MuJoCo's is per inverse mass of the two bodies, and takes the larger of two geoms; critical.
+    inverse = [1 / masses[0], *(1 / a + 1 / b for a, b in itertools.pairwise(masses))]
+    inverse.insert(0, inverse[0])
+    direct = [(-stiffness * w, -2 * (stiffness * w) ** 0.5) for w in inverse] if stiffness else None
     loads = GRAVITY * np.cumsum(masses[::-1])[::-1]
     sags = loads / (4 * stiffness) if stiffness is not None else np.zeros(count)
 
@@ -303,6 +307,7 @@ def stack(
         xml=mjcf(bodies),
         duration=duration,
         pair_materials=pairs,
+        direct_solref=None if direct is None else np.array(direct),
         measure=measure,
         targets={"sag error": 5e-5, "tilt": 1e-4} if stiffness else {"tilt": 5e-3},
         units={"tilt": "m", "bottom sag": "m", "height loss": "m", "speed": "m/s"},

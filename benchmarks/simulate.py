@@ -36,17 +36,18 @@ BAD_STATE = (
 class Setting:
     """A way to step: dashpot, or MuJoCo with options set on `model.opt`.
 
-    `stiff`: contacts, limits and equalities have the smallest time constant that MuJoCo steps
-    stably, of two time steps. `hard`: they have MuJoCo's largest impedance at any overlap.
-    `direct`: contacts have the stiffness and damping that the scene states. `disable` adds flags
-    to `model.opt.disableflags`. `threads` share a step of dashpot's, and the islands of MuJoCo's,
+    `timeconst_steps`: contacts, limits and equalities have a time constant of as many time steps;
+    0 leaves the model's own, 2 is the smallest that MuJoCo steps stably. `hard`: they have MuJoCo's
+    largest impedance at any overlap. `direct`: contacts have the stiffness and damping that the
+    scene states. `disable` adds flags to `model.opt.disableflags`. `threads` share a step of
+    dashpot's, and the islands of MuJoCo's,
     which has a pool of those beside the calling one.
     """
 
     name: str
     dashpot: bool = False
     direct: bool = False
-    stiff: bool = False
+    timeconst_steps: float = 0.0
     hard: bool = False
     option: Mapping[str, Any] = field(default_factory=dict)
     disable: int = 0
@@ -65,9 +66,9 @@ class Setting:
         for name, value in self.option.items():
             setattr(model.opt, name, value)
         model.opt.disableflags |= self.disable
-        if self.stiff:
+        if self.timeconst_steps:
             for name in SOLREFS:
-                getattr(model, name)[:] = 2 * model.opt.timestep, 1.0
+                getattr(model, name)[:] = self.timeconst_steps * model.opt.timestep, 1.0
         if self.hard:
             for name in SOLIMPS:
                 getattr(model, name)[:, :2] = HARD_IMPEDANCE
@@ -83,7 +84,7 @@ MUJOCO = (
     Setting("mujoco default"),
     Setting("mujoco elliptic", option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC}),
     Setting("mujoco elliptic impratio 100", option=IMPRATIO_100),
-    Setting("mujoco stiff", stiff=True, option=IMPRATIO_100),
+    Setting("mujoco stiff", timeconst_steps=2.0, option=IMPRATIO_100),
     Setting(
         "mujoco elliptic noslip",
         option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "noslip_iterations": 20},
@@ -101,7 +102,7 @@ def prepare(
     model = scene.model(timestep)
     setting.apply(model)
     if setting.direct:
-        model.geom_solref[:] = scene.direct_solref
+        model.geom_solref[:] = (1 - DIRECT_IMPEDANCE) * np.asarray(scene.direct_solref)
         model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
     if setting.dashpot:
         engine = make_engine(scene, model, nthread=setting.threads)

@@ -15,22 +15,25 @@ and of these with the shortest solref that it resolves, two time steps, where th
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import copy
 
 import mujoco
 import numpy as np
 
-import dashpot
 from models import package_folder
+from scene import Scene
+from simulate import AS_SHIPPED, DASHPOT, Setting, measure
 
 ROBOTS = "a2 aliengo b2 go1 go2 hyqreal1 hyqreal2 pegasus spot"
 SECONDS = 3.0
+TIMESTEP = 0.002  # s
 RISE = 0.5  # s: stands, and then takes as long to come to full strides
 FREQUENCY = 2.0  # Hz
 KP, KD = 10.0, 0.25  # per kg of the robot: N m/rad, N m s/rad
 SUBSTEPS = 32
 STIFF = 0.0005  # s, time constant of solref
-NOSLIP = 10  # iterations
+ELLIPTIC = Setting("elliptic", option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "impratio": 100.0})
+GRIPPING = Setting("gripping", option={**ELLIPTIC.option, "noslip_iterations": 10})
 LEGS = 4  # front left, front right, rear left, rear right; abduction, hip and knee of each
 
 
@@ -69,47 +72,57 @@ def stride(time: float) -> np.ndarray:
     return offset.ravel()
 
 
-def trot(
-    model: mujoco.MjModel, data: mujoco.MjData, step: Callable[[], object], substeps: int = 1
-) -> float:
-    """Return the way (m) along the robot's first heading."""
-    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+def trotting(name: str, model: mujoco.MjModel, *, substeps: int = 1) -> Scene:
+    """Let a robot trot; the way (m) along its first heading.
+
+    Torques are set once in `substeps` steps.
+    """
     joint = model.actuator_trnid[:, 0]
     position, velocity = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-    home, start = data.qpos[position].copy(), data.qpos[0]
+    home = model.key("home").qpos[position].copy()
     mass = model.body_mass.sum()
     low, high = np.where(model.actuator_ctrllimited, model.actuator_ctrlrange.T, [[-1e9], [1e9]])
-    held = model.opt.timestep * substeps
-    for k in range(round(SECONDS / held)):
-        away = home + stride(k * held) - data.qpos[position]
-        data.ctrl[:] = np.clip(mass * (KP * away - KD * data.qvel[velocity]), low, high)
-        for _ in range(substeps):
-            step()
-    return float(data.qpos[0] - start)
+
+    def stand(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+
+    def drive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        step = round(data.time / model.opt.timestep)
+        if step % substeps == 0:
+            away = home + stride(step * model.opt.timestep) - data.qpos[position]
+            data.ctrl[:] = np.clip(mass * (KP * away - KD * data.qvel[velocity]), low, high)
+
+    return Scene(
+        name=name,
+        title=f"{name}, way of {SECONDS:g} s of trot",
+        compiled=model,
+        duration=SECONDS,
+        start=stand,
+        drive=drive,
+        measure=lambda run: {"way": float(run.qpos[-1, 0] - run.qpos[0, 0])},
+        units={"way": "m"},
+        sample_interval=SECONDS,
+        timesteps=(TIMESTEP,),
+    )
 
 
-def plain(model: mujoco.MjModel, substeps: int = 1) -> float:
-    """Return the way with mj_step."""
-    data = mujoco.MjData(model)
-    return trot(model, data, lambda: mujoco.mj_step(model, data), substeps)
+def way(model: mujoco.MjModel, setting: Setting, *, substeps: int = 1) -> float:
+    """Return the way (m) that a robot gets in the time step of its controller."""
+    scene = trotting("", model, substeps=substeps)
+    return measure(scene, setting, TIMESTEP / substeps)["way"]
 
 
-def gripping(model: mujoco.MjModel, *, noslip: int, timeconst: float | None) -> mujoco.MjModel:
-    """Return a copy with settings that slip less, and stiffer where the model sets no solref."""
-    copy = model.__copy__()
-    copy.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    copy.opt.impratio = 100.0
-    copy.opt.noslip_iterations = noslip
+def gripping(model: mujoco.MjModel, *, timeconst: float | None) -> mujoco.MjModel:
+    """Return a copy whose contacts are stiffer where the model sets no solref."""
+    stiffer = copy.copy(model)
     if timeconst is not None:
-        copy.geom_solref[is_default(copy)] = timeconst, 1.0
-    return copy
+        stiffer.geom_solref[is_default(stiffer)] = timeconst, 1.0
+    return stiffer
 
 
 def converged(model: mujoco.MjModel) -> float:
     """Return the way that rigid contacts give, by MuJoCo in short steps."""
-    fine = gripping(model, noslip=0, timeconst=STIFF)
-    fine.opt.timestep /= SUBSTEPS
-    return plain(fine, SUBSTEPS)
+    return way(gripping(model, timeconst=STIFF), ELLIPTIC, substeps=SUBSTEPS)
 
 
 def main() -> None:
@@ -121,14 +134,12 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for name in arguments.robot:
         model = load(name)
-        engine = dashpot.Engine(model)
-        data = engine.make_data()
         ways = (
             converged(model),
-            plain(model.__copy__()),
-            plain(gripping(model, noslip=NOSLIP, timeconst=None)),
-            plain(gripping(model, noslip=NOSLIP, timeconst=2.0 * model.opt.timestep)),
-            trot(engine.model, data, lambda e=engine, d=data: e.step(d)),
+            way(model, AS_SHIPPED),
+            way(model, GRIPPING),
+            way(gripping(model, timeconst=2.0 * TIMESTEP), GRIPPING),
+            way(model, DASHPOT),
         )
         print(f"| {name} | " + " | ".join(f"{way:.2f}" for way in ways) + " |", flush=True)
 
