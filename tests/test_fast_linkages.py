@@ -65,9 +65,11 @@ def test_a_crank_keeps_its_energy_through_its_dead_centres(timestep, speed):
     engine.step(data, nstep=round(5 / timestep))
     turns = (data.qpos[0] - 0.5) / (2 * np.pi)
     assert turns > 4
-    # Near a dead centre the crank goes three times as fast as between, and it turns by up to 0.9
-    # rad in a whole step. With rows that stood still there, it lost 2 to 20 % a turn.
-    assert engine.energy(data).kinetic > (1 - 0.015 * turns) * first
+    # Near a dead centre the crank goes three times as fast as between: steps are taken in parts in
+    # which it turns by 0.1 rad. At each of two a turn energy may be off by half the square of that,
+    # and 0.4 of it in the rest of the turn. With rows that stood still it lost 2 to 20 % a turn.
+    angle = min(3 * speed * timestep, 0.1)
+    assert engine.energy(data).kinetic > (1 - 1.4 * angle**2 * turns) * first
     assert engine.energy(data).kinetic < 1.001 * first
 
 
@@ -83,9 +85,9 @@ def test_a_crank_turns_as_its_one_degree_of_freedom(timestep):
         rtol=1e-8,
     ).y[0, -1]
     engine.step(data, nstep=round(1 / timestep))
-    # To second order in the 0.1 rad that rows turn in a part.
-    turned = exact - 0.5
-    assert data.qpos[0] == pytest.approx(exact, abs=max(0.01 * turned, 1e-3))
+    # To second order in what rows turn by in a part, 0.1 rad at most: a sixth of its square.
+    angle = min(3 * 10.0 * timestep, 0.1)
+    assert data.qpos[0] - 0.5 == pytest.approx(exact - 0.5, rel=angle**2 / 6)
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)
@@ -108,6 +110,7 @@ def test_a_fast_cam_keeps_its_energy(timestep):
     assert engine.energy(data).mechanical == pytest.approx(first, rel=0.015)
     # It turns fast at a few places only.
     assert np.mean(parts) < 1.2
+    assert (max(parts) > 1) == (timestep > 0.002)
 
 
 def test_a_slow_linkage_steps_whole():
@@ -221,19 +224,27 @@ def test_a_crank_on_a_carriage_turns_alike_however_fast_that_goes(timestep, rail
         parts.append(sum(engine.step(data).parts for _ in range(round(1 / timestep))))
         energies.append(energy_beside_translation(engine, data) / first)
     # By the energy of all, the crank turned slowly: whole steps were taken, where 14 % were lost.
+    # At 45 rad/s near a dead centre, more than 0.1 rad in 5 ms.
+    assert timestep < 0.005 or min(parts) > 1.1 / timestep
     assert parts[1] == pytest.approx(parts[0], rel=0.02)
     # The momentum, of 42 kg m/s, is right to second order in a turn of 0.1 rad, and with it what is
     # left to the crank, 5 J of 110.
     assert energies[1] == pytest.approx(energies[0], abs=0.08 if timestep == 0.005 else 0.017)
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.01])
+@pytest.mark.parametrize("timestep", [0.005, 0.01])
 def test_what_brakes_a_crank_at_a_dead_centre_leaves_its_carriage_alone(timestep):
     engine, data = crank_on_carriage(timestep, "across")
     data.qvel[0] += 5.0
+    mujoco.mj_forward(engine.model, data)
+    first, start = energy_beside_translation(engine, data), data.qpos[1]
     velocities = []
-    for _ in range(round(1 / timestep)):
+    for _ in range(round(3 / timestep)):
         engine.step(data)
         velocities.append(data.qvel[0])
+    turns = (data.qpos[1] - start) / (2 * np.pi)
+    # Half the square of the 0.1 rad that rows turn by in a part, at two dead centres a turn, and
+    # a quarter of it in the rest. Where nothing brakes or pushes, 1.4 and 2.1 % are lost a turn.
+    assert 1.005 > energy_beside_translation(engine, data) / first > 1 - 0.0125 * turns
     # Nothing acts along this rail. Braked as a whole, the carriage lost 0.015 m/s in a second.
     assert np.ptp(velocities) < 1e-12
