@@ -89,6 +89,13 @@ def test_a_taut_chain_of_free_links_gains_no_energy(timestep):
         # A hundredth of the weight times a link.
         assert energy.mechanical - start.mechanical <= 0.01 * count * mass * GRAVITY * length
         assert energy.total == pytest.approx(start.total, abs=1e-9)
+    # It hangs together still, between the walls: neighbours touch by a hundredth of a link.
+    ends = np.array([[1.0], [-1.0]]) * [[0.5 * length, 0.0, 0.0]]
+    links = [data.body(f"l{i}") for i in range(count)]
+    joints = [link.xpos + ends @ link.xmat.reshape(3, 3).T for link in links]
+    np.testing.assert_allclose([j[1] for j in joints[1:]], [j[0] for j in joints[:-1]], atol=6e-4)
+    np.testing.assert_allclose(joints[0][1], 0.0, atol=6e-4)
+    np.testing.assert_allclose(joints[-1][0], [count * length, 0.0, 0.0], atol=6e-4)
 
 
 class FourBar:
@@ -271,11 +278,16 @@ def test_mechanisms_that_equalities_hold_keep_their_energy(mechanism, integrator
     # The first steps end the velocities that the equalities do not allow.
     engine.step(data, nstep=100)
     start = engine.energy(data)
-    peak = start.kinetic
+    peak, probe = start.kinetic, mujoco.MjData(engine.model)
     for _ in range(50):
         engine.step(data, nstep=100)
         energy = engine.energy(data)
         peak = max(peak, energy.kinetic)
+        probe.qpos[:] = data.qpos
+        mujoco.mj_forward(engine.model, probe)
+        # m or rad: without its equality a mechanism keeps its energy too, but not its shape.
+        assert np.abs(probe.efc_pos[: probe.ne]).max() < 1e-4
+    assert probe.ne > 0
     assert peak > 0.1
     # Accelerations from the start of each step would add 1 % to 20 % in these 5 s.
     assert energy.mechanical == pytest.approx(start.mechanical, abs=1e-3 * peak)
