@@ -30,7 +30,7 @@ def carried(held_by: str, servo: bool, mass: float, integrator: str) -> dashpot.
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
-@pytest.mark.parametrize("turn", [0.1, 0.3, 0.6, 0.9, 1.2])
+@pytest.mark.parametrize("turn", [0.1, 0.6, 1.2])
 @pytest.mark.parametrize("servo", [False, True], ids=["spring", "servo"])
 @pytest.mark.parametrize("held_by", HELD_BY)
 def test_an_undamped_oscillation_keeps_its_amplitude(held_by, servo, turn, integrator):
@@ -47,6 +47,9 @@ def test_an_undamped_oscillation_keeps_its_amplitude(held_by, servo, turn, integ
     for _ in range(200):
         engine.step(data)
         most = max(most, abs(data.qpos[1]))
+        # What holds the carrier bears the weight; free, the mass would swing as far.
+        assert abs(data.qpos[0]) < 1e-5
+    assert data.qfrc_constraint[0] == pytest.approx(9.81 * engine.model.body_mass.sum(), rel=1e-6)
     largest = SPEED / omega / np.sqrt(1.0 - turn**2 / 4.0 if servo else 1.0)
     # Samples miss the turning point by at most turn / 2 of the phase. The first step, which nothing
     # is known before, and steps in which a jump of the drive cannot be told from its motion, give
@@ -95,6 +98,7 @@ def test_a_taut_chain_stays_as_calm_as_it_was(held_by, turn):
         for _ in range(round(1.0 / model.opt.timestep)):
             engine.step(data)
             speeds.append(np.abs(data.qvel[1:]).max())
+            assert abs(data.qpos[0]) < 1e-5  # held, so that the chain is taut
         fastest_turn.append(max(speeds))
     # Maxima over a second each, in which five modes come together by chance. What is fed by the
     # slow swing grows without bound.
