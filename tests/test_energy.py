@@ -163,11 +163,15 @@ def test_what_meets_corner_by_corner_gains_no_energy(first, second, stiffness):
         )
         energy = engine.energy(data)
         start = least = energy.kinetic
-        rise = 0.0
+        rise = most_stored = 0.0
         for _ in range(500):
             engine.step(data, nstep=10)
             energy = engine.energy(data)
+            most_stored = max(most_stored, energy.elastic)
             least = min(least, energy.kinetic + energy.elastic)
             rise = max(rise, energy.kinetic + energy.elastic - least)
+        # They met walls or each other, and are in the room still.
+        assert most_stored > 0.05 * start
+        assert np.abs(data.qpos.reshape(2, 7)[:, :3]).max() < r
         # Geometry is frozen over a step, and bodies turn by a hundredth of a radian in it.
         assert rise < 0.06 * start

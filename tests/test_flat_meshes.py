@@ -336,6 +336,9 @@ def test_prisms_that_fall_gain_no_energy(timestep):
         # What recovery lifts out of overlaps, at 0.1 m/s, is below the energy of a body at 0.1 m/s.
         assert now < highest + 0.5 * MASS * 0.1**2
         highest = min(highest, now)
+    # They have fallen on the floor, and lie there.
+    assert energy.kinetic < 0.1 * first.kinetic
+    assert data.xpos[1:, 2].min() > 0.9 * HALF
 
 
 def test_pairs_keep_their_contacts_together():
