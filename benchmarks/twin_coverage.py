@@ -81,7 +81,7 @@ def main() -> None:
     table.add_column("identified", justify="right")
     table.add_column("truth inside", justify="right")
     for name, inside in identified.items():
-        share = f"{sum(inside)} ({sum(inside) / max(1, len(inside)):.0%})"
+        share = f"{sum(inside)} ({sum(inside) / max(1, len(inside)):.1%})"
         table.add_row(name, str(len(inside)), share)
     console.print(table)
     console.print(
