@@ -148,9 +148,9 @@ def mechanism(name: str, *, duration: float = 12.0) -> Scene:
     )
 
 
-def mechanisms() -> list[Scene]:
+def mechanisms(*, duration: float = 12.0) -> list[Scene]:
     """Return the mechanisms that equalities hold."""
-    return [mechanism(name) for name in MECHANISMS]
+    return [mechanism(name, duration=duration) for name in MECHANISMS]
 
 
 def main() -> None:

@@ -6,9 +6,9 @@
     python benchmarks/tune.py --grid FILE                 # by default tuning.toml, which says all
     python benchmarks/tune.py --show tuned.json           # print the tables again
 
-Every combination of the grid's first part is tried at the largest time step of a row, then changes
-of the best one at a time. The best of all these that do not fail are measured at every time step;
-the row's number is the worst of these, and the setting with the least is MuJoCo tuned for the row.
+Every combination of the grid's first part is tried in a short form of a row, then changes of the
+best one at a time. The best of all these that do not fail are measured in full; the row's number is
+the worst of its time steps, and the setting with the least is MuJoCo tuned for the row.
 The best one for all rows is that of the first part with the least mean rank over all rows, ranked
 again at every time step. dashpot has one configuration throughout: its defaults.
 
@@ -34,7 +34,7 @@ import numpy as np
 from rich.console import Console
 
 from simulate import AS_SHIPPED, DASHPOT, INTEGRATORS, Setting
-from tuned_rows import FAILED, Outcome, Row, rows
+from tuned_rows import Row, rows
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -116,9 +116,9 @@ def combinations(screen: dict[str, list[Any]]) -> list[Choice]:
     ]
 
 
-def best_of(tries: Iterable[tuple[Choice, Outcome]], count: int) -> list[Choice]:
+def best_of(tries: Iterable[tuple[Choice, float]], count: int) -> list[Choice]:
     """Return the choices with the least numbers, of like ones those that the grid names first."""
-    return [c for c, _ in sorted(tries, key=lambda entry: two_digits(entry[1].error))[:count]]
+    return [choice for choice, _ in sorted(tries, key=lambda t: two_digits(t[1]))[:count]]
 
 
 def two_digits(value: float) -> float:
@@ -128,15 +128,14 @@ def two_digits(value: float) -> float:
 
 def search(row: Row, grid: dict[str, Any]) -> dict[str, Any]:
     """Return the best setting of a row and its outcomes, and the numbers of the first part."""
-    largest = row.timesteps[-1]
 
-    def outcome_of(choice: Choice) -> Outcome:
+    def attempt(choices: Iterable[Choice]) -> list[tuple[Choice, float]]:
+        return [(choice, screened(choice)) for choice in choices]
+
+    def screened(choice: Choice) -> float:
         if choice["contact"] == "direct" and not row.direct:
-            return FAILED
-        return row.screen(setting_of(choice), largest)
-
-    def attempt(choices: Iterable[Choice]) -> list[tuple[Choice, Outcome]]:
-        return [(choice, outcome_of(choice)) for choice in choices]
+            return inf
+        return row.screened(setting_of(choice))
 
     first = attempt(combinations(grid["screen"]))
     tries = list(first)
@@ -159,7 +158,7 @@ def search(row: Row, grid: dict[str, Any]) -> dict[str, Any]:
         "unit": row.unit,
         "timesteps": row.timesteps,
         "tries": len(tries),
-        "first": [outcome.error for _, outcome in first],
+        "first": [number for _, number in first],
         "tuned": {"choice": choice, "numbers": numbers},
         "as shipped": {"numbers": at_all_steps(row, AS_SHIPPED)},
         "dashpot": {"numbers": at_all_steps(row, DASHPOT)},

@@ -44,7 +44,8 @@ def test_a_setting_that_fails_at_a_smaller_step_is_not_chosen():
         rk4 = setting.option.get("integrator") == INTEGRATORS["RK4"]
         return Outcome((inf if timestep < 0.005 else 0.0) if rk4 else 1.0)
 
-    row = Row("row", "", "", (0.001, 0.005), fails_when_fine, fails_when_fine)
+    steps = (0.001, 0.005)
+    row = Row("row", "", "", steps, fails_when_fine, fails_when_fine, screen_timesteps=(0.005,))
     assert search(row, GRID)["tuned"]["numbers"] == [1.0, 1.0]
 
 
