@@ -52,6 +52,24 @@ def test_dry_friction_of_light_fingers_costs_no_microsteps(friction):
     assert stats.microsteps == 13 * 3  # those of the hit that it starts with
 
 
+@pytest.mark.parametrize("dt", [0.001, 0.005])
+def test_dry_friction_of_a_joint_and_of_its_tendon_add_up(dt: float) -> None:
+    """10 N of the joint and, by a coefficient of 2, 8 N of a tendon hold up to 18 N."""
+    model = mujoco.MjModel.from_xml_string(f"""<mujoco>
+      <option timestep="{dt}" gravity="0 0 0"/><worldbody><body>
+      <joint name="held" type="slide" axis="1 0 0" frictionloss="10"/>
+      <geom size=".02" mass="2"/></body></worldbody>
+      <tendon><fixed frictionloss="4"><joint joint="held" coef="2"/></fixed></tendon>
+      <actuator><motor joint="held"/></actuator></mujoco>""")
+    engine = dashpot.Engine(model)
+    for push, speed in ((17.8, 0.0), (20.0, 0.5)):
+        data = engine.make_data()
+        data.ctrl[0] = push
+        engine.step(data, nstep=round(0.5 / dt))
+        # Of 2 kg; it slides once the springs of both are loaded, in a part of a step.
+        assert data.qvel[0] == pytest.approx(speed, abs=0.1 * dt if speed else 1e-9)
+
+
 def pressed_balls(tendon_friction: float | None) -> float:
     """Return the compression (m) of a ball pressed by 150 N against one that friction holds."""
     tendon = ""
@@ -72,7 +90,7 @@ def pressed_balls(tendon_friction: float | None) -> float:
     return engine.step(data).max_compression
 
 
-def test_dry_friction_of_a_joint_and_of_its_tendon_add_up() -> None:
+def test_a_tendon_beside_it_leaves_the_stiffness_at_a_joint_with_dry_friction() -> None:
     """The friction of a tendon took the place of the joint's: 0.28 mm instead of 0.02."""
     alone = pressed_balls(None)
     for tendon_friction in (1e-3, 1.0):
