@@ -50,10 +50,14 @@ def test_ball_rolls_over_tiles_that_are_not_quite_level(radius, speed, timestep)
     )
     data = engine.make_data()
     data.qvel[[0, 4]] = speed, speed / radius
-    top = 0.0
+    top = lowest = 0.0
     for _ in range(round(10 * TILE / speed / timestep)):
         engine.step(data)
         top = max(top, data.qpos[2] - radius)
+        lowest = min(lowest, data.qpos[2] - radius)
+    # It is on the tiles still: without them it would be 0.3 m below at the least. What it lands
+    # with, 0.15 m/s, takes it in by that times a step at the most.
+    assert lowest > -UNEVEN - 0.15 * timestep
     # A hop may begin in another; steps of 0.2 ms hop by 1.2 of one.
     assert top < 2.5 * hop_over(heights, speed=speed, radius=radius)
     # Every edge takes the speed normal to it, 2 h / r of its square; tiles are 2 h = 20 um apart.
@@ -76,10 +80,13 @@ def test_wheel_of_a_vehicle_rolls_over_tiles_that_are_not_quite_level(wheel, tim
     )
     data = engine.make_data()
     data.qvel[[0, 2]] = speed, speed / radius
-    top = 0.0
+    top = lowest = 0.0
     for _ in range(round(57 * 0.05 / speed / timestep)):
         engine.step(data)
         top = max(top, data.qpos[1])
+        lowest = min(lowest, data.qpos[1])
+    # It is on the tiles still, as the ball above.
+    assert lowest > -2.0 * UNEVEN - 0.15 * timestep
     assert top < 2.5 * hop_over(heights, speed=speed, radius=radius)
 
 
@@ -171,10 +178,14 @@ def valley(facet, *, radius=1.0, half_angle=0.8):
     return boxes, kink
 
 
+def start_in_valley(kink):
+    """Angle of the middle of a facet, and the distance of a ball on it from the axis."""
+    return 0.68 // kink * kink + 0.5 * kink, np.cos(kink / 2) - 0.03
+
+
 def height_regained(facet, *, timestep):
     boxes, kink = valley(facet)
-    angle = 0.68 // kink * kink + 0.5 * kink  # above the middle of a facet
-    centre = np.cos(kink / 2) - 0.03
+    angle, centre = start_in_valley(kink)
     engine = engine_of(
         f'{boxes}<body pos="{centre * np.sin(angle)} 0 {1 - centre * np.cos(angle)}"><freejoint/>'
         '<geom size="0.03" mass="1"/></body>',
@@ -189,20 +200,38 @@ def height_regained(facet, *, timestep):
     return (max(heights[lowest:]) - heights[lowest]) / (heights[0] - heights[lowest])
 
 
+def height_left_by_kinks(facet):
+    """Share of the height: at a kink the spin about the new point stays, (2/5 + cos) / (7/5)."""
+    kink = valley(facet)[1]
+    angle, centre = start_in_valley(kink)
+    keeps = ((np.cos(kink) + 0.4) / 1.4) ** 2
+
+    def height_at(number):
+        return 1.0 - np.cos(number * kink) * (1.0 - 0.03 / np.cos(kink / 2))
+
+    first = total = 1.0 - centre * np.cos(angle)
+    number = round(angle / kink - 0.5)
+    while total > height_at(number):
+        total = height_at(number) + keeps * (total - height_at(number))
+        number -= 1
+    return (total - height_at(0)) / (first - height_at(0))
+
+
 @pytest.mark.parametrize(
     ("facet", "timestep", "tolerance"),
     [
-        # Several steps on every facet: what is left is where in a step it comes to the next.
-        (0.05, 0.001, 0.003),
-        (0.05, 0.002, 0.003),
-        (0.05, 0.005, 0.003),
-        (0.02, 0.002, 0.01),
-        # Two to four facets in every three steps.
-        (0.02, 0.005, 0.04),
-        (0.005, 0.001, 0.02),
-        (0.005, 0.002, 0.05),
+        # Several steps on every facet: what is left is where in a step it comes to the next, of
+        # losses of 3.1 and 1.3 %.
+        (0.05, 0.001, 1e-3),
+        (0.05, 0.002, 1e-3),
+        (0.05, 0.005, 1e-3),
+        (0.02, 0.002, 1e-3),
+        (0.02, 0.005, 1e-3),
+        # One or two facets a step, of which some are met late: 1 % more is lost.
+        (0.005, 0.001, 0.01),
+        (0.005, 0.002, 0.01),
     ],
 )
 def test_ball_regains_its_height_in_a_valley_of_boxes(facet, timestep, tolerance):
-    converged = height_regained(facet, timestep=2e-4)
-    assert height_regained(facet, timestep=timestep) == pytest.approx(converged, abs=tolerance)
+    left = height_left_by_kinks(facet)
+    assert height_regained(facet, timestep=timestep) == pytest.approx(left, abs=tolerance)
