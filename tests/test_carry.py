@@ -42,14 +42,18 @@ def test_a_swung_object_stays_in_its_place(shape, timestep):
     assert drift.max() < 1e-4
 
 
-@pytest.mark.parametrize("grip", [0.985, 0.99, 0.995, 1.005, 1.01, 1.015])
-def test_a_box_as_wide_as_the_fingers_stays_whatever_the_grip(monkeypatch, grip):
+def test_a_box_as_wide_as_the_fingers_stays_whatever_the_grip(monkeypatch):
     """Edges of fingers and box cross where a hair of turn has it, and bear nothing there.
 
     A box with other widths drifts as far whatever the grip; this one went up to three times as far.
     """
-    monkeypatch.setattr(benchmark, "GRIP", grip * benchmark.GRIP)
-    assert drifts(carried("box", 0.005), duration=10.0, peer=False).max() < 7e-5
+    grip, drift = benchmark.GRIP, []
+    for part in (0.985, 0.99, 0.995, 1.005, 1.01, 1.015):
+        monkeypatch.setattr(benchmark, "GRIP", part * grip)
+        drift.append(drifts(carried("box", 0.005), duration=10.0, peer=False).max())
+    # It is that of the elastic springs and of the geometry of a step, which do not slip: by the
+    # grip they change by less than that does.
+    assert max(drift) < 1.03 * min(drift)
 
 
 @pytest.mark.parametrize("tray", TRAYS)
