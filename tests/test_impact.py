@@ -186,6 +186,7 @@ def test_a_struck_body_does_not_pass_what_lies_behind_it():
         engine.step(data)
         assert data.qpos[2] > 0.0
         assert data.qpos[9] > data.qpos[2]
+    assert abs(data.qvel[2]) > 1.0  # it was struck
 
 
 @pytest.mark.parametrize("other", [0.45, 0.51])
@@ -235,6 +236,7 @@ def test_a_struck_body_hits_what_it_had_been_proven_apart_from(seed):
     for _ in range(4):
         engine.step(data)
         assert data.qpos[[2, 9]].min() > 0.0
+    assert abs(data.qvel[2]) > 1.0  # it was struck
 
 
 @pytest.mark.parametrize("seed", [0, 2, 15])
