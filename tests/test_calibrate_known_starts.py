@@ -198,6 +198,6 @@ def test_files_say_how_well_a_start_is_known(tmp_path):
     file = tmp_path / "throw.npz"
     kept = {name: getattr(make_trajectory(), name) for name in ("time", "position", "quaternion")}
     np.savez(file, **kept, **START, initial_qpos_sigma=0.0, initial_qvel_sigma=np.full(6, 0.1))
-    trajectory = Trajectory("throw", bodies="body", **read_npz(file, ["body"]))
+    trajectory = Trajectory("throw", bodies="body", **read_npz(file, ["body"], ball_engine().model))
     assert trajectory.initial_qpos_sigma == 0.0
     assert trajectory.initial_qvel_sigma.tolist() == [0.1] * 6

@@ -117,6 +117,30 @@ def test_reader_refuses_pickles_that_make_no_sense(tmp_path, content):
         read_tensor(path)
 
 
+@pytest.mark.parametrize("container", ["archive", "legacy"])
+@pytest.mark.parametrize("nested", [b")" + b"\x85" * 100_000, b"]" + b"]a" * 100_000])
+def test_reader_refuses_what_nests_deeper_than_a_tensor(tmp_path, container, nested):
+    """A tuple that is a million deep ends the interpreter where it is hashed, compared or shown."""
+    pickled = b"\x80\x02}" + nested + b"Ns."
+    file = tmp_path / "deep.pt"
+    if container == "archive":
+        write_archive(file, np.zeros(3), pickled)
+    else:
+        file.write_bytes(pickled)
+    with pytest.raises(ValueError, match=r"deep\.pt.*no end within 200 operations"):
+        read_tensor(file)
+
+
+def test_reader_refuses_compressed_archives(tmp_path):
+    """They unpack to more than the file has."""
+    path = tmp_path / "tensor.pt"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("tensor/data.pkl", tensor_pickle(np.zeros(3), "0", legacy=False))
+        archive.writestr("tensor/data/0", bytes(24))
+    with pytest.raises(ValueError, match="the archive is compressed"):
+        read_tensor(path)
+
+
 def test_reader_refuses_damaged_compression(tmp_path):
     path = tmp_path / "tensor.pt"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -34,6 +34,7 @@ _FIT_OPTIONS = (
     "confidence",
     "seed",
 )
+_MAX_BYTES = 10_000_000
 _PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference")
 _PARAMETER_KINDS = {
     "material": ("geoms", "quantity"),
@@ -66,16 +67,18 @@ def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]
 
 
 def _parse(file: Path) -> dict[str, Any]:
-    text = file.read_text(encoding="utf-8")
-    if file.suffix == ".toml":
-        table: dict[str, Any] = tomllib.loads(text)
-        return table
-    if file.suffix == ".json":
-        content = json.loads(text)
-        if not isinstance(content, dict):
-            raise ValueError("the file holds no table of keys")
-        return content
-    raise ValueError(f"a problem file ends in .toml or .json, not {file.suffix!r}")
+    parsers = {".toml": tomllib.loads, ".json": json.loads}
+    if file.suffix not in parsers:
+        raise ValueError(f"a problem file ends in .toml or .json, not {file.suffix!r}")
+    if file.stat().st_size > _MAX_BYTES:
+        raise ValueError(f"a problem file has at most {_MAX_BYTES} bytes")
+    try:
+        content = parsers[file.suffix](file.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError("its tables are nested too deeply") from None
+    if not isinstance(content, dict):
+        raise ValueError("the file holds no table of keys")
+    return content
 
 
 def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[str, Any]]:
@@ -100,7 +103,7 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
             for index, entry in enumerate(_typed("parameters", content["parameters"], list))
         ],
         [
-            _trajectory(f"trajectories[{index}]", entry, folder)
+            _trajectory(f"trajectories[{index}]", entry, folder, engine.model)
             for index, entry in enumerate(_typed("trajectories", content["trajectories"], list))
         ],
         _typed("position_sigma", content["position_sigma"], (int, float, list)),
@@ -142,7 +145,7 @@ def _parameter(label: str, entry: Any) -> Parameter:
         raise ValueError(f"{label}: {error}") from error
 
 
-def _trajectory(label: str, entry: Any, folder: Path) -> Trajectory:
+def _trajectory(label: str, entry: Any, folder: Path, model: mujoco.MjModel) -> Trajectory:
     check_keys(label, _typed(label, entry, dict), ("file",), ("name", "bodies"))
     file = folder / _typed(f"{label}.file", entry["file"], str)
     bodies = _names(f"{label}.bodies", entry.get("bodies", []))
@@ -150,7 +153,8 @@ def _trajectory(label: str, entry: Any, folder: Path) -> Trajectory:
         raise FileNotFoundError(f"{label}: no file {file}")
     name = str(entry.get("name", file.stem))
     try:
-        arrays = read_csv(file, bodies) if file.suffix == ".csv" else read_npz(file, bodies)
+        table = file.suffix == ".csv"
+        arrays = read_csv(file, bodies) if table else read_npz(file, bodies, model)
         if not bodies:
             return Trajectory.of_sensors(name, **arrays)
     except (KeyError, OSError, ValueError) as error:

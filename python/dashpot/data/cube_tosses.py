@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.checks import number_array
+from dashpot.data.archive import ArrayArchive
 
 FILE_NAME = "cube_tosses_public.npz"
 _FOLDER = "cube_tosses"
@@ -35,6 +36,9 @@ _POSITION_LIMIT = 2.0
 _VELOCITY_LIMIT = 10.0
 _ANGULAR_VELOCITY_LIMIT = 100.0
 _QUATERNION_TOLERANCE = 1e-6
+
+_ROWS = ("pos", "quat_wxyz", "vel", "omega_body")
+_CONSTANTS = ("dt", "mass", "inertia", "half_width", "gravity", "mu_repo", "restitution_repo")
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,14 +260,14 @@ def load_cube_tosses(path: str | os.PathLike[str] | None = None) -> CubeTosses:
     """
     file = find_cube_tosses(path)
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            content = {key: archive[key] for key in archive.files}
-        offsets = content["offsets"].astype(np.int64)
-        ids = content["ids"].astype(np.int64)
-        rows = [content[key] for key in ("pos", "quat_wxyz", "vel", "omega_body")]
-        names = ("mass", "inertia", "half_width", "gravity", "mu_repo", "restitution_repo")
-        timestep, *constants = (float(content[key]) for key in ("dt", *names))
-    except (KeyError, ValueError, TypeError, OSError, EOFError) as error:
+        with ArrayArchive(file) as archive:
+            content = {key: archive.read(key) for key in (*_ROWS, *_CONSTANTS, "ids", "offsets")}
+        offsets, ids = (content[key].astype(np.int64) for key in ("offsets", "ids"))
+        rows = [content[key] for key in _ROWS]
+        timestep, *constants = (float(content[key]) for key in _CONSTANTS)
+        if offsets.ndim != 1 or ids.ndim != 1 or not ids.size:
+            raise ValueError("ids and offsets must be rows of numbers")
+    except (KeyError, ValueError, TypeError) as error:
         raise ValueError(f"{file}: not a file of cube tosses: {error}") from error
     if (
         offsets.shape != (len(ids) + 1,)
