@@ -33,7 +33,8 @@ def throws(
 ) -> np.ndarray:
     """Return what every throw gained (THROWS, 2): mechanical energy, and the ledger's total.
 
-    Both over the energy above that at rest on the floor, after some three hits.
+    Both over the energy above that at rest on the floor, after some three hits. Without friction
+    these leave the velocity along the floor as it is.
     """
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="{timestep}"/><worldbody>
@@ -51,9 +52,11 @@ def throws(
         data.qpos[3:7] = random_quat(rng)
         data.qvel[:3] = rng.normal(size=3) * 0.5 - (0.0, 0.0, 1.0)
         data.qvel[3:] = 3.0 * rng.normal(size=3)
-        start = engine.energy(data)
+        start, along = engine.energy(data), data.qvel[:2].copy()
         engine.step(data, nstep=round(0.45 / timestep))
         end = engine.energy(data)
+        if floor == PLANE:
+            np.testing.assert_allclose(data.qvel[:2], along, atol=1e-12)
         fall = start.mechanical - 9.81 * 0.04
         gains.append([(end.mechanical - start.mechanical) / fall, (end.total - start.total) / fall])
     return np.array(gains)
@@ -65,14 +68,17 @@ def throws(
 def test_no_elastic_hit_loses_energy(shape, timestep, material):
     """One in ten lost up to two thirds: springs lost what they stored where a step ended in a hit.
 
-    Spins reach 40 rad/s after the first hit. Rows that are frozen over a hit of a fifth of a step
-    are off by the turn in it, 0.016 rad at 2 ms, both ways; twice that is left at most, and a fifth
-    of it on the average.
+    Spins reach 40 rad/s after the first hit. A rigid one lasts a fifth of a step, of 1e7 N/m half a
+    millisecond.
     """
     gains = throws(shape, timestep, material)
-    assert np.abs(gains[:, 0]).max() < 0.03
-    assert np.abs(gains[:, 0]).mean() < 0.006
-    assert np.abs(gains[:, 1]).max() < 1e-4  # what bodies lack of the work of rows is booked
+    # Rows are frozen over a hit: by the turn in it they are off, and a quarter more after two hits,
+    # by a fifth of that on the average.
+    turn = 40.0 * (0.2 * timestep if material is RIGID else 5e-4)
+    assert np.abs(gains[:, 0]).max() < 1.25 * turn
+    assert np.abs(gains[:, 0]).mean() < 0.25 * turn
+    # What bodies lack of the work of rows is booked, up to rounding.
+    assert np.abs(gains[:, 1]).max() < 1e-10
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
@@ -83,13 +89,14 @@ def test_tiles_beside_the_one_that_is_hit_take_no_energy(shape, timestep):
     On seams, within millimetres, other points or sides of edges touch first, and some are lost.
     """
     gains = np.abs(throws(shape, timestep, RIGID, TILES)[:, 0])
-    assert np.quantile(gains, 0.8) < 0.018
+    # Half of what the turn in a hit of 2 ms leaves at most.
+    assert np.quantile(gains, 0.8) < 0.01
 
 
 def test_the_error_of_elastic_hits_falls_with_the_step():
     """Steps ten times as short, the turn in a hit is a tenth."""
     coarse, fine = (np.abs(throws("brick", h, RIGID)[:, 0]).mean() for h in (0.005, 0.0005))
-    assert fine < 0.2 * coarse
+    assert fine < 0.1 * coarse
 
 
 @pytest.mark.parametrize("impact", ["none", "cut"])
@@ -161,9 +168,11 @@ def test_soft_hits_whose_points_jump_give_no_energy(edge, timestep):
     """Cylinders thrown at an edge, which they touch with one corner, then with another.
 
     A hit of 6 to 12 ms. The next corner is a millimetre deep where it begins; to push that out
-    against the force of the hit added up to 0.57 of the energy.
+    against the force of the hit added up to 0.57 of the energy. A jump may still cost much: it left
+    0.76 at 1 ms once.
     """
     random = np.random.default_rng(9)
+    left = []
     stiffness, speed, mass = 1e4, 0.5, 0.2
     for _ in range(40):
         attitude, beside, spin = (
@@ -184,5 +193,7 @@ def test_soft_hits_whose_points_jump_give_no_energy(edge, timestep):
         data.qvel[0], data.qvel[3:] = -speed, spin
         start = engine.energy(data).kinetic
         engine.step(data, nstep=round(0.5 / timestep))
-        # Geometry frozen over a step is of second order: a step is up to a third of a hit.
-        assert engine.energy(data).kinetic < (1.02 if timestep > 0.002 else 1.005) * start
+        left.append(engine.energy(data).kinetic / start)
+    # Geometry frozen over a step is of second order, of omega H = 450 H: half a period is 7 ms.
+    assert max(left) < 1.002
+    assert np.quantile(left, 0.1) > 1.0 - 0.01 * (450.0 * timestep) ** 2
