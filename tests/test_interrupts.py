@@ -65,12 +65,13 @@ def test_rollouts_end_and_the_next_ones_are_as_ever(engine, nbatch, nthread):
 def test_other_signals_are_handled_while_rollouts_go_on(engine):
     state = full_physics(engine)
     handled = []
-    nstep = 40_000
+    nstep = 100_000
     started = time.monotonic()
     with interrupted(lambda *_: handled.append(time.monotonic() - started), after=0.02):
         found, _ = dashpot.rollout(engine, state, nstep=nstep, nthread=1)
     took = time.monotonic() - started
-    assert handled[0] < took
+    # Python handles what nothing looked for as soon as the rollout has ended.
+    assert handled[0] < 0.5 * took
     assert found[0, -1, 0] == pytest.approx(nstep * engine.model.opt.timestep)
 
 
