@@ -8,11 +8,12 @@ import pytest
 
 from dashpot import Engine
 
-WIDTH, PLAY, FRICTION, PUSH = 0.15, 0.0005, 0.5, 20.0
+LENGTH, WIDTH, PLAY, MASS = 0.2, 0.15, 0.0005, 2.0  # half of it, half of it, m; kg
+FRICTION, PUSH = 0.5, 20.0
 
 
-def jammed_after(timestep: float, off_middle: float) -> float:
-    """Return how far (m) a drawer of 2 kg goes that is pushed from rest for half a second."""
+def pushed(timestep: float, off_middle: float) -> tuple[Engine, mujoco.MjData]:
+    """Return a drawer after half a second of a push from rest."""
     guide = f'type="box" size="1 .02 .1" friction="{FRICTION}"'
     beside = WIDTH + PLAY + 0.02
     engine = Engine(
@@ -21,13 +22,20 @@ def jammed_after(timestep: float, off_middle: float) -> float:
             <geom {guide} pos="0 {beside} 0"/><geom {guide} pos="0 {-beside} 0"/>
             <body><joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
               <joint axis="0 0 1"/>
-              <geom type="box" size=".2 {WIDTH} .05" mass="2" friction="{FRICTION}"/></body>
+              <geom type="box" size="{LENGTH} {WIDTH} .05" mass="{MASS}" friction="{FRICTION}"/>
+            </body>
             </worldbody></mujoco>"""
         )
     )
     data = engine.make_data()
     data.qfrc_applied[:] = PUSH, 0.0, -PUSH * off_middle
     engine.step(data, nstep=round(0.5 / timestep))
+    return engine, data
+
+
+def jammed_after(timestep: float, off_middle: float) -> float:
+    """Return how far (m) a drawer goes until it jams."""
+    _, data = pushed(timestep, off_middle)
     assert abs(data.qvel[0]) < 1e-6
     return float(data.qpos[0])
 
@@ -47,3 +55,18 @@ def test_a_drawer_jams_about_as_soon_as_at_short_steps(off_middle, timestep) -> 
     at longer steps.
     """
     assert mean_way(timestep, off_middle) < 1.4 * mean_way(0.00025, off_middle)
+
+
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+def test_a_drawer_that_is_pushed_nearer_to_its_middle_slides(timestep) -> None:
+    """Two corners, 2 l apart along the way, are pressed with F e / 2 l each.
+
+    It jams where their friction is more than the push: at e = l / mu, from 0.4 m on.
+    """
+    off_middle = 0.35
+    engine, data = pushed(timestep, off_middle)
+    before = data.qvel[0]
+    engine.step(data, nstep=round(0.1 / timestep))
+    lever = LENGTH - WIDTH * PLAY / LENGTH  # as it tilts by its play
+    gained = (PUSH - FRICTION * PUSH * off_middle / lever) / MASS * 0.1
+    assert data.qvel[0] - before == pytest.approx(gained, rel=1e-3)
