@@ -7,6 +7,7 @@ together share the normal force in proportions that have closed forms too.
 import mujoco
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import dashpot
 from scene import GRAVITY, free_body, mjcf
@@ -70,6 +71,9 @@ def test_a_disc_that_slides_as_it_spins_lies_flat(timestep):
     for _ in range(round(0.1 / timestep)):
         engine.step(data)
         assert np.abs(data.qvel[3:5]).max() < 1e-6
+    # It slips all the time, at its rim: mu r m g of its moment m r^2 / 2.
+    slowed = 0.3 * GRAVITY / (0.5 * RADIUS) * 0.1
+    assert data.qvel[5] == pytest.approx(20.0 - slowed, rel=TENTH_PERCENT)
 
 
 @pytest.mark.parametrize("dimensions", [3, 4])
@@ -103,6 +107,19 @@ def rolling_out(sliding, rolling, inertia):
     return q * moment / MASS, moment * (1 - q * RADIUS) / inertia, RADIUS + q * e
 
 
+def rolling_down(tangent, sliding, rolling, inertia):
+    """Return the acceleration down a slope: as rolling_out, with m v' = m g tan - F."""
+
+    def excess(q):
+        moment = MASS * GRAVITY / np.hypot(q / sliding, 1 / rolling)
+        turning = moment * (q * RADIUS - 1) / inertia
+        lever = RADIUS + q * (rolling / sliding) ** 2
+        return GRAVITY * tangent - q * moment / MASS - lever * turning
+
+    q = brentq(excess, 0.0, 1 / rolling)
+    return GRAVITY * tangent - q * MASS * GRAVITY / np.hypot(q / sliding, 1 / rolling) / MASS
+
+
 @pytest.mark.parametrize("rolling", [1e-3, 1e-2])
 @pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_rolling_friction_stops_a_rolling_sphere(timestep, rolling):
@@ -128,9 +145,16 @@ def test_rolling_friction_holds_a_ball_on_a_slope(timestep):
         engine, data = engine_of(SPHERE, (1.0, 0.005, 0.05 * RADIUS), 6, timestep)
         engine.model.opt.gravity[:] = GRAVITY * np.array([tangent, 0.0, -1.0])
         engine.step(data, nstep=round(3.0 / timestep))
-        before = data.qpos[0]
+        before, speed = data.qpos[0], data.qvel[0]
         engine.step(data, nstep=round(10.0 / timestep))
-        assert (data.qpos[0] - before > 1.0) if rolls else (abs(data.qpos[0] - before) < 1e-9)
+        if not rolls:
+            assert abs(data.qpos[0] - before) < 1e-9
+            continue
+        gained = (data.qvel[0] - speed) / (round(10.0 / timestep) * timestep)
+        expected = rolling_down(tangent, 1.0, 0.05 * RADIUS, 0.4 * MASS * RADIUS**2)
+        assert gained == pytest.approx(expected, rel=1e-3)
+        # Without creep it would be the textbook's 5/7 g (tan - mu_r / r).
+        assert expected == pytest.approx(5 / 7 * GRAVITY * (tangent - 0.05), rel=0.01)
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)
