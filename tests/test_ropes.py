@@ -43,11 +43,15 @@ def velocity_of_centre(model, data):
     return data.subtree_linvel[model.body("link0").id].copy()
 
 
-@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("links", [12, 24])
+@pytest.mark.parametrize(
+    ("links", "timestep"), [(24, 0.001), (24, 0.002), (24, 0.005), (12, 0.005)]
+)
 @pytest.mark.parametrize("joints", [BALL, HINGES], ids=["ball", "hinges"])
-@pytest.mark.parametrize("material", [None, Material(1e5)], ids=["rigid", "soft"])
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
+@pytest.mark.parametrize(
+    ("integrator", "material"),
+    [("Euler", None), ("Euler", Material(1e5)), ("RK4", None)],
+    ids=["Euler", "Euler, soft", "RK4"],
+)
 def test_a_rope_coasts_on_a_floor_without_friction(integrator, material, joints, links, timestep):
     """Gravity of the start beside contacts of the middle turned its links: it whirled and stopped.
 
@@ -129,10 +133,15 @@ def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
     data = engine.make_data()
     data.qvel[6:] = 0.3 * rng.normal(size=model.nv - 6)
     mujoco.mj_forward(model, data)
-    start = engine.energy(data).mechanical
-    most = start
+    found = [engine.energy(data).mechanical]
     for _ in range(round(0.8 / timestep)):
         engine.step(data)
-        most = max(most, engine.energy(data).mechanical)
-    # What lands is integrated by the trapezoidal rule, whose energy swings (docs/limits.md).
-    assert most < 1.2 * start
+        found.append(engine.energy(data).mechanical)
+    # It has come down, and lies.
+    assert found[-1] < 0.1 * found[0]
+    assert max(found) < 1.2 * found[0]
+    # What lands is integrated by the trapezoidal rule, whose energy swings for a step or two, by up
+    # to a third of that of the fall (docs/limits.md). Of any five steps the least is hardly more
+    # than before: hits leave a hundredth.
+    least = np.min([found[k : len(found) - 4 + k] for k in range(5)], axis=0)
+    assert (least[1:] - np.minimum.accumulate(least)[:-1]).max() < 0.02 * found[0]
