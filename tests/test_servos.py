@@ -103,7 +103,9 @@ def test_a_servo_leg_in_stance_swings_as_one_on_a_spring(timestep: float) -> Non
         swings.append(size_of_swing(heights, round(0.4 / timestep)))
     # At turning points a servo may be taken as held for a step.
     assert swings[0] == pytest.approx(swings[1], rel=2e-3)
-    assert swings[0] < 1.01 * 0.004
+    # It keeps its 4 mm, but for what the grid of the steps misses, (omega H)^2 / 8, and as much for
+    # the contact, which gives way under each change of load (test_spring_legs).
+    assert swings[0] == pytest.approx(0.004, rel=5e-3)
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)
