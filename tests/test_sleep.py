@@ -324,6 +324,10 @@ def test_rollouts_start_awake_and_fall_asleep() -> None:
     states, _ = dashpot.rollout(engine, state[None], nstep=800, nthread=1)
     again, _ = dashpot.rollout(engine, np.repeat(state[None], 3, axis=0), nstep=800, nthread=2)
     np.testing.assert_array_equal(again, np.repeat(states, 3, axis=0))
+    velocity = states[0, :, -engine.model.nv :]
+    # Without memory boxes begin anew to be pressed together; asleep they do not move at all.
+    assert velocity[0].any()
+    assert not velocity[-100:].any()
     np.testing.assert_array_equal(states[0, -1, 1:], states[0, -100, 1:])
 
 
