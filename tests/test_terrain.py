@@ -122,6 +122,10 @@ def test_what_rolls_on_a_flat_field_rolls_as_on_a_plane(shape, timestep):
         energy = engine.energy(data)
         energies.append(energy.kinetic + energy.potential)
         assert abs(energy.dissipated_recovery) < 1e-3
+        if shape == "sphere":  # slips until m v + I w / r are those of rolling
+            assert data.qvel[0] == pytest.approx((0.3 + 0.4 * 0.03 * 8) / 1.4, rel=1e-4)
+        elif not is_round:  # rolls from the start, at 10 rad/s on 3 cm
+            assert data.qvel[1] == pytest.approx(0.3, rel=1e-4)
     assert energies[0] == pytest.approx(energies[1], rel=1e-3)
 
 
