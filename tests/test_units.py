@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from dashpot import Engine
+from dashpot import Engine, law
 
 WALLS = ((0.1, 0), (-0.1, 0), (0, 0.1), (0, -0.1))
 SHAPES = (("box", (0.03, 0.02, 0.025)), ("capsule", (0.02, 0.03)), ("sphere", (0.03,)))
@@ -68,3 +68,9 @@ def test_a_weld_that_is_switched_on_pulls_alike_in_metres_and_in_millimetres(err
             engine.step(data, nstep=5)
             ways[-1].append(data.qpos[0] / unit)
     np.testing.assert_allclose(ways[1], ways[0], rtol=0.0, atol=1e-9)
+    # A critically damped spring, whose row is followed exactly but for its weight, across.
+    _, damping = law.solref_to_spring_at_rest((0.05, 1.0))
+    turn = 0.5 * damping * 0.01 * np.arange(1, 21)
+    np.testing.assert_allclose(
+        ways[0], error * (1.0 + turn) * np.exp(-turn), atol=1e-3 * abs(error)
+    )
