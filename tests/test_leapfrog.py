@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+
 import mujoco
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import dashpot
 
@@ -170,15 +173,16 @@ def test_a_block_that_is_shaken_as_it_glides_goes_where_its_velocity_takes_it(
     engine.step(data, nstep=round(0.1 / timestep))
     data.qvel[0] = 3.0
     rng, way, start = np.random.default_rng(seed), 0.0, data.qpos[0]
-    most_touching = 0
+    touching = []
     for step in range(round(1.2 / timestep)):
         if step % round(0.01 / timestep) == 0:
             on = step * timestep < 0.8
             data.qfrc_applied[1:] = rng.uniform(0.0, 1.2) * 2.0 * 9.81 * on, rng.normal() * on
         before = data.qvel[0]
-        most_touching = max(most_touching, engine.step(data).touching)
+        touching.append(engine.step(data).touching > 0)
         way += 0.5 * timestep * (before + data.qvel[0])
-    assert most_touching > 0
+    # It has left the floor, and landed.
+    assert np.diff(touching, prepend=True).sum() >= 2
     assert engine.contacts(data).force[:, 0].sum() == pytest.approx(2.0 * 9.81, rel=0.01)
     # It ends on the floor, in time. Every landing with its way back barred left 1.5 mm at 1 ms.
     assert data.qpos[0] - start == pytest.approx(way, abs=1e-3 * 3.0 * timestep)
@@ -234,11 +238,16 @@ def test_what_is_lifted_does_not_jump_into_what_goes_before_it(faster, gap, time
     data = engine.make_data()
     engine.step(data, nstep=round(0.05 / timestep))
     data.qvel[:] = 3.0, 0.0, 3.0 + faster, 0.0
-    least = gap
+    least, highest = gap, 0.0
     for step in range(round(0.3 / timestep)):
         data.qfrc_applied[1] = 12.0 if 0.01 <= step * timestep < 0.06 else 0.0
         engine.step(data)
         least = min(least, gap + data.qpos[2] - data.qpos[0])
+        highest = max(highest, data.qpos[1])
+    # 12 N lift 1 kg for 50 ms, after which it flies.
+    lift = 12.0 - 9.81
+    rise = 0.5 * lift * 0.05**2 + 0.5 * (lift * 0.05) ** 2 / 9.81
+    assert highest == pytest.approx(rise, rel=0.1)
     assert least > -1e-6
     # They do not touch.
     assert data.qvel[[0, 2]] == pytest.approx([3.0, 3.0 + faster], abs=1e-3)
@@ -287,15 +296,37 @@ def test_a_jaw_that_inertia_presses_stays_in_touch(timestep, integrator):
     assert mechanical == pytest.approx(start, rel=2e-3)
 
 
+@functools.cache
+def energy_of_jaws(play: float, turns: float) -> float:
+    """Return what is left of a yoke's energy where jaws are stiff springs, critically damped."""
+    inertia, mass, arm, start = 0.01 + 0.001 * (0.05**2 + 0.5 * 0.01**2), 0.5, 0.05, 30.0
+    stiffness = 1e7  # hits last 0.4 ms, a hundredth of what the pin takes across the play
+
+    def rates(_, state):
+        angle, place, rate, velocity = state
+        lever = -arm * np.sin(angle)  # of the pin, along the slider's way
+        ahead, closing = arm * (np.cos(angle) - 1.0) - place, lever * rate - velocity
+        damping = 2.0 * np.sqrt(stiffness / (1.0 / mass + lever**2 / inertia))
+        force = 0.0
+        for side in (1.0, -1.0):
+            if side * ahead > play:
+                pushed = stiffness * (side * ahead - play) + damping * side * closing
+                force += side * max(0.0, pushed)
+        return [rate, velocity, -lever * force / inertia, force / mass]
+
+    end = solve_ivp(
+        rates, (0.0, turns * 2.0 * np.pi / start), [0.0, 0.0, start, 0.0],
+        method="LSODA", rtol=1e-8, atol=1e-10, max_step=1e-3,
+    ).y[:, -1]  # fmt: skip
+    return 0.5 * inertia * end[2] ** 2 + 0.5 * mass * end[3] ** 2
+
+
 @pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002, 0.003])
 def test_jaws_with_play_lose_what_their_hits_take(timestep):
-    """In ten turns 20 hits take 0.92 % of the energy, as steps of 0.1 ms say."""
-    mechanical = {}
-    for length in (0.0001, timestep):
-        engine = yoke(2e-4, length, "Euler")
-        data = engine.make_data()
-        data.qvel[0] = 30.0
-        engine.step(data, nstep=round(10 * 2.0 * np.pi / 30.0 / length))
-        mechanical[length] = engine.energy(data).mechanical
+    """In ten turns 20 hits take 0.9 % of the energy."""
+    engine = yoke(2e-4, timestep, "Euler")
+    data = engine.make_data()
+    data.qvel[0] = 30.0
+    engine.step(data, nstep=round(10 * 2.0 * np.pi / 30.0 / timestep))
     # Of second order in the turn of a step, as above; they lost 9 % at 2 ms.
-    assert mechanical[timestep] == pytest.approx(mechanical[0.0001], rel=4e-3)
+    assert engine.energy(data).mechanical == pytest.approx(energy_of_jaws(2e-4, 10.0), rel=4e-3)
