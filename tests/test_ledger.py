@@ -111,6 +111,7 @@ JOINTS = {
         <equality><tendon tendon1="t" tendon2="u"/></equality>""",
     ),
 }
+WITHOUT_ROWS = ("springs and dampers", "tendon spring")
 
 
 def ledger_error(
@@ -121,6 +122,7 @@ def ledger_error(
     velocity: tuple[float, ...] = (),
     material: dashpot.Material | None = None,
     integrator: mujoco.mjtIntegrator = mujoco.mjtIntegrator.mjINT_EULER,
+    rows: bool = True,
 ) -> float:
     """Return the largest change of the ledger's total over the energy turned over."""
     model = mujoco.MjModel.from_xml_string(xml)
@@ -133,14 +135,18 @@ def ledger_error(
     data = engine.make_data()
     data.qvel[: len(velocity)] = velocity
     start = engine.energy(data)
-    error, peak = 0.0, start.kinetic
+    error, peak, force = 0.0, start.kinetic, 0.0
     for _ in range(round(duration / timestep / 5)):
         engine.step(data, nstep=5)
+        force = max(force, np.abs(data.qfrc_constraint).max())
         energy = engine.energy(data)
         peak = max(peak, energy.kinetic)
         error = max(error, abs(energy.total - start.total))
     assert energy.elastic >= 0
     assert energy.work == pytest.approx(0.0, abs=1e-12)
+    # Of what does nothing any ledger closes. Hits may be over between two looks at the force.
+    taken_by_rows = energy.dissipated - energy.dissipated_damping
+    assert (force > 0.1 or taken_by_rows > 0.05) if rows else energy.dissipated_damping > 0.05
     return error / (peak + energy.dissipated)
 
 
@@ -182,6 +188,7 @@ def test_joints_keep_the_ledger(scene, integrator):
         5e-5,
         0.5,
         integrator=getattr(mujoco.mjtIntegrator, f"mjINT_{integrator}"),
+        rows=scene not in WITHOUT_ROWS,
     )
     assert error <= TENTH_PERCENT
 
@@ -189,7 +196,8 @@ def test_joints_keep_the_ledger(scene, integrator):
 @pytest.mark.parametrize("scene", JOINTS)
 def test_the_ledger_of_joints_is_off_by_no_more_than_the_step(scene):
     """First order: half a step of motion at some 20 rad/s."""
-    assert ledger_error(JOINTS[scene], 0.001, 0.5) <= 20 * 0.001
+    rows = scene not in WITHOUT_ROWS
+    assert ledger_error(JOINTS[scene], 0.001, 0.5, rows=rows) <= 20 * 0.001
 
 
 @pytest.mark.parametrize("scene", ["connect", "joint equality", "tendon equality"])
@@ -265,6 +273,10 @@ def test_friction_of_planar_mechanisms_dissipates_no_more_than_is_put_in(turn):
     data.ctrl[:] = [10, -10, -3, 3]
     engine.step(data, nstep=3000)
     energy = engine.energy(data)
+    # The motors press both on each other with 10 N, and shear them with 3 N.
+    contacts = engine.contacts(data, pair=(1, 2))
+    np.testing.assert_allclose(contacts.force[:, 0].sum(), 10.0, rtol=1e-3)
+    np.testing.assert_allclose(np.linalg.norm(contacts.force[:, 1:3].sum(axis=0)), 3.0, rtol=1e-2)
     # Forces of 10 N close gaps of 0.2 mm.
     assert 0.0 <= energy.dissipated_friction < 0.004
     assert abs(energy.dissipated_recovery) < 0.004
