@@ -6,12 +6,14 @@ import pytest
 
 from dashpot import Engine
 
+TIMESTEP = 0.002
 SHAPES = {
     "box": 'type="box" size="0.05 0.048 0.045"',
     "cylinder": 'type="cylinder" size="0.05 0.04"',
     "mesh": 'type="mesh" mesh="hull"',
 }
-THROWN = """<mujoco><option timestep="0.002"/><asset><mesh name="hull" vertex="{hull}"/></asset>
+THROWN = """<mujoco><option timestep="{timestep}"/>
+  <asset><mesh name="hull" vertex="{hull}"/></asset>
   <worldbody><body><geom {shape} mass="1"/></body>
     <body pos="{x} 0 0.2"><freejoint/><geom {shape} mass="0.8"/></body></worldbody></mujoco>"""
 
@@ -22,21 +24,37 @@ def hull() -> str:
     return " ".join(f"{x:.4f}" for x in points.ravel())
 
 
+def depths_of_a_throw(shape: str, rng: np.random.Generator) -> tuple[float, float]:
+    """Return how deep a body goes into another one of its shape (m), and what frozen rows allow.
+
+    Depths are MuJoCo's. It spins at some 20 rad/s about each axis: edges go up to 6 mm in a step.
+    Rows that are frozen in a step H see a point at r from the centre go straight: (w H)^2 r / 2.
+    """
+    xml = THROWN.format(
+        timestep=TIMESTEP, hull=hull(), shape=SHAPES[shape], x=rng.uniform(-0.09, 0.09)
+    )
+    engine = Engine(mujoco.MjModel.from_xml_string(xml))
+    model, data = engine.model, engine.make_data()
+    data.qpos[3:7] += rng.normal(scale=0.3, size=4)
+    data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
+    data.qvel[2] = -1.0
+    data.qvel[3:6] = rng.normal(scale=20.0, size=3)
+    deepest, fastest = 0.0, 0.0
+    for _ in range(75):
+        fastest = max(fastest, np.linalg.norm(data.qvel[3:6]))
+        engine.step(data)
+        if np.linalg.norm(data.qpos[:3]) < 2 * model.geom_rbound[0]:
+            mujoco.mj_kinematics(model, data)
+            deepest = max(deepest, -mujoco.mj_geomDistance(model, data, 0, 1, 0.01, None))
+    return deepest, (fastest * TIMESTEP) ** 2 * model.geom_rbound[0] / 2
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_points_that_come_faster_than_the_nearest_ones_are_found(shape):
-    # Thrown at a body of the same shape, spinning at some 20 rad/s about each axis: edges go up to
-    # 6 mm in a step, and what its frozen geometry leaves out, (w H)^2 r / 2, is 0.1 mm at 35 rad/s.
-    # Nearest points alone, of boxes with all corners above faces, let the deepest tenth in by 0.54,
-    # 0.47 and 0.48 mm.
+    """Nearest points alone let single bodies in by 1.1, 2.6 and 2.0 mm."""
     rng = np.random.default_rng(5)
-    deepest = []
-    for _ in range(200):
-        xml = THROWN.format(hull=hull(), shape=SHAPES[shape], x=rng.uniform(-0.09, 0.09))
-        engine = Engine(mujoco.MjModel.from_xml_string(xml))
-        data = engine.make_data()
-        data.qpos[3:7] += rng.normal(scale=0.3, size=4)
-        data.qpos[3:7] /= np.linalg.norm(data.qpos[3:7])
-        data.qvel[2] = -1.0
-        data.qvel[3:6] = rng.normal(scale=20.0, size=3)
-        deepest.append(max(engine.step(data).max_penetration for _ in range(120)))
-    assert np.mean(np.sort(deepest)[-20:]) < 0.4e-3
+    deepest, allowed = np.transpose([depths_of_a_throw(shape, rng) for _ in range(150)])
+    assert (deepest > 1e-5).mean() > 0.2  # they hit
+    # A critically damped spring with 1 / omega = 0.15 ms, as that of a rigid hit, gives way by
+    # u / (e omega), 0.3 mm at 5 m/s.
+    assert np.max(deepest - allowed) < 0.3e-3
