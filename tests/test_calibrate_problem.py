@@ -171,6 +171,10 @@ def test_what_a_parameter_sets_is_checked_when_it_is_made():
         Parameter.pair("ball", 0.5, "stiffness", **at)
     with pytest.raises(TypeError, match=r"^a parameter's name must be a string, got 0"):
         Parameter.material("ball", "stiffness", name=0, **at)
+    with pytest.raises(TypeError, match=r"^a parameter's name must be a string, got 0"):
+        Parameter.pair("ball", "floor", "stiffness", name=0, **at)
+    with pytest.raises(TypeError, match=r"^a parameter's name must be a string, got 0"):
+        Parameter.model("body_mass", "body", name=0, **at)
     with pytest.raises(ValueError, match=r"transform must be one of .*, got 0"):
         Parameter.pair("ball", "floor", "stiffness", transform=0, **at)
     with pytest.raises(TypeError, match=r"^quantity must be a string, got 5"):

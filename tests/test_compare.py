@@ -381,7 +381,13 @@ def test_files_are_read_and_named(tmp_path):
     [
         ({"duration": 0.0}, "duration"),
         ({"duration": np.nan}, "duration"),
-        ({"duration": 1e-5}, "at least one time step"),
+        (
+            {"duration": 1e-5},
+            "duration is 1e-05 s; it must be 1 to 100000000 time steps",
+        ),
+        ({"duration": 1e300}, "must be 1 to 100000000 time steps"),
+        ({"timestep": 1e-300}, "must be 1 to 100000000 time steps of 1e-300 s"),
+        ({"timestep": 5e-324}, "must be 1 to 100000000 time steps"),
         ({"timestep": -1e-3}, "timestep"),
         ({"settings": ["eliptic"]}, "did you mean 'elliptic'"),
         ({"settings": []}, "empty"),

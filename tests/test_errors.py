@@ -305,6 +305,22 @@ def test_material_of_the_wrong_type(value):
         dashpot.Material(value)
 
 
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda engine, name: engine.geom_id(name),
+        lambda engine, name: engine.set_material(name, dashpot.Material(1e4)),
+        lambda engine, name: engine.set_pair_material(name, "floor", dashpot.Material(1e4)),
+        lambda engine, name: engine.contact_material(name, "floor"),
+    ],
+)
+def test_a_name_ends_where_it_ends(engine, take):
+    """MuJoCo would read it to the first NUL."""
+    take(engine, "ball")
+    with pytest.raises(ValueError, match=r"no geom named 'ball\\x00 or not'"):
+        take(engine, "ball\0 or not")
+
+
 def test_materials_do_not_change():
     material = dashpot.Material(1e4)
     with pytest.raises(AttributeError):
@@ -356,6 +372,18 @@ def test_rules_are_combination_rules(rules):
 def test_bad_combination_rule():
     with pytest.raises(ValueError, match="friction"):
         dashpot.CombinationRules(friction="sum")
+
+
+@pytest.mark.parametrize("dim", [1, 2, 3])
+def test_cuts_that_do_not_see_flexes_are_refused_when_the_engine_is_made(dim):
+    counts = " ".join("3" if axis < dim else "1" for axis in range(3))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><worldbody><flexcomp name="c" type="grid" count="{counts}"
+          spacing=".1 .1 .1" dim="{dim}"><edge equality="true"/></flexcomp></worldbody></mujoco>"""
+    )
+    dashpot.Engine(model)
+    with pytest.raises(ValueError, match='impact "cut" does not see flexes'):
+        dashpot.Engine(model, impact="cut")
 
 
 def test_engine_of_something_else():

@@ -24,7 +24,7 @@
 #include "dashpot/threads/parallel.hpp"
 #include "dashpot/threads/team.hpp"
 #include "model_lock.hpp"
-#include "signals.hpp"
+#include "without_gil.hpp"
 
 namespace py = pybind11;
 
@@ -53,7 +53,7 @@ class SharedStepper {
 
  private:
   StepStats step_without_gil(mjData_* data, int nstep) {
-    const py::gil_scoped_release release;
+    const WithoutGil without_gil;
     const std::lock_guard<ModelLock> alone(*lock_);
     auto asked = std::chrono::steady_clock::now();
     return stepper_.step(data, nstep, true, [&] {
@@ -207,7 +207,7 @@ void bind_engine(py::module_& module) {
   py::class_<ModelLock, std::shared_ptr<ModelLock>>(
       module, "ModelLock", "Held, as a context manager, while a model is stepped or copied.")
       .def(py::init<>())
-      .def("__enter__", &ModelLock::lock, py::call_guard<py::gil_scoped_release>())
+      .def("__enter__", &ModelLock::lock, py::call_guard<WithoutGil>())
       .def("__exit__", [](ModelLock& lock, const py::object&, const py::object&,
                           const py::object&) { lock.unlock(); });
 
@@ -254,8 +254,10 @@ void bind_engine(py::module_& module) {
       py::arg("model_address"), py::arg("law"));
   module.def(
       "check_supported",
-      [](std::uintptr_t model, Law law) { host::check_supported(model_at(model), law); },
-      py::arg("model_address"), py::arg("law"));
+      [](std::uintptr_t model, const Options& options) {
+        host::check_supported(model_at(model), options);
+      },
+      py::arg("model_address"), py::arg("options"));
 }
 
 }  // namespace dashpot::bindings

@@ -12,7 +12,7 @@
 #include "dashpot/geometry/closest.hpp"
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/simulations/distances.hpp"
-#include "signals.hpp"
+#include "without_gil.hpp"
 
 namespace py = pybind11;
 
@@ -36,7 +36,7 @@ py::tuple distance_now(std::uintptr_t model_address, std::uintptr_t data_address
                        int geom2) {
   Distance result;
   {
-    py::gil_scoped_release release;
+    const WithoutGil without_gil;
     result = geom_distance(model_at(model_address), data_at(data_address), geom1, geom2);
   }
   return to_tuple(result);
@@ -65,7 +65,7 @@ py::tuple distances_at(std::uintptr_t model_address, int geom1, int geom2, const
   const py::ssize_t n = qpos.shape(0);
   std::vector<Distance> found;
   {
-    py::gil_scoped_release release;
+    const WithoutGil without_gil;
     found = geom_distances(model_at(model_address), geom1, geom2, qpos.data(), static_cast<int>(n),
                            nthread, handle_signals);
   }
@@ -79,7 +79,7 @@ py::tuple times_of_impact_at(std::uintptr_t model_address, int geom1, int geom2,
   if (qvel.shape(0) != n) throw std::invalid_argument("qpos and qvel differ in length");
   std::vector<TimeOfImpact> found;
   {
-    py::gil_scoped_release release;
+    const WithoutGil without_gil;
     found = geom_times_of_impact(model_at(model_address), geom1, geom2, qpos.data(), qvel.data(),
                                  static_cast<int>(n), horizon, nthread, handle_signals);
   }
@@ -97,7 +97,7 @@ py::tuple time_of_impact_now(std::uintptr_t model_address, std::uintptr_t data_a
                              int geom2, double horizon) {
   TimeOfImpact result;
   {
-    py::gil_scoped_release release;
+    const WithoutGil without_gil;
     result =
         geom_time_of_impact(model_at(model_address), data_at(data_address), geom1, geom2, horizon);
   }
@@ -108,7 +108,7 @@ py::list close_geoms(std::uintptr_t model_address, std::uintptr_t data_address, 
                      double radius) {
   std::vector<ClosePair> pairs;
   {
-    py::gil_scoped_release release;
+    const WithoutGil without_gil;
     const auto* model = model_at(model_address);
     const auto* data = data_at(data_address);
     pairs = closest_pairs(placed_shapes(model, data, body), radius);

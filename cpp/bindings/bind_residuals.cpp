@@ -13,7 +13,7 @@
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/simulations/residuals.hpp"
-#include "signals.hpp"
+#include "without_gil.hpp"
 
 namespace py = pybind11;
 
@@ -71,7 +71,7 @@ Array run(const std::vector<PyVariant>& py_variants,
   const double* qpos_in = qpos.data();
   const double* qvel_in = qvel.data();
   {
-    const py::gil_scoped_release release;
+    const WithoutGil without_gil;
     function(variants, trajectories, qpos_in, qvel_in, nthread, out, handle_signals);
   }
   return result;

@@ -17,7 +17,7 @@
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/simulations/rollout.hpp"
 #include "model_lock.hpp"
-#include "signals.hpp"
+#include "without_gil.hpp"
 
 namespace py = pybind11;
 
@@ -88,7 +88,7 @@ void run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state
   double* const state_out = state.mutable_data();
   double* const sensor_out = sensordata.mutable_data();
 
-  const py::gil_scoped_release release;
+  const WithoutGil without_gil;
   std::map<RolloutWorkers*, host::ModelView> views;
   std::vector<RolloutModel> models;
   for (RolloutWorkers* each : workers) {

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <thread>
 
+#include "without_gil.hpp"
+
 namespace dashpot::bindings {
 
 // A step changes the model for a while and restores it, so whoever steps or copies it has it alone.
@@ -19,8 +21,11 @@ class ModelLock {
       throw std::runtime_error(
           "the engine is being stepped: what a step calls back cannot step, roll out or copy it; "
           "use a copy made before (copy.deepcopy)");
-    const std::lock_guard<std::mutex> first_in_line(next_);
-    held_.lock();
+    {
+      const WaitWithoutGil wait;
+      const std::lock_guard<std::mutex> first_in_line(next_);
+      held_.lock();
+    }
     owner_ = std::this_thread::get_id();
   }
   void unlock() {

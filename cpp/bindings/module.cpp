@@ -2,6 +2,8 @@
 
 #include <pybind11/pybind11.h>
 
+#include "without_gil.hpp"
+
 namespace dashpot::bindings {
 void bind_law(pybind11::module_& module);
 void bind_engine(pybind11::module_& module);
@@ -16,6 +18,7 @@ PYBIND11_MODULE(_core, module) {
   module.doc() = "C++ core of dashpot: contact law, engine, rollouts, queries.";
   module.attr("__version__") = DASHPOT_VERSION;
   module.attr("__mujoco_version__") = DASHPOT_MUJOCO_VERSION;
+  pybind11::module_::import("atexit").attr("register")(pybind11::cpp_function(&stop_at_exit));
   bind_law(module);
   bind_engine(module);
   bind_contact_material(module);

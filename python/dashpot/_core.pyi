@@ -362,7 +362,9 @@ class ObservedTrajectory:
     @property
     def residuals(self) -> int: ...
 
-def check_supported(model_address: typing.SupportsInt | typing.SupportsIndex, law: Law) -> None: ...
+def check_supported(
+    model_address: typing.SupportsInt | typing.SupportsIndex, options: Options
+) -> None: ...
 def close_geoms(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     data_address: typing.SupportsInt | typing.SupportsIndex,

@@ -15,6 +15,7 @@ from dashpot.contacts import Contacts, Energy, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
+from dashpot.model_locks import new_lock
 from dashpot.object_ids import Element, object_id
 
 __all__ = ["DivergenceError", "Engine", "StepStats"]
@@ -196,13 +197,13 @@ class Engine(ReadableOptions):
             comfree_damping=comfree_damping,
         )
         self._nthread = whole_number("nthread", nthread, lowest=1, highest=_core.MAX_THREADS)
-        _core.check_supported(model._address, _core.Law[law])
+        _core.check_supported(model._address, self._options.to_core())
         self._model: mujoco.MjModel = copy.deepcopy(model)
         self.model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         self._contact_capacity = _core.reserve_memory(self.model._address)
         self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
-        self._lock = _core.ModelLock()
+        self._lock = new_lock()
         self._built = _Built()
         self._scratch: mujoco.MjData | None = None
 
@@ -450,7 +451,7 @@ class Engine(ReadableOptions):
         """Take a copied or pickled state."""
         for name, value in state.items():
             setattr(self, name, value)
-        self._lock = _core.ModelLock()
+        self._lock = new_lock()
         self._materials_changed()
         self._scratch = None
 

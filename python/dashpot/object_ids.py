@@ -28,9 +28,9 @@ def object_id(model: mujoco.MjModel, key: Element, kind: str, argument: str) -> 
     object_type, size = _OBJECT[kind]
     count: int = getattr(model, size)
     if isinstance(key, str):
-        index = mujoco.mj_name2id(model, object_type, key)
+        index = id_of_name(model, object_type, key)
         if index >= 0:
-            return int(index)
+            return index
         accessor = getattr(model, kind)
         names = [name for i in range(count) if (name := accessor(i).name)]
         near = difflib.get_close_matches(key, names, n=3)
@@ -49,3 +49,8 @@ def object_id(model: mujoco.MjModel, key: Element, kind: str, argument: str) -> 
             raise ValueError(f"{argument} = {index}: the model has no {kind}")
         raise ValueError(f"{argument} = {index} is not a {kind} id of the model, 0 to {count - 1}")
     return index
+
+
+def id_of_name(model: mujoco.MjModel, object_type: mujoco.mjtObj, name: str) -> int:
+    """Return the id of what has exactly this name, -1 for none: MuJoCo reads up to a NUL."""
+    return -1 if "\0" in name else int(mujoco.mj_name2id(model, object_type, name))

@@ -19,9 +19,6 @@ namespace dashpot {
 
 namespace {
 
-// Fraction of a step that its parts may leave of it because they are rounded.
-constexpr double kSliverOfStep = 1e-9;
-
 void accumulate(const StepStats& step, StepStats& total) {
   total.contacts = step.contacts;
   total.touching = step.touching;
@@ -43,11 +40,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
       motion(m, p.options.law != Law::kComFree),
       trapezoid(m),
       runge_kutta(p.options.law == Law::kComFree) {
-  host::check_supported(m, p.options.law);
-  if (p.options.impact == Impact::kCut && p.options.law != Law::kKelvinVoigt)
-    throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
-  if (p.options.impact == Impact::kCut && host::flex_count(m) > 0)
-    throw std::invalid_argument("impact \"cut\" does not see flexes; use \"none\"");
+  host::check_supported(m, p.options);
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
     throw std::invalid_argument("geom_material has " + std::to_string(p.geom_material.size()) +

@@ -7,6 +7,7 @@
 #include "dashpot/geometry/query.hpp"
 #include "dashpot/impacts/fast_pairs.hpp"
 #include "dashpot/mujoco/trees.hpp"
+#include "dashpot/rows/step_clock.hpp"
 
 namespace dashpot {
 
@@ -123,11 +124,12 @@ class ImpactSearch {
         pair.clear = time_of_impact(shape[0], pose[0], motion[0], shape[1], pose[1], motion[1],
                                     length, pair.margin + standoff)
                          .time;
-        return pair.clear;
+        if (pair.clear > kSliverOfStep * length) return pair.clear;
       } catch (const UndecidedImpact&) {
-        pair.apart = false;  // undecided: the two hover at the standoff, rows take care of them
-        return length;
       }
+      // They hover at the standoff, or it is finer than geoms as large are known: rows take care.
+      pair.apart = false;
+      return length;
     }
     const double speed = pair.closing_speed(now.normal, length) + pair.release_speed;
     if (!fast_.is_fast(pair, speed, now.normal, length)) return length;

@@ -268,4 +268,12 @@ void check_supported(const mjModel_* m, Law law) {
   if (!refused.empty()) throw std::invalid_argument("model uses what dashpot refuses: " + refused);
 }
 
+void check_supported(const mjModel_* m, const Options& options) {
+  check_supported(m, options.law);
+  if (options.impact != Impact::kCut) return;
+  if (options.law != Law::kKelvinVoigt)
+    throw std::invalid_argument("only law kelvin_voigt cuts steps at impacts");
+  if (m->nflex > 0) throw std::invalid_argument("impact \"cut\" does not see flexes; use \"none\"");
+}
+
 }  // namespace dashpot::host

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import mujoco
 
+from dashpot.object_ids import id_of_name
+
 _LIMITS = (
     mujoco.mjtSensor.mjSENS_JOINTLIMITPOS,
     mujoco.mjtSensor.mjSENS_JOINTLIMITVEL,
@@ -37,7 +39,7 @@ class Sensor:
 
 def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
     """Return the id of a body or raise ValueError beginning with `label`."""
-    row = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name))
+    row = id_of_name(model, mujoco.mjtObj.mjOBJ_BODY, name)
     if row < 0:
         known = [model.body(i).name for i in range(model.nbody)]
         raise ValueError(f"{label}: the model has no body {name!r}; it has {', '.join(known)}")
@@ -46,7 +48,7 @@ def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
 
 def find_sensor(model: mujoco.MjModel, name: str, label: str) -> Sensor:
     """Return a sensor that can be compared; raise ValueError beginning with `label`."""
-    row = int(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name))
+    row = id_of_name(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
     if row < 0:
         known = [model.sensor(i).name for i in range(model.nsensor)]
         near = difflib.get_close_matches(name, known, n=1)

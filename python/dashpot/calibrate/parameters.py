@@ -255,7 +255,7 @@ class Parameter:
                 f"columns of {attribute} differ in what they mean; say which take the value: index"
             )
         parameter = cls(
-            name=name or attribute,
+            name=attribute if name is None else name,
             start=start,
             bounds=bounds,
             transform=transform,

@@ -33,6 +33,7 @@ SceneLike: TypeAlias = "str | os.PathLike[str] | Scene | mujoco.MjModel | Engine
 
 # Beyond this a state is no longer physics, m, m/s or rad/s.
 _DIVERGED = 1e6
+_MOST_STEPS = 10**8
 
 
 def run(
@@ -94,9 +95,12 @@ def run(
         engine.model.opt.timestep = positive_number("timestep", timestep)
     step = float(engine.model.opt.timestep)
     length = default_duration if duration is None else positive_number("duration", duration)
+    # Compared first: of what is out of range the quotient may be no whole number.
+    if not 0.5 < length / step <= _MOST_STEPS:
+        raise ValueError(
+            f"duration is {length:g} s; it must be 1 to {_MOST_STEPS} time steps of {step:g} s"
+        )
     steps = round(length / step)
-    if steps < 1:
-        raise ValueError(f"duration is {length:g} s; it must be at least one time step, {step:g} s")
     split = 0.75 * steps * step if settled_after is None else number("settled_after", settled_after)
     if not 0.0 <= split <= steps * step:
         raise ValueError(f"settled_after is {split:g} s; it must be in [0, {steps * step:g}]")

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dashpot/law/law.hpp"
+#include "dashpot/law/parameters.hpp"
 
 struct mjModel_;
 
@@ -23,6 +24,8 @@ std::vector<Feature> features(const mjModel_* m, Law law);
 // Throws std::invalid_argument naming every refused feature, or what check_values() and
 // check_heights() name (mujoco/model_checks.hpp).
 void check_supported(const mjModel_* m, Law law);
+// The same, and that what the options ask of impacts is defined for the law and the model.
+void check_supported(const mjModel_* m, const Options& options);
 // The same for options and values alone, which may be edited between steps. Also requires the
 // elliptic cone, whose row layout force reports rely on.
 void check_options(const mjModel_* m, Law law);

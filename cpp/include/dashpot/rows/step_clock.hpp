@@ -4,6 +4,9 @@
 
 namespace dashpot {
 
+// What is left of a step, or how far an impact is ahead, counts as nothing below this share of it.
+constexpr double kSliverOfStep = 1e-9;
+
 struct StepClock {
   double whole = 0.0;          // s, of the step
   double rest = 0.0;           // s, of the step from the start of the part on
