@@ -17,8 +17,8 @@ where a witness point is that far outside its shape, or where the two points do 
 distance times normal. `search` is how far the search alone ends below the reference, at worst, in
 overlap, where nothing else proves that no direction is shorter (after eight times the samples where
 it stalls).
-python-fcl takes part where it is installed. MuJoCo takes part as shipped, with a tolerance of 1e-10
-and 200 iterations, and with these and libccd in place of its own algorithm.
+python-fcl takes part where it is installed. MuJoCo takes part as shipped, and with a tolerance of
+1e-10 and 200 iterations.
 """
 
 from __future__ import annotations
@@ -51,9 +51,8 @@ except ImportError:
     fcl = None
 
 CURVED = {"cylinder", "ellipsoid"}
-FINE = {"ccd_tolerance": 1e-10, "ccd_iterations": 200}
-MUJOCO = {"mujoco": {}, "mujoco fine": FINE, "mujoco libccd": FINE}  # options of its model
-NO_NATIVECCD = int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
+# Options of MuJoCo's model.
+MUJOCO = {"mujoco": {}, "mujoco fine": {"ccd_tolerance": 1e-10, "ccd_iterations": 200}}
 
 
 def make_model():
@@ -147,7 +146,6 @@ class Pair:
             option.ccd_tolerance, option.ccd_iterations = self.shipped
             for name, value in MUJOCO[library].items():
                 setattr(option, name, value)
-            option.disableflags = NO_NATIVECCD if library == "mujoco libccd" else 0
             segment = np.zeros(6)
             start = time.perf_counter()
             value = mujoco.mj_geomDistance(self.model, self.data, *self.ids, 10.0, segment)

@@ -174,37 +174,6 @@ def tumblers(*, duration: float = 20.0) -> list[Scene]:
     ]
 
 
-def rolling_after_a_fall(*, duration: float = 10.0) -> list[Scene]:
-    """Drop a coin and an egg; change of energy from 1 s on over the weight, a height.
-
-    They have landed by then, and rolling takes nothing.
-    """
-
-    def spun(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qvel[3] = 5.0
-
-    def measure(run: Run) -> dict[str, float]:
-        height = energy_of(run) / (GRAVITY * run.model.body_mass[1])
-        return {"height change": abs(float(height[-1] - height[run.at(1.0)]))}
-
-    return [
-        Scene(
-            name=f"rolling-{shape}",
-            title=f"{shape} that rolls after a fall, energy over weight, change from 1 to "
-            f"{duration:g} s",
-            xml=dropped_xml(shape),
-            duration=duration,
-            start=spun,
-            measure=measure,
-            targets={"height change": 5e-3},
-            units={"height change": "m"},
-            sample_interval=1.0,
-            timesteps=TIMESTEPS,
-        )
-        for shape in SHAPES
-    ]
-
-
 def change_of_tumbler(model: mujoco.MjModel, *, duration: float, peer: bool) -> Array:
     """Return the change of energy every 10 ms, in parts of that of the swing."""
     energy = energies(model, {}, duration=duration, peer=peer)

@@ -39,14 +39,14 @@ class Setting:
     `timeconst_steps`: contacts, limits and equalities have a time constant of as many time steps;
     0 leaves the model's own, 2 is the smallest that MuJoCo steps stably. `hard`: they have MuJoCo's
     largest impedance at any overlap. `direct`: contacts have the stiffness and damping that the
-    scene states. `disable` adds flags to `model.opt.disableflags`. `threads` share a step of
-    dashpot's, and the islands of MuJoCo's,
-    which has a pool of those beside the calling one.
+    scene states, times this; 0 leaves the model's own. `disable` adds to the model's flags of that
+    name. `threads` share a step of dashpot's, and the islands of MuJoCo's, which has a pool of
+    those beside the calling one.
     """
 
     name: str
     dashpot: bool = False
-    direct: bool = False
+    direct: float = 0.0
     timeconst_steps: float = 0.0
     hard: bool = False
     option: Mapping[str, Any] = field(default_factory=dict)
@@ -89,7 +89,7 @@ MUJOCO = (
         "mujoco elliptic noslip",
         option={"cone": mujoco.mjtCone.mjCONE_ELLIPTIC, "noslip_iterations": 20},
     ),
-    Setting("mujoco direct", direct=True),
+    Setting("mujoco direct", direct=1.0),
 )
 AS_SHIPPED = MUJOCO[0]
 SETTINGS = {s.name: s for s in (DASHPOT, *MUJOCO)}
@@ -102,7 +102,7 @@ def prepare(
     model = scene.model(timestep)
     setting.apply(model)
     if setting.direct:
-        model.geom_solref[:] = (1 - DIRECT_IMPEDANCE) * np.asarray(scene.direct_solref)
+        model.geom_solref[:] = setting.direct * np.asarray(scene.direct_solref)
         model.geom_solimp[:] = [DIRECT_IMPEDANCE, DIRECT_IMPEDANCE, 0.001, 0.5, 2]
     if setting.dashpot:
         engine = make_engine(scene, model, nthread=setting.threads)

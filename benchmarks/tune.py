@@ -33,7 +33,7 @@ import mujoco
 import numpy as np
 from rich.console import Console
 
-from simulate import AS_SHIPPED, DASHPOT, INTEGRATORS, Setting
+from simulate import AS_SHIPPED, DASHPOT, DIRECT_IMPEDANCE, INTEGRATORS, Setting
 from tuned_rows import Row, rows
 
 if sys.version_info >= (3, 11):
@@ -56,7 +56,9 @@ CONTACTS: dict[str, dict[str, Any]] = {
     "stiff": {"timeconst_steps": 2.0},
     "hard": {"hard": True},
     "stiff hard": {"timeconst_steps": 2.0, "hard": True},
-    "direct": {"direct": True},
+    "direct": {"direct": 1.0},
+    # What the smallest impedance adds to the force is taken off.
+    "direct scaled": {"direct": 1.0 - DIRECT_IMPEDANCE},
     "unsafe": {"timeconst_steps": 1.0},
     "unsafe hard": {"timeconst_steps": 1.0, "hard": True},
 }
@@ -92,6 +94,7 @@ def written(choice: Choice) -> str:
         "hard": "hard",
         "stiff hard": "solref 2 dt, hard",
         "direct": "direct solref",
+        "direct scaled": "direct solref, scaled",
         "unsafe": "solref dt without refsafe",
         "unsafe hard": "solref dt without refsafe, hard",
     }
@@ -133,7 +136,7 @@ def search(row: Row, grid: dict[str, Any]) -> dict[str, Any]:
         return [(choice, screened(choice)) for choice in choices]
 
     def screened(choice: Choice) -> float:
-        if choice["contact"] == "direct" and not row.direct:
+        if choice["contact"].startswith("direct") and not row.direct:
             return inf
         return row.screened(setting_of(choice))
 

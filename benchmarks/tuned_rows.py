@@ -16,7 +16,7 @@ import trots
 from carried import OBJECTS, carrying
 from nonholonomic import nonholonomic
 from piles import balls_666, pile
-from rolling import rolling_after_a_fall, tumblers
+from rolling import tumblers
 from scene import Scene
 from scenes import ball_drop, gripper, rise, roll, slide, slope, spin, stack, wall_press
 from simulate import Setting, record
@@ -191,7 +191,7 @@ def rows() -> dict[str, Callable[[], Row]]:
             [ball_drop(restitution=e) for e in (1.0, 0.9, 0.5)],
             name="ball",
             title="Kelvin-Voigt ball, e = 1, 0.9, 0.5, apex error",
-            screen_timesteps=(0.001, 0.01),
+            screen_timesteps=(0.001, 0.005, 0.01),
         ),
         row_of([slope()], short=[slope(duration=3.0)]),
         row_of([slide()]),
@@ -238,7 +238,6 @@ def rows() -> dict[str, Callable[[], Row]]:
             title="tumblers, change of energy in 20 s",
             short=tumblers(duration=5.0),
         ),
-        *(row_of([scene]) for scene in rolling_after_a_fall()),
         row_of(standing(), name="standing", title="body on a leg, error of its swing after 5 s"),
         row_of(
             [carrying(shape) for shape in OBJECTS],

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scenes import ball_drop, slide, spin, stack
-from simulate import AS_SHIPPED, INTEGRATORS, Setting, measure
+from simulate import AS_SHIPPED, DIRECT_IMPEDANCE, INTEGRATORS, Setting, measure
 from tune import best_for_all, ranks, search, setting_of
 from tuned_rows import Outcome, Row, row_of
 
@@ -91,7 +91,9 @@ def test_names_that_mujoco_does_not_know_are_refused():
 
 def test_direct_solref_gives_a_stack_the_springs_of_the_scene():
     """MuJoCo's best is level here, if the integrator is implicit in contacts: a fair comparison."""
-    setting = Setting("direct", direct=True, option={"integrator": INTEGRATORS["discrete"]})
+    setting = Setting(
+        "direct", direct=1.0 - DIRECT_IMPEDANCE, option={"integrator": INTEGRATORS["discrete"]}
+    )
     assert measure(stack(), setting, 0.005)["sag error"] < 1e-7  # its solver's tolerance is 1e-8
     assert measure(stack(), AS_SHIPPED, 0.005)["sag error"] > 0.1
     # A ball that bounces is no steady state: implicit steps damp it.
