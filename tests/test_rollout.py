@@ -202,3 +202,72 @@ def test_a_failing_rollout_is_named(engine, thrown):
     for nthread in (1, 4):
         with pytest.raises(ValueError, match=r"rollout 9, step 0: data.qpos\[0\] is 1"):
             dashpot.rollout(engine, states, nstep=5, nthread=nthread)
+
+
+@pytest.fixture(scope="module")
+def bursting():
+    """Return an arm whose servo has the wrong sign and a thrown ball; three starts of five rest."""
+    model = mujoco.MjModel.from_xml_string("""<mujoco>
+      <option timestep="0.002" gravity="0 0 0"/><worldbody>
+      <geom type="plane" size="2 2 .1"/>
+      <body pos="0 0 1"><joint name="arm" axis="0 1 0"/>
+        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+      <body pos="2 0 .15"><freejoint/><geom size=".1"/></body></worldbody>
+      <actuator><velocity joint="arm" kv="-50"/></actuator>
+      <sensor><jointvel joint="arm"/></sensor></mujoco>""")
+    engine = dashpot.Engine(model)
+    starts = np.tile(get_state(engine, engine.make_data()), (5, 1))
+    starts[[1, 3], 1 + model.nq] = 1.0, 30.0
+    starts[:, 1 + model.nq + 3] = -1.0
+    return engine, starts
+
+
+@pytest.mark.parametrize("nthread", [1, 2])
+@pytest.mark.parametrize("integration", [False, True])
+def test_a_rollout_that_diverges_is_nan_from_there_on(bursting, nthread, integration):
+    engine, starts = bursting
+    if integration:
+        data = engine.make_data()
+        whole = []
+        for start in starts:
+            mujoco.mj_resetData(engine.model, data)
+            mujoco.mj_setState(engine.model, data, start, FULL_PHYSICS)
+            whole.append(get_state(engine, data, INTEGRATION))
+        starts = np.array(whole)
+    steps = 400
+    with pytest.raises(dashpot.DivergenceError, match=r"rollout [13], step \d+"):
+        dashpot.rollout(engine, starts, nstep=steps, nthread=nthread)
+    with pytest.warns(
+        dashpot.DivergenceWarning,
+        match=r"^2 of 5 rollouts diverged and are nan from there on: 1, 3; rollout 1, step \d+: ",
+    ):
+        states, sensors = dashpot.rollout(
+            engine, starts, nstep=steps, nthread=nthread, on_divergence="nan"
+        )
+    calm = [0, 2, 4]
+    alone, readings = dashpot.rollout(engine, starts[calm], nstep=steps, nthread=1)
+    assert np.array_equal(states[calm], alone)
+    assert np.array_equal(sensors[calm], readings)
+    for index in (1, 3):
+        lost = np.isnan(states[index]).all(axis=1)
+        first = int(lost.argmax())
+        assert 0 < first < steps
+        assert lost[first:].all()
+        assert np.isfinite(states[index, :first]).all()
+        assert np.array_equal(np.isnan(sensors[index]).all(axis=1), lost)
+        with pytest.raises(dashpot.DivergenceError, match=f"rollout 0, step {first}: "):
+            dashpot.rollout(engine, starts[index], nstep=steps)
+
+
+def test_what_diverged_before_leaves_nothing_to_later_rollouts(bursting):
+    engine, starts = bursting
+    before = dashpot.rollout(engine, starts[0], nstep=50, nthread=1)
+    with pytest.warns(dashpot.DivergenceWarning):
+        dashpot.rollout(engine, starts, nstep=400, nthread=1, on_divergence="nan")
+    after = dashpot.rollout(engine, starts[0], nstep=50, nthread=1)
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+def test_what_to_do_about_divergence_is_named(engine, thrown):
+    with pytest.raises(ValueError, match="on_divergence is 'ignore'; it must be 'raise' or 'nan'"):
+        dashpot.rollout(engine, thrown, on_divergence="ignore")

@@ -9,6 +9,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -59,9 +60,11 @@ void require_shape(const char* name, const py::array& array, std::vector<py::ssi
   if (!fits) throw std::invalid_argument(std::string(name) + " has the wrong shape");
 }
 
-void run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
-         const std::optional<Array>& control, int control_spec, int nthread, bool differentiable,
-         Output state, Output sensordata) {
+using Diverged = std::vector<std::tuple<int, int, std::string>>;  // rollout, step, what
+
+Diverged run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
+             const std::optional<Array>& control, int control_spec, int nthread,
+             bool differentiable, bool fills_diverged, Output state, Output sensordata) {
   const ModelSizes sizes = sizes_of(workers.at(0)->model());
   if (state.ndim() != 3) throw std::invalid_argument("state must be 3-D");
   const py::ssize_t nbatch = state.shape(0), nstep = state.shape(1);
@@ -78,6 +81,7 @@ void run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state
   input.initial_state = initial_state.data();
   input.control_spec = control_spec;
   input.differentiable = differentiable;
+  input.fills_diverged = fills_diverged;
   require_shape("initial_state", initial_state, {nbatch, initial_state.shape(1)});
   require_shape("sensordata", sensordata, {nbatch, nstep, py::ssize_t(sizes.nsensordata)});
   if (control) {
@@ -96,7 +100,11 @@ void run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state
     if (found == views.end()) found = views.emplace(each, each->view()).first;
     models.push_back({found->second.get(), &each->simulations()});
   }
-  roll_out(models, input, nthread, state_out, sensor_out, handle_signals);
+  Diverged diverged;
+  for (const Divergence& each :
+       roll_out(models, input, nthread, state_out, sensor_out, handle_signals))
+    diverged.emplace_back(each.rollout, each.step, each.what);
+  return diverged;
 }
 
 }  // namespace
@@ -109,11 +117,13 @@ void bind_rollout(py::module_& module) {
   module.def(
       "roll_out", &run, py::arg("workers"), py::arg("initial_state"), py::arg("control"),
       py::arg("control_spec"), py::arg("nthread"), py::arg("differentiable"),
-      py::arg("state").noconvert(), py::arg("sensordata").noconvert(),
+      py::arg("fills_diverged"), py::arg("state").noconvert(), py::arg("sensordata").noconvert(),
       "Roll out on threads, GIL released, and write states and sensor data; see\n"
       "dashpot.rollout. `workers`: one for all rollouts, or one for each. If\n"
       "`differentiable`, the last states have the second half of their velocities, which the\n"
-      "next step would add, and no motion is small.");
+      "next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN "
+      "from\n"
+      "there on, and (rollout, step, what) of each is returned.");
 }
 
 }  // namespace dashpot::bindings

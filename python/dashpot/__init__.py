@@ -25,7 +25,7 @@ from dashpot.query import (
     time_of_impact,
     times_of_impact,
 )
-from dashpot.rollouts import rollout
+from dashpot.rollouts import DivergenceWarning, rollout
 
 __all__ = [
     "Closest",
@@ -35,6 +35,7 @@ __all__ = [
     "Distance",
     "Distances",
     "DivergenceError",
+    "DivergenceWarning",
     "Energy",
     "Engine",
     "Feature",

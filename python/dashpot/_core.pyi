@@ -566,14 +566,16 @@ def roll_out(
     control_spec: typing.SupportsInt | typing.SupportsIndex,
     nthread: typing.SupportsInt | typing.SupportsIndex,
     differentiable: bool,
+    fills_diverged: bool,
     state: numpy.typing.NDArray[numpy.float64],
     sensordata: numpy.typing.NDArray[numpy.float64],
-) -> None:
+) -> list[tuple[int, int, str]]:
     """
     Roll out on threads, GIL released, and write states and sensor data; see
     dashpot.rollout. `workers`: one for all rollouts, or one for each. If
     `differentiable`, the last states have the second half of their velocities, which the
-    next step would add, and no motion is small.
+    next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN from
+    there on, and (rollout, step, what) of each is returned.
     """
 
 def solref_to_spring(

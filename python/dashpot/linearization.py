@@ -124,6 +124,7 @@ def linearize(
         control_spec=0,
         nthread=thread_count(nthread),
         differentiable=True,
+        fills_diverged=False,
         state=stepped,
         sensordata=sensordata,
     )

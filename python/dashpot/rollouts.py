@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -19,6 +21,11 @@ _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
 _GIVEN_FROM_OUTSIDE = int(mujoco.mjtState.mjSTATE_USER)
 _USER_DATA = int(mujoco.mjtState.mjSTATE_USERDATA)
+_MOST_NAMED = 100
+
+
+class DivergenceWarning(UserWarning):
+    """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks."""
 
 
 def rollout(
@@ -30,6 +37,7 @@ def rollout(
     nstep: int | None = None,
     nthread: int | None = None,
     with_memory: bool = True,
+    on_divergence: Literal["raise", "nan"] = "raise",
     state: Array | None = None,
     sensordata: Array | None = None,
 ) -> tuple[Array, Array]:
@@ -71,6 +79,10 @@ def rollout(
         False: integration states come back as full-physics states. Contact memory is most of the
         state of a robot, 100 kB of it in every step: with it, many rollouts take several times as
         long and as much memory.
+    on_divergence
+        What a rollout does whose state diverges: "raise" ends all of them; "nan" fills its states
+        and sensor data from that step on with NaN, leaves the others as they are, bit for bit, and
+        gives a `DivergenceWarning` that names the rollouts.
     state, sensordata
         Where to write what is returned, C-contiguous, of float64 and of the shapes below. None: new
         arrays. After an exception they hold some of it.
@@ -94,11 +106,23 @@ def rollout(
         bits in `control_spec` that are nothing given from outside, and where a rollout fails,
         naming rollout and step.
     DivergenceError
-        Where a rollout diverges, naming rollout and step.
+        Where a rollout diverges, naming rollout and step, unless `on_divergence` is "nan".
+
+    Examples
+    --------
+    >>> model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+    ...   <body><joint type="slide" axis="0 0 1"/><geom size=".1"/></body></worldbody></mujoco>''')
+    >>> engine = Engine(model)
+    >>> starts = [[0.0, height, 0.0] for height in (1.0, 2.0)]  # time, qpos, qvel
+    >>> states, _ = rollout(engine, starts, nstep=100)
+    >>> states[:, -1, 1].round(3)
+    array([0.802, 1.802])
     """
     engines = _engines(engine)
     spec = _control_spec(control_spec)
     with_memory = flag("with_memory", with_memory)
+    if on_divergence not in ("raise", "nan"):
+        raise ValueError(f"on_divergence is {on_divergence!r}; it must be 'raise' or 'nan'")
     starts = _initial_states(engines[0].model, initial_state)
     controls = None if control is None else _controls(engines[0].model, spec, control)
     outputs = {"state": state, "sensordata": sensordata}
@@ -128,17 +152,31 @@ def rollout(
     starts = _repeated(starts, (nbatch, start_size), given)
     if controls is not None:
         controls = _repeated(controls, (nbatch, steps, controls.shape[2]), given)
-    _core.roll_out(
+    diverged = _core.roll_out(
         [each._rollout_workers() for each in engines],
         starts,
         controls,
         control_spec=spec,
         nthread=thread_count(nthread),
         differentiable=False,
+        fills_diverged=on_divergence == "nan",
         state=states,
         sensordata=sensors,
     )
+    if diverged:
+        warnings.warn(_said_of(diverged, nbatch), DivergenceWarning, stacklevel=2)
     return states, sensors
+
+
+def _said_of(diverged: list[tuple[int, int, str]], nbatch: int) -> str:
+    """Return which rollouts diverged, the first hundred by number, and how the first one did."""
+    first, step, what = diverged[0]
+    named = ", ".join(str(index) for index, _, _ in diverged[:_MOST_NAMED])
+    more = ", ..." if len(diverged) > _MOST_NAMED else ""
+    return (
+        f"{len(diverged)} of {nbatch} rollouts diverged and are nan from there on: {named}{more}; "
+        f"rollout {first}, step {step}: {what}"
+    )
 
 
 def _engines(engine: Engine | Sequence[Engine]) -> list[Engine]:

@@ -1,6 +1,7 @@
 #include "dashpot/simulations/rollout.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -11,18 +12,22 @@ namespace dashpot {
 
 namespace {
 
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
 int state_size(const ModelSizes& sizes, StateKind kind) {
   return kind == StateKind::kFullPhysics ? sizes.full_physics : sizes.integration;
 }
 
 }  // namespace
 
-void roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input, int nthread,
-              double* state, double* sensordata, const Interrupt& interrupt) {
+std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input,
+                                 int nthread, double* state, double* sensordata,
+                                 const Interrupt& interrupt) {
   const ModelSizes sizes = sizes_of(models.front().model);
   const int from = state_size(sizes, input.kind), to = state_size(sizes, input.record);
   const int threads = thread_count(nthread, input.nbatch);
   std::vector<SimulationLoan> loans(threads);
+  std::vector<Divergence> diverged(input.fills_diverged ? input.nbatch : 0);
 
   parallel_for(input.nbatch, threads, interrupt, [&](const Worker& worker, int item) {
     const RolloutModel& own = models[models.size() == 1 ? 0 : item];
@@ -42,14 +47,25 @@ void roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input
                     sensordata + row * sizes.nsensordata);
         if (input.differentiable && step + 1 == input.nstep) simulation.complete_last_step();
       } catch (const std::exception& error) {
+        const bool diverges = dynamic_cast<const DivergenceError*>(&error);
+        if (diverges && input.fills_diverged) {
+          const std::size_t rest = input.nstep - step;
+          std::fill_n(state + row * to, rest * to, kNaN);
+          std::fill_n(sensordata + row * sizes.nsensordata, rest * sizes.nsensordata, kNaN);
+          diverged[item] = {item, step, error.what()};
+          return;
+        }
         const std::string what = "rollout " + std::to_string(item) + ", step " +
                                  std::to_string(step) + ": " + error.what();
-        if (dynamic_cast<const DivergenceError*>(&error)) throw DivergenceError(what);
+        if (diverges) throw DivergenceError(what);
         throw std::invalid_argument(what);
       }
       simulation.get_state(state + row * to, input.record);
     }
   });
+  const auto is_none = [](const Divergence& each) { return each.what.empty(); };
+  diverged.erase(std::remove_if(diverged.begin(), diverged.end(), is_none), diverged.end());
+  return diverged;
 }
 
 }  // namespace dashpot

@@ -5,6 +5,7 @@
 
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "dashpot/simulations/simulation_host.hpp"
@@ -32,14 +33,24 @@ struct RolloutInput {
   int ncontrol = 0;      // length of a vector of that
   // Steps are to be differentiated: the last states have all of their velocities.
   bool differentiable = false;
+  // A rollout that diverges has NaN from there on, and the others go on.
+  bool fills_diverged = false;
+};
+
+// A rollout that diverged, and how.
+struct Divergence {
+  int rollout = 0, step = 0;
+  std::string what;
 };
 
 // Rolls out and writes after every step `state` (nbatch, nstep, nstate by `record`) and
 // `sensordata` (nbatch, nstep, nsensordata). Full-physics states start without contact memory,
 // integration states carry it. `models`: one for all, or one for each rollout, all of the same
-// sizes. `nthread` 0: one per core. Throws std::invalid_argument, or DivergenceError, naming
-// rollout and step where one fails, and what `interrupt` throws, which is asked between steps.
-void roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input, int nthread,
-              double* state, double* sensordata, const Interrupt& interrupt = {});
+// sizes. `nthread` 0: one per core. Returns those that diverged, in order, where they are filled.
+// Throws std::invalid_argument, or DivergenceError, naming rollout and step where one fails, and
+// what `interrupt` throws, which is asked between steps.
+std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input,
+                                 int nthread, double* state, double* sensordata,
+                                 const Interrupt& interrupt = {});
 
 }  // namespace dashpot
