@@ -225,6 +225,7 @@ def test_capsule_lands_on_a_narrower_box_without_a_spin(yaw):
         # Growth of the tilt by the hit itself: the sides of a rigid hit differ by it over the
         # distance at which 0.3 m/s compress, some 1e-8.
         assert fastest < 1e-6
+        assert data.qpos[2] == pytest.approx(0.004, abs=1e-5)  # it has landed
 
 
 def ellipsoids_that_touch(half, overlap, rng):
@@ -292,6 +293,7 @@ def test_ellipsoid_rolls_on_a_box_as_on_a_plane(timestep):
         engine.step(data, nstep=round(2.0 / timestep))
         end = engine.energy(data)
         energies[floor] = end.kinetic + end.potential
+        assert 0.03 - 1e-4 < data.qpos[2] < 0.05  # it has not fallen through
         assert abs(end.dissipated_recovery - start.dissipated_recovery) < 1e-3
         assert energies[floor] == pytest.approx(start.kinetic + start.potential, rel=1e-3)
 
@@ -317,6 +319,7 @@ def test_coin_rolls_on_a_box_as_on_a_plane(lean_angle, timestep):
         energies.append(engine.energy(data).mechanical)
         # What rolls without slip keeps its energy, once friction has it.
         assert energies[-1] == pytest.approx(start, rel=1e-4)
+        assert data.qpos[2] == pytest.approx(height, abs=5e-3)  # it has not fallen through
     assert energies[1] == pytest.approx(energies[0], rel=1e-3)
 
 
@@ -338,6 +341,7 @@ def test_round_side_rolls_fast_on_a_box(shape, turn):
     # Friction takes some of it while the weight comes on.
     assert data.qpos[0] == pytest.approx(2.0 * speed, rel=1e-4)
     assert data.qvel[0] == pytest.approx(speed, rel=1e-4)
+    assert data.qpos[2] == pytest.approx(radius, abs=1e-4)
 
 
 def test_what_adheres_keeps_the_points_that_mujoco_finds():
