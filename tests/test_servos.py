@@ -78,7 +78,8 @@ def test_an_undamped_servo_in_an_equality_keeps_its_swing(kind: str, timestep: f
             data.qfrc_applied[0] = -STIFFNESS * data.qpos[0]
 
     model = coupled_masses(timestep, SERVOS[kind])
-    heights, _, _ = swing(model, (0.01, 0.01), 5.0, control)
+    heights, _, data = swing(model, (0.01, 0.01), 5.0, control)
+    assert data.qpos[1] == pytest.approx(data.qpos[0], abs=1e-5)  # the equality holds
     # The grid of the steps misses the turning points by (omega H)^2 / 8 at most, 5e-4.
     assert size_of_swing(heights, round(0.4 / timestep)) == pytest.approx(0.01, rel=1e-3)
 
@@ -251,6 +252,7 @@ def test_the_ledger_closes_for_a_robot_whose_commands_jump(held: int) -> None:
         energy = engine.energy(data)
         most, off = max(most, energy.kinetic), max(off, abs(energy.total - start))
     turned_over = most + energy.dissipated_normal + energy.dissipated_friction
+    assert energy.dissipated_normal > 0.1  # feet come down
     turned_over += energy.dissipated_damping
     # Legs turn by up to 0.02 rad in a step, in which hits have no time.
     assert off < 3e-3 * turned_over
