@@ -191,7 +191,7 @@ def test_pressing_and_letting_go_closes_the_ledger():
     engine = pressed_ball(*OWN[5], 0.001)
     data = engine.make_data()
     data.qpos[2] = 0.2
-    work, totals, turned = 0.0, [], []
+    work, totals, turned, stored = 0.0, [], [], 0.0
     for step in range(3000):
         push = -200.0 if 500 <= step % 1500 < 1200 else 0.0
         before = data.qpos[2]
@@ -202,6 +202,11 @@ def test_pressing_and_letting_go_closes_the_ledger():
         lost = energy.dissipated_normal + energy.dissipated_recovery
         totals.append(energy.kinetic + energy.potential + energy.elastic + lost - work)
         turned.append(abs(work) + energy.kinetic)
+        stored = max(stored, energy.elastic)
+    # The push of 200 N and the weight of 20 N press it in as far as they do at rest.
+    load = 200.0 / 2.0 + GRAVITY
+    at_rest = load / law.solref_to_spring_at_rest(*OWN[5][:1], solimp=OWN[5][1], load=load)[0]
+    assert stored > 0.4 * 2.0 * load * at_rest
     assert np.ptp(totals) < 1e-3 * max(turned)
 
 
