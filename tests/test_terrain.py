@@ -122,6 +122,7 @@ def test_what_rolls_on_a_flat_field_rolls_as_on_a_plane(shape, timestep):
         energy = engine.energy(data)
         energies.append(energy.kinetic + energy.potential)
         assert abs(energy.dissipated_recovery) < 1e-3
+        assert 0.03 - 1e-4 < data.qpos[2] < 0.05  # it has not fallen through
         if shape == "sphere":  # slips until m v + I w / r are those of rolling
             assert data.qvel[0] == pytest.approx((0.3 + 0.4 * 0.03 * 8) / 1.4, rel=1e-4)
         elif not is_round:  # rolls from the start, at 10 rad/s on 3 cm
