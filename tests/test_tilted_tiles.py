@@ -51,6 +51,7 @@ def test_a_ball_keeps_its_speed_over_planks_tilted_sideways(kink, speed, timeste
     # that of the next.
     assert data.qvel[0] == pytest.approx(speed, rel=3e-3)
     assert highest < 1.5e-5
+    assert data.qpos[1] > -1.5e-5
 
 
 def bent(kink: float, timestep: float) -> tuple[mujoco.MjModel, float]:
@@ -137,6 +138,10 @@ def turned(lead: float, friction: float, timestep: float, seconds: float) -> flo
     data = engine.make_data()
     data.qfrc_applied[1] = -LOAD
     engine.step(data, nstep=round(seconds / timestep))
+    # The nut has gone as far as its thread, but for what the contact gives way by.
+    assert data.qpos[1] == pytest.approx(
+        -LEAD_RADIUS * np.tan(lead) * data.qpos[0], rel=0.01, abs=5e-5
+    )
     return data.qpos[0]
 
 
