@@ -72,6 +72,7 @@ def test_a_ball_with_an_eccentric_mass_keeps_its_energy(ground, friction):
     # Of second order in the turn in a step, 0.19 rad: 0.19^2 / 12. Slip takes some of it.
     assert max(mechanical) - start.mechanical < 0.003 * start.kinetic
     assert mechanical[-1] - start.mechanical > -0.02 * start.kinetic
+    assert data.qpos[2] == pytest.approx(0.03, abs=1e-4)
 
 
 def rock(ground, timestep):
@@ -90,6 +91,7 @@ def rock(ground, timestep):
     mechanical = engine.energy(data).mechanical
     # Of the motion MuJoCo's least friction, 1e-5, takes less than a thousandth.
     assert mechanical == pytest.approx(start.mechanical, abs=2e-3 * start.kinetic)
+    assert data.qpos[2] == pytest.approx(0.05, abs=1e-5)
     return data.qpos[2], mechanical
 
 
