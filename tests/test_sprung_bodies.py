@@ -41,6 +41,7 @@ def test_a_body_on_a_spring_keeps_its_energy(stiffness, timestep, option):
     data.qvel[3:] = 1, 2, 1
     found = energies(engine, data, 10.0)
     assert np.ptp(found, axis=0).max() < 4000 * timestep**2
+    assert data.qpos[2] > 0.5  # it hangs on it still
 
 
 def test_a_body_on_a_spring_of_its_joint_swings_as_long_as_it_should():
@@ -89,7 +90,12 @@ def test_a_pivoted_body_on_a_spring_keeps_its_energy(timestep):
     data = engine.make_data()
     data.qvel[3:] = 0, 4, 1
     data.qvel[:3] = -np.cross(data.qvel[3:], [0.02, 0, 0.12])
+    mujoco.mj_kinematics(engine.model, data)
+    pivot = data.site("top").xpos.copy()
     found = energies(engine, data, 5.0)
+    mujoco.mj_kinematics(engine.model, data)
+    # The equality holds its pivot in place.
+    np.testing.assert_allclose(data.site("top").xpos, pivot, atol=1e-3)
     assert np.ptp(found[:, 0]) < 3000 * timestep**2
 
 
