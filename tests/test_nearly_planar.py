@@ -45,3 +45,4 @@ def test_a_nearly_planar_walker_closes_its_ledger_as_a_planar_one(error, integra
     # It falls by 0.1 m of its 4.6 kg and swings on: some 10 J, of which hits leave some
     # hundredths, by chance. Where such tangents held, 1.4 to 11 J came of it.
     assert engine.energy(data).total == pytest.approx(first.total, abs=0.5)
+    assert engine.energy(data).dissipated_normal > 5.0
