@@ -65,6 +65,7 @@ def test_lift_does_the_work_that_the_box_gains():
     start = engine.energy(data)
     drive(engine, data, lambda d, t: d.mocap_pos.__setitem__((0, 2), 0.5 * t), seconds=0.5)
     end = engine.energy(data)
+    assert data.qvel[2] == pytest.approx(0.5, rel=1e-6)  # the box goes along
     gained = end.kinetic + end.potential - start.kinetic - start.potential
     assert gained > 2.0
     assert end.work - start.work == pytest.approx(gained, rel=2e-3)
@@ -141,6 +142,7 @@ def test_a_ramp_that_tilts_up_meets_a_ball_far_from_its_axis(kind, height):
         deepest = max(deepest, engine.step(data).max_penetration)
     # Nor does it sink in at all: rigid contacts throw the ball off within the step.
     assert deepest < 1e-6
+    assert data.qvel[2] > 7.0  # m/s: by 2 rad/s, 4 m from the axis, along a normal that turns
 
 
 def test_pusher_pushes_at_its_speed_without_going_in():
