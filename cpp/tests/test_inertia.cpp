@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <random>
-#include <stdexcept>
 #include <vector>
 
 #include "dashpot/rows/trees.hpp"
@@ -61,7 +60,10 @@ void check_inertia(int n, bool branching) {
   Trees trees = random_trees(n, branching);
   const std::vector<double> inertia = random_inertia(trees, n);
   std::vector<double> factor = inertia, x(n), force(n, 0.0);
-  factor_inertia(trees, 1, factor.data());
+  if (!factor_inertia(trees, 1, factor.data())) {
+    std::printf("an inertia of %d degrees of freedom was not factored\n", n);
+    ++failures;
+  }
   invert_inertia(trees, 1, factor.data());
   const Tree& t = trees.tree[1];
   const double* inverse = trees.inverse.data() + t.inverse;
@@ -87,11 +89,7 @@ void check_indefinite() {
   Trees trees = random_trees(3, false);
   std::vector<double> inertia = random_inertia(trees, 3);
   inertia[0] = -1.0;
-  try {
-    factor_inertia(trees, 1, inertia.data());
-  } catch (const std::runtime_error&) {
-    return;
-  }
+  if (!factor_inertia(trees, 1, inertia.data())) return;
   std::printf("an inertia that is not positive definite was factored\n");
   ++failures;
 }

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
+#include "dashpot/rows/divergence.hpp"
+#include "definite_damping.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: derivatives of
 // the smooth forces with respect to velocity, which mj_implicit itself starts from.
@@ -78,8 +81,8 @@ void invert_body_inertia(const mjModel* m, const mjData* d, int tree, const Weld
   }
 }
 
-// Factor of M + h D, row-major and dof_count wide.
-void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double h,
+// Factor of M + h D, row-major and dof_count wide; false where it is not positive definite.
+bool factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double h,
                  double* factor) {
   const Tree& t = trees.tree[tree];
   const bool derived = takes_derivatives(m);
@@ -93,7 +96,14 @@ void factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
     }
     if (!derived) factor[i * t.dof_count + i] += h * trees.joint_damping[dof];
   }
-  factor_inertia(trees, tree, factor);
+  return factor_inertia(trees, tree, factor);
+}
+
+void require(bool is_definite, const mjModel* m, const Tree& tree) {
+  if (is_definite) return;
+  throw DivergenceError("the inertia of the tree of joint " +
+                        named(m, mjOBJ_JOINT, m->dof_jntid[tree.dof_begin]) +
+                        " is singular or not finite; give its bodies mass, or joints armature");
 }
 
 // Fills in D of a tree.
@@ -217,8 +227,8 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
   mjd_actuator_vel(m, d);
 }
 
-void find_effective_inertia(const mjModel_* m, const mjData_* d,
-                            const std::vector<WeldedParts>& parts, Trees& trees, Team& team) {
+void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<WeldedParts>& parts,
+                            Trees& trees, Team& team) {
   const double weight = joint_damping_weight(m);
   for (int i = 0; i < m->nv; ++i)
     trees.joint_damping[i] = weight > 0.0 ? weight * joint_damping(m, i, d->qvel[i]) : 0.0;
@@ -227,10 +237,14 @@ void find_effective_inertia(const mjModel_* m, const mjData_* d,
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
     t.damped = false;
-    if (t.free_body)
+    if (t.free_body) {
       invert_body_inertia(m, d, index, parts_of(m, parts, index), trees.inverse.data() + t.inverse);
-    else
-      factor_tree(m, d, trees, index, m->opt.timestep, trees.factor.data() + t.inverse);
+      return;
+    }
+    double* factor = trees.factor.data() + t.inverse;
+    if (factor_tree(m, d, trees, index, m->opt.timestep, factor)) return;
+    if (takes_derivatives(m)) keep_what_damps(m, d, index);
+    require(factor_tree(m, d, trees, index, m->opt.timestep, factor), m, t);
   });
 }
 
@@ -240,7 +254,8 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
   find_damping(m, d, t, trees);
   trees.implicit_time = kImplicitPart * m->opt.timestep;
   if (t.damped)
-    factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse);
+    require(factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse), m,
+            t);
 }
 
 void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
@@ -249,7 +264,7 @@ void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& 
   const double* damping = trees.joint_damping.data() + t.dof_begin;
   if (std::all_of(damping, damping + t.dof_count, [](double of) { return of == 0.0; })) return;
   double* factor = trees.factor.data() + t.inverse;
-  factor_tree(m, d, trees, tree, 0.0, factor);
+  require(factor_tree(m, d, trees, tree, 0.0, factor), m, t);
   for (int i = 0; i < t.dof_count; ++i)
     trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
 }

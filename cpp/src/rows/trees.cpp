@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
 #include <string>
 
 #include "dashpot/lanes/instruction_sets.hpp"
@@ -141,15 +140,13 @@ void check_bounded(const Tree& tree, const double* motion, double largest) {
                             "; data are as they were before the step");
 }
 
-void factor_inertia(const Trees& trees, int tree, double* inertia) {
+bool factor_inertia(const Trees& trees, int tree, double* inertia) {
   const Tree& t = trees.tree[tree];
   const int n = t.dof_count;
   const Above above(trees, t);
   for (int k = n - 1; k >= 0; --k) {
     double* row = inertia + k * n;
-    if (!(row[k] > 0.0))
-      throw std::runtime_error("effective inertia of kinematic tree " + std::to_string(tree) +
-                               " is not positive definite");
+    if (!(row[k] > 0.0)) return false;
     Above::Range rest = above.of(k);
     while (rest.first != rest.last) {
       const int i = *rest.first++;
@@ -160,6 +157,7 @@ void factor_inertia(const Trees& trees, int tree, double* inertia) {
       row[i] = entry;
     }
   }
+  return true;
 }
 
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x) {

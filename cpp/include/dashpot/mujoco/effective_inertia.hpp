@@ -51,9 +51,11 @@ void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, do
 // Computes the derivatives where they are needed: of all smooth forces, or of actuators alone.
 void prepare_effective_inertia(const mjModel_* m, mjData_* d);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
-// factor_inertia. `parts` as read_welded_parts leaves them.
-void find_effective_inertia(const mjModel_* m, const mjData_* d,
-                            const std::vector<WeldedParts>& parts, Trees& trees, Team& team);
+// factor_inertia. Derivatives with which none is left are changed, see definite_damping.hpp.
+// `parts` as read_welded_parts leaves them. Throws DivergenceError, naming a joint, where M is
+// singular.
+void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<WeldedParts>& parts,
+                            Trees& trees, Team& team);
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
 // micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);

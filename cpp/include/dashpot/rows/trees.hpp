@@ -93,8 +93,8 @@ void check_bounded(const Tree& tree, const double* motion, double largest);
 // H = L' D L of a tree that is not a free body, L of unit diagonal and as sparse as H below it:
 // no entry fills in where rows are eliminated from the last one up (Featherstone, Rigid Body
 // Dynamics Algorithms, 6.3). `inertia` is row-major, dof_count wide, and keeps D on and L below its
-// diagonal. Throws std::runtime_error if H is not positive definite.
-void factor_inertia(const Trees& trees, int tree, double* inertia);
+// diagonal. False where H is not positive definite.
+bool factor_inertia(const Trees& trees, int tree, double* inertia);
 // Solution of H x = f; x is f before.
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
 // x' H x.
