@@ -10,7 +10,11 @@ import dashpot
 
 CARD = 'type="box" size=".000125 .032 .047" mass=".000184" fluidshape="ellipsoid"'
 PLATE = 'type="box" size=".002 .1 .15" density="1100" fluidshape="ellipsoid"'
-FLUIDS = {"card in air": ("1.225", "1.8e-5", CARD), "plate in water": ("1000", "1e-3", PLATE)}
+# Density, viscosity and geom; and how fast it goes and turns, m/s and rad/s.
+FLUIDS = {
+    "card in air": ("1.225", "1.8e-5", CARD, 5.0, 100.0),
+    "plate in water": ("1000", "1e-3", PLATE, 3.0, 20.0),
+}
 
 
 def kinetic_energy(model, data):
@@ -22,8 +26,8 @@ def kinetic_energy(model, data):
 @pytest.mark.parametrize("integrator", ["implicit", "implicitfast"])
 @pytest.mark.parametrize("fluid", FLUIDS)
 def test_a_fluid_at_rest_takes_energy_from_what_tumbles_in_it(fluid, integrator):
-    """At a few m/s and 2 ms the derivatives of its lift exceed the plate's inertia."""
-    density, viscosity, geom = FLUIDS[fluid]
+    """At these speeds and 2 ms the derivatives of its lift exceed the inertia, here and there."""
+    density, viscosity, geom, speed, spin = FLUIDS[fluid]
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option density="{density}" viscosity="{viscosity}" integrator="{integrator}"
           gravity="0 0 0"/><worldbody><geom type="plane" size="5 5 .1"/>
@@ -31,21 +35,21 @@ def test_a_fluid_at_rest_takes_energy_from_what_tumbles_in_it(fluid, integrator)
     )
     engine = dashpot.Engine(model)
     met = 0
-    for seed in range(10):
+    for seed in range(20):
         rng = np.random.default_rng(seed)
         data = engine.make_data()
         attitude = rng.normal(size=4)
         data.qpos[3:] = attitude / np.linalg.norm(attitude)
-        data.qvel[:] = rng.uniform(-1, 1, 6) * ([3.0] * 3 + [20.0] * 3)
+        data.qvel[:] = rng.uniform(-1, 1, 6) * ([speed] * 3 + [spin] * 3)
         mujoco.mj_forward(engine.model, data)
         start = energy = kinetic_energy(engine.model, data)
-        for _ in range(200):
+        for _ in range(100):
             met += engine.step(data).touching
             mujoco.mj_fwdPosition(engine.model, data)
             before, energy = energy, kinetic_energy(engine.model, data)
-            # Of first order in the turn of a step, which is 0.04 rad at first.
-            assert energy < before + 0.05 * start
-        assert energy < 0.5 * start
+            # Where it is all but at rest, rounding of the forces is left. MuJoCo gains 8 %.
+            assert energy < before + 1e-4 * start
+        assert energy < 0.8 * start
     assert met
 
 
@@ -62,7 +66,7 @@ def test_a_card_flutters_as_in_steps_without_derivatives(integrator):
         made = engine(model) if engine else None
         data = made.make_data() if made else mujoco.MjData(model)
         data.qpos[3:] = [np.cos(0.3), np.sin(0.3), 0.0, 0.0]
-        data.qvel[:] = [1.0, 0.5, -1.0, 3.0, 2.0, 1.0]
+        data.qvel[:] = [3.0, 0.5, -4.0, 30.0, 2.0, 20.0]
         for _ in range(round(0.2 / timestep)):
             made.step(data) if made else mujoco.mj_step(model, data)
         return data.qpos[:3].copy()
@@ -104,7 +108,7 @@ def random_model(seed):
         <geom type="plane" size="5 5 .1" pos="0 0 -.3"/>{bodies}
         <body pos="0 0 .4"><freejoint/><geom {rng.choice(geoms)} density="{density}"
           fluidshape="ellipsoid"/></body></worldbody><actuator>{motors}</actuator></mujoco>"""
-    ), rng.normal(size=200)
+    ), 5.0 * rng.normal(size=200)
 
 
 def test_what_mujoco_steps_without_a_warning_steps():
