@@ -12,8 +12,8 @@ the worst of its time steps, and the setting with the least is MuJoCo tuned for 
 The best one for all rows is that of the first part with the least mean rank over all rows, ranked
 again at every time step. dashpot has one configuration throughout: its defaults.
 
-Costs are processor times of the steps, a simulated second, the least of three runs, all ways of
-stepping in turn in one process.
+Costs are processor times of the steps, a simulated second, the least of three runs, or of one that
+takes long, all ways of stepping in turn in one process.
 
 With --out, rows that the file has already are not searched again.
 """
@@ -24,6 +24,7 @@ import argparse
 import itertools
 import json
 import sys
+import time
 from collections.abc import Iterable
 from math import inf, isfinite, log10
 from pathlib import Path
@@ -62,7 +63,8 @@ CONTACTS: dict[str, dict[str, Any]] = {
     "unsafe": {"timeconst_steps": 1.0},
     "unsafe hard": {"timeconst_steps": 1.0, "hard": True},
 }
-REPEATS = 3  # of timed runs
+REPEATS = 3  # of timed runs,
+LONG = 20.0  # s, after which they are not repeated
 
 
 def setting_of(choice: Choice) -> Setting:
@@ -205,9 +207,12 @@ def add_costs(row: Row, entry: dict[str, Any]) -> None:
     ways |= {way: setting_of(entry[way]["choice"]) for way in ("tuned", "for all")}
     least = {way: [inf] * len(row.timesteps) for way in ways}
     for i, timestep in enumerate(row.timesteps):
+        began = time.process_time()
         for _ in range(REPEATS):
             for way, setting in ways.items():
                 least[way][i] = min(least[way][i], row.measure(setting, timestep).cost)
+            if time.process_time() - began > LONG:
+                break
     for way, costs in least.items():
         entry[way]["costs"] = costs
 
