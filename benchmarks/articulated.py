@@ -4,7 +4,7 @@
 
 No controls; after 300 steps, the least processor time of chunks of 100 steps, the two in turn.
 Shadow hand and block have 24 rows of dry friction, some 24 of limits and a few of contacts, Panda
-next to none. The last five are Gymnasium's, with RK4: mj_step solves contacts in each of its stages.
+next to none. The last five are Gymnasium's, with RK4: mj_step solves contacts in every stage.
 """
 
 from __future__ import annotations
