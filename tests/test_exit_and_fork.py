@@ -58,12 +58,12 @@ def test_an_interpreter_ends_while_a_daemon_thread_is_in_a_call(call):
 
 
 def test_what_is_called_at_exit_can_still_step():
-    program = """
+    program = f"""
 import atexit, mujoco, dashpot
-engine = dashpot.Engine(mujoco.MjModel.from_xml_string({scene!r}))
+engine = dashpot.Engine(mujoco.MjModel.from_xml_string({SCENE!r}))
 data = engine.make_data()
 atexit.register(lambda: print(engine.step(data).parts))
-""".format(scene=SCENE)
+"""
     ended = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
     )

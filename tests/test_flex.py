@@ -197,15 +197,6 @@ def test_a_cloth_of_many_trees_rolls_out_copies_and_saves_as_it_steps(side, tmp_
     assert loaded.nv == engine.model.nv
 
 
-def test_impacts_of_flexes_are_not_cut():
-    xml = SCENE.format(
-        grid=BOX, inner=ELASTIC, attributes='dof="trilinear"', more="", gravity="0 0 -9.81"
-    )
-    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml), impact="cut")
-    with pytest.raises(ValueError, match="does not see flexes"):
-        engine.step(engine.make_data())
-
-
 def test_a_flex_with_too_many_coupled_vertices_is_refused_by_name():
     xml = SCENE.format(
         grid='count="15 15 1" spacing=".05 .05 .05" pos="0 0 1" dim="2"',

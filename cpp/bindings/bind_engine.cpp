@@ -207,6 +207,8 @@ void bind_engine(py::module_& module) {
   py::class_<ModelLock, std::shared_ptr<ModelLock>>(
       module, "ModelLock", "Held, as a context manager, while a model is stepped or copied.")
       .def(py::init<>())
+      .def("lock_with_line", &ModelLock::lock_with_line, py::call_guard<WithoutGil>())
+      .def("unlock_with_line", &ModelLock::unlock_with_line)
       .def("__enter__", &ModelLock::lock, py::call_guard<WithoutGil>())
       .def("__exit__", [](ModelLock& lock, const py::object&, const py::object&,
                           const py::object&) { lock.unlock(); });

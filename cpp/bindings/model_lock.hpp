@@ -32,6 +32,17 @@ class ModelLock {
     owner_ = std::thread::id();
     held_.unlock();
   }
+  // Before a fork: nobody is in line either, whose place the child would find taken for ever.
+  void lock_with_line() {
+    if (owner_ == std::this_thread::get_id()) throw std::runtime_error("the thread has the lock");
+    const WaitWithoutGil wait;
+    next_.lock();
+    held_.lock();
+  }
+  void unlock_with_line() {
+    held_.unlock();
+    next_.unlock();
+  }
 
  private:
   std::mutex next_, held_;

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <stdexcept>
 #include <thread>
 
 namespace dashpot::bindings {
@@ -14,7 +15,12 @@ std::atomic<int> calls = 0;    // that run without the GIL
 std::atomic<int> at_rest = 0;  // of these, that will not ask for the GIL before they look again
 std::atomic<bool> exits = false;
 std::atomic<std::thread::id> exiting_thread;
+std::atomic<bool> others_call = false;  // threads that are not the one that imported this
+const std::thread::id importing_thread = std::this_thread::get_id();
 thread_local int own_calls = 0;
+
+// Long enough for a thread between two calls, in Python or in MuJoCo, to come to its next one.
+constexpr std::chrono::milliseconds kGrace{50};
 
 // A call that finds the interpreter at its end stays here for ever.
 void stand_still_at_exit() {
@@ -36,6 +42,7 @@ void forget_other_threads() {
 WithoutGil::WithoutGil() {
   ++calls;
   ++own_calls;
+  if (std::this_thread::get_id() != importing_thread) others_call = true;
   released_.emplace();
   stand_still_at_exit();
 }
@@ -55,7 +62,9 @@ WaitWithoutGil::~WaitWithoutGil() {
 }
 
 void handle_signals() {
-  stand_still_at_exit();
+  // Ends the threads that share the call; WithoutGil holds what unwinds.
+  if (exits && exiting_thread.load() != std::this_thread::get_id())
+    throw std::runtime_error("the interpreter ends");
   const pybind11::gil_scoped_acquire acquire;
   if (PyErr_CheckSignals() != 0) throw pybind11::error_already_set();
 }
@@ -64,6 +73,7 @@ void stop_at_exit() {
   const pybind11::gil_scoped_release release;
   exiting_thread = std::this_thread::get_id();
   exits = true;
+  if (others_call) std::this_thread::sleep_for(kGrace);
   while (calls > at_rest) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 

@@ -25,7 +25,7 @@ def new_lock() -> _core.ModelLock:
 def _hold_all() -> None:
     for lock in list(_locks):
         try:
-            lock.__enter__()
+            lock.lock_with_line()
         except RuntimeError:  # this thread has it: it forks from a callback of its step
             continue
         _held_by_fork.append(lock)
@@ -33,7 +33,7 @@ def _hold_all() -> None:
 
 def _release_all() -> None:
     while _held_by_fork:
-        _held_by_fork.pop().__exit__(None, None, None)
+        _held_by_fork.pop().unlock_with_line()
 
 
 if hasattr(os, "register_at_fork"):
