@@ -21,6 +21,8 @@ thread_local int own_calls = 0;
 
 // Long enough for a thread between two calls, in Python or in MuJoCo, to come to its next one.
 constexpr std::chrono::milliseconds kGrace{50};
+// A call that waits in a callback for what never comes does not keep the interpreter from ending.
+constexpr std::chrono::seconds kPatience{10};
 
 // A call that finds the interpreter at its end stays here for ever.
 void stand_still_at_exit() {
@@ -74,7 +76,9 @@ void stop_at_exit() {
   exiting_thread = std::this_thread::get_id();
   exits = true;
   if (others_call) std::this_thread::sleep_for(kGrace);
-  while (calls > at_rest) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const auto latest = std::chrono::steady_clock::now() + kPatience;
+  while (calls > at_rest && std::chrono::steady_clock::now() < latest)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
 }  // namespace dashpot::bindings

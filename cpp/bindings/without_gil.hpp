@@ -37,7 +37,8 @@ class WaitWithoutGil {
 // thread that Python called.
 void handle_signals();
 
-// Called by Python at its exit: returns when no other thread can ask for the GIL any more.
+// Called by Python at its exit: returns when no other thread can ask for the GIL any more, or after
+// ten seconds.
 void stop_at_exit();
 
 }  // namespace dashpot::bindings

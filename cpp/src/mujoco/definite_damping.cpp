@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <Eigen/Eigenvalues>
+#include <cmath>
 
 namespace dashpot::host {
 
@@ -57,8 +58,9 @@ void keep_what_damps(const mjModel_* m, mjData_* d, int tree) {
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> found(damping, mass);
   if (found.info() != Eigen::Success) return;
   const MatrixXd columns = mass * found.eigenvectors();
-  const auto drives = 1.0 + m->opt.timestep * found.eigenvalues().array() < kLeastShare;
-  const Eigen::VectorXd kept = drives.select(0.0, found.eigenvalues().array());
+  Eigen::VectorXd kept = found.eigenvalues();
+  for (double& rate : kept)
+    if (1.0 + m->opt.timestep * rate < kLeastShare) rate = 0.0;
   damping.noalias() = columns * kept.asDiagonal() * columns.transpose();
   for_each_entry(m, tree, [&](int i, int j, int k) { derivative[m->mapD2M[k]] = -damping(i, j); });
 }
