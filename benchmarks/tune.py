@@ -8,9 +8,9 @@
 
 Every combination of the grid's first part is tried in a short form of a row, then changes of the
 best one at a time. The best of those that do not fail are measured in full. A row's number is the
-worst of its time steps. The setting with the least is MuJoCo tuned for the row. The best one for all
-rows has the least mean rank over the rows among those of the first part; the first few of these are
-ranked again in full. dashpot has one configuration throughout: its defaults.
+worst of its time steps. The setting with the least is MuJoCo tuned for the row. The best one for
+all rows has the least mean rank over the rows among those of the first part; the first few of these
+are ranked again in full. dashpot has one configuration throughout: its defaults.
 
 Costs are processor times of the steps, a simulated second, the least of three runs, or of one that
 takes long, all ways of stepping in turn in one process.
