@@ -12,8 +12,10 @@ void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& tre
   pressed_between_.find(model, step.contacts, rows, materials);
   sag_times_.find(model, step, rows, data.velocity.data(), team);
   find_hits(step, rows, islands(), hit_frequency, data);
-  pressed_together_.find(materials, step.contacts, trees, data, step.length, rows);
-  open_groups_.find(step, rows, static_cast<int>(trees.tree.size()), data);
+  open_groups_.find(step, rows, islands(), static_cast<int>(trees.tree.size()), data);
+  pressed_together_.find(model, materials, step.contacts, trees, open_groups_.stays_open(), data,
+                         step.length, rows);
+  tied_mass_.find(step, materials, trees, islands(), pressed_together_.compressions(), data, rows);
   islands_.plan(rows, trees,
                 {materials, sag_times_.of_group(), open_groups_.stays_open(), data, step.length,
                  resolved, options},

@@ -12,6 +12,7 @@
 #include "dashpot/islands/pressed_between.hpp"
 #include "dashpot/islands/pressed_together.hpp"
 #include "dashpot/islands/sag_times.hpp"
+#include "dashpot/islands/tied_mass.hpp"
 #include "dashpot/law/parameters.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/row_data.hpp"
@@ -44,6 +45,7 @@ class RowPlan {
   PressedBetween pressed_between_;
   PressedTogether pressed_together_;
   OpenGroups open_groups_;
+  TiedMass tied_mass_;
 };
 
 }  // namespace dashpot

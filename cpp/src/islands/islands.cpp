@@ -116,7 +116,7 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
       const RowGroup& c = rows.group[index];
       if (!materials[index].has_si_stiffness())
         rigid_longest_[index] = dashpot::longest_rigid_microstep(
-            rows, c, materials[index], rigid_coupling(c), sag_time[index]);
+            rows, c, materials[index], rigid_coupling(c), sag_time[c.first_of_pair]);
     });
   }
   resolves_.resize(islands_.size());
@@ -140,8 +140,9 @@ void Islands::plan(Rows& rows, const Trees& trees, const MicrostepDemand& demand
     const Island& island = islands_[island_at_[at]];
     lowered_[at] = false;
     if (resolves_[island_at_[at]] && materials[index].has_si_stiffness()) return;
-    lowered_[at] = !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[index],
-                                    {island.duration, island.rigid_duration, island.hit});
+    lowered_[at] =
+        !fill_rigid_rows(rows, c, materials[index], rigid_coupling(c), sag_time[c.first_of_pair],
+                         {island.duration, island.rigid_duration, island.hit});
   });
   for (int at = 0; at < count; ++at)
     if (lowered_[at]) islands_[island_at_[at]].clipped += rows.group[group_order_[at]].dim;
@@ -198,7 +199,8 @@ void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
     if (!is_given) {
       double unit[kMaxRows];
       for (int i = 0; i < c.dim; ++i) {
-        const double w = rows.inverse_mass[c.row + i];
+        const double w = i == 0 && c.pair_inverse_mass > 0.0 ? c.pair_inverse_mass
+                                                             : rows.inverse_mass[c.row + i];
         unit[i] = w > 0.0 ? 1.0 / w : 0.0;
       }
       weigh(unit);

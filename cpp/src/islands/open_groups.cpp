@@ -38,7 +38,8 @@ GapMotion motion_of(const Rows& rows, const RowGroup& c, const RowData& data) {
 
 }  // namespace
 
-void OpenGroups::find(const StepView& step, const Rows& rows, int tree_count, const RowData& data) {
+void OpenGroups::find(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
+                      int tree_count, const RowData& data) {
   stays_open_.assign(rows.group.size(), 0);
   fastest_.assign(tree_count, kUnasked);
   bool any = false;
@@ -57,6 +58,11 @@ void OpenGroups::find(const StepView& step, const Rows& rows, int tree_count, co
     for (int tree : c.tree)
       if (tree >= 0) closing += fastest_[tree];
     stays_open_[index] = gap > 0.0 && gap >= kMayMeet * step.length * closing;
+  }
+  for (const Island& island : islands) {
+    const auto is_hit = [&](int index) { return data.hit[index] != Hit::kNone; };
+    if (std::any_of(island.group.begin(), island.group.end(), is_hit))
+      for (int index : island.group) stays_open_[index] = 0;
   }
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "dashpot/islands/row_stiffness.hpp"
+#include "dashpot/mujoco/properties.hpp"
 
 namespace dashpot {
 
@@ -19,33 +20,65 @@ bool has_ratio(const GroupMaterial& given) {
                           : given.material.form != DampingForm::kDamping;
 }
 
-// Stiffness of a contact relative to others of its pair: rigid ones have k = kappa / w.
-double relative_stiffness(const Rows& rows, const RowGroup& c, bool rigid) {
-  return rigid ? 1.0 / rows.inverse_mass[c.row] : 1.0;
+bool is_like(const GroupMaterial& a, const GroupMaterial& b) {
+  return a.from_solref == b.from_solref && a.is_rigid() == b.is_rigid() &&
+         has_ratio(a) == has_ratio(b);
+}
+
+// Whether two contacts are between the same two bodies, one of which may be static.
+bool join_same_bodies(const mjModel_* model, const ContactInput& a, const ContactInput& b) {
+  if (a.is_of_flex() || b.is_of_flex()) return a.geom == b.geom;
+  for (int side = 0; side < 2; ++side)
+    if (host::moved_body(model, a.geom[side]) != host::moved_body(model, b.geom[side]))
+      return false;
+  return true;
+}
+
+// Of the normals of contacts between two bodies, without those that stay open, unless all do.
+double mean_inverse_mass(const Rows& rows, size_t first, size_t last,
+                         const std::vector<char>& stays_open) {
+  double sum[2] = {};
+  int count[2] = {};
+  for (size_t i = first; i < last; ++i) {
+    const int row = rows.group[i].row, open = stays_open[i] != 0;
+    if (rows.inverse_mass[row] > 0.0) sum[open] += rows.bounded_inverse_mass(row);
+    ++count[open];
+  }
+  const int of = count[0] == 0;
+  return sum[of] / count[of];
 }
 
 }  // namespace
 
-void PressedTogether::find(const std::vector<GroupMaterial>& materials,
+void PressedTogether::find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
                            const std::vector<ContactInput>& contacts, const Trees& trees,
-                           const RowData& data, double length, Rows& rows) {
+                           const std::vector<char>& stays_open, const RowData& data, double length,
+                           Rows& rows) {
   const size_t count = rows.group.size();
+  compression_.assign(count, 1.0);
+  const bool any_ties = count > 0 && rows.group[0].kind != RowKind::kContact;
   for (size_t first = 0, last; first < count; first = last) {
     last = first + 1;
-    if (rows.group[first].kind != RowKind::kContact || !has_ratio(materials[first])) continue;
-    const auto& geom = contacts[rows.group[first].input].geom;
-    while (last < count && contacts[rows.group[last].input].is_of_pair(geom)) ++last;
-    if (last == first + 1) continue;
+    if (rows.group[first].kind != RowKind::kContact || materials[first].from_solref) continue;
+    const ContactInput& contact = contacts[rows.group[first].input];
+    while (last < count && is_like(materials[first], materials[last]) &&
+           join_same_bodies(model, contact, contacts[rows.group[last].input]))
+      ++last;
     const auto begin = rows.group.begin() + first, end = rows.group.begin() + last;
+    const double mean = mean_inverse_mass(rows, first, last, stays_open);
+    for (auto c = begin; c != end; ++c) {
+      c->pair_inverse_mass = mean;
+      c->first_of_pair = static_cast<int>(first);
+    }
+    if (last == first + 1 || !(has_ratio(materials[first]) || any_ties)) continue;
     if (std::any_of(begin, end, [&](const RowGroup& c) { return rows.inverse_mass[c.row] == 0.0; }))
       continue;
     find_compressions(rows, contacts, materials[first], first, last, data, length);
-    if (*std::max_element(compression_.begin(), compression_.end()) == 0.0) continue;
-    const bool rigid = materials[first].is_rigid();
-    const double square = square_frequency(rows, trees, first, rigid);
-    for (auto c = begin; c != end; ++c)
-      c->pressed = std::max(kLeastPressed, square / (rows.inverse_mass[c->row] *
-                                                     relative_stiffness(rows, *c, rigid)));
+    const bool pressed = std::any_of(compression_.begin() + first, compression_.begin() + last,
+                                     [](double compression) { return compression > 0.0; });
+    if (!pressed || !has_ratio(materials[first])) continue;
+    const double square = square_frequency(rows, trees, first, last);
+    for (auto c = begin; c != end; ++c) c->pressed = std::max(kLeastPressed, square / mean);
   }
 }
 
@@ -53,7 +86,6 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
                                         const GroupMaterial& given, size_t first, size_t last,
                                         const RowData& data, double length) {
   approach_.clear();
-  compression_.clear();
   double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
   for (size_t i = first; i < last; ++i) {
     const RowGroup& c = rows.group[i];
@@ -71,13 +103,13 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
   }
   const double time = onset + 0.5 * std::min(length - onset, lasting);
   for (size_t i = first; i < last; ++i)
-    compression_.push_back(
-        std::max(0.0, time * approach_[i - first] - contacts[rows.group[i].input].gap));
+    compression_[i] =
+        std::max(0.0, time * approach_[i - first] - contacts[rows.group[i].input].gap);
 }
 
-// Of the contacts from `first` on, at unit relative stiffness.
+// At unit stiffness.
 double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, size_t first,
-                                         bool rigid) {
+                                         size_t last) {
   force_.resize(trees.coordinates);
   response_.resize(trees.coordinates);
   std::fill_n(force_.begin(), kGroundCoordinates, 0.0);
@@ -89,12 +121,9 @@ double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, s
       std::fill_n(response_.begin() + t.begin, t.count, 0.0);
     }
   double energy = 0.0, power = 0.0;
-  for (size_t i = 0; i < compression_.size(); ++i) {
-    const RowGroup& c = rows.group[first + i];
-    const double k = relative_stiffness(rows, c, rigid);
-    const double force = k * compression_[i];
-    scatter(rows, c.normal(), &force, force_.data());
-    energy += k * compression_[i] * compression_[i];
+  for (size_t i = first; i < last; ++i) {
+    scatter(rows, rows.group[i].normal(), &compression_[i], force_.data());
+    energy += compression_[i] * compression_[i];
   }
   for (int tree : touched)
     if (tree >= 0) {

@@ -12,6 +12,8 @@ namespace {
 // 1 / (4 z^2) of the speed, 0.03 and 1e-4. Rigid contacts have less, for theirs makes them soft.
 constexpr double kRigidInelastic = 3;
 constexpr double kInelastic = 50;
+// Least fraction of a rigid stiffness that a hit keeps which rows tie to other bodies.
+constexpr double kSoftestTied = 0.08;
 // Largest theta / (c - 1) of a rigid hit with restitution 0. The bound c of three rows differs with
 // their heading, by which what was left of a hit differed by up to 5 %; in nearly all this is less.
 constexpr double kInelasticResolution = 0.6;
@@ -47,10 +49,17 @@ struct Rates {
   double stiffness = 0.0, damping = 0.0;
 };
 
+// By which rigid normals have their stiffness. Contacts between two bodies have one: statics leaves
+// open how they share a load, and by inverse masses of their own those near the centre of mass
+// would take most of it.
+double normal_inverse_mass(const Rows& rows, const RowGroup& c) {
+  return c.pair_inverse_mass > 0.0 ? c.pair_inverse_mass : loaded_inverse_mass(rows, c, c.row);
+}
+
 // Of a group's first row: by its own solref, or by a material in SI units.
 Rates given_rates(const Rows& rows, const RowGroup& c, const GroupMaterial& given) {
   if (!given.from_solref) {
-    const double w = loaded_inverse_mass(rows, c, c.row);
+    const double w = normal_inverse_mass(rows, c);
     return {rows.stiffness[c.row] * w, rows.damping[c.row] * w};
   }
   const double typical = rows.typical_inverse_mass[c.row];
@@ -69,11 +78,26 @@ double inelastic_ratio(const RowGroup& c, const Material& material) {
   return ratio / std::sqrt(c.pressed);
 }
 
+// The damping ratio, by its own inverse mass, to which the stiffness of a rigid row gives way: 0
+// where it does not.
+double kept_ratio(const RowGroup& c, const GroupMaterial& given) {
+  const Material& material = given.material;
+  if (keeps_restitution(given)) return inelastic_ratio(c, material) / std::sqrt(c.tied);
+  const bool is_tied = c.tied < 1.0 && material.form == DampingForm::kRatio;
+  return is_tied ? material.damping / std::sqrt(c.tied) : 0.0;
+}
+
+// Fraction of its stiffness that a rigid row keeps whose hit is tied to more than its own mass. On
+// one as stiff as the rows that tie it, these would take the energy of the hit with their dampers.
+double softened_by_ties(const RowGroup& c) {
+  return std::clamp(2.0 * c.tied - 1.0, kSoftestTied, 1.0);
+}
+
 // delta that a rigid material asks for at a kappa and an inverse mass w.
 double rigid_damping(const RowGroup& c, const Material& material, double kappa, double w) {
   if (material.form == DampingForm::kRestitution)
-    return 2.0 * inelastic_ratio(c, material) * std::sqrt(kappa);
-  return w > 0.0 ? w * damping_of(material, kappa / w, w) : 0.0;
+    return 2.0 * inelastic_ratio(c, material) * std::sqrt(kappa / c.tied);
+  return w > 0.0 ? w * damping_of(material, kappa / w, w * c.tied) : 0.0;
 }
 
 // Whether a rigid material says how damped it is, rather than in proportion to what is resolved.
@@ -136,16 +160,15 @@ double longest_solref_microstep(const Rates& asked, const RigidCoupling& couplin
 // need.
 double longest_inelastic_microstep(const RowGroup& c, const Material& material,
                                    const RigidCoupling& coupling, double sag_time) {
-  const double zeta = inelastic_ratio(c, material);
+  const double zeta = inelastic_ratio(c, material) / std::sqrt(c.tied);
   if (zeta == 0.0) return std::numeric_limits<double>::infinity();
   return most_damped_rigid(coupling.normal_damping) * sag_time *
          std::sqrt(kInelasticSag / kRigidSag) / (2.0 * zeta);
 }
 
-// By the bound on w: k = kappa / w would turn the frozen geometry's error near a singular
-// configuration into arbitrary forces.
-void fill_row(Rows& rows, const RowGroup& c, int row, double kappa, double delta) {
-  const double w = loaded_inverse_mass(rows, c, row);
+// With the inverse mass w, bounded: k = kappa / w would turn the frozen geometry's error near a
+// singular configuration into arbitrary forces.
+void fill_row(Rows& rows, int row, double w, double kappa, double delta) {
   const double mass = w > 0.0 ? 1.0 / w : 0.0;
   // Where nothing moves along a row, any positive stiffness carries its zero load.
   rows.stiffness[row] = w > 0.0 ? kappa * mass : 1.0;
@@ -187,7 +210,7 @@ bool fill_sliding_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given
     const double delta = 2.0 * zeta * std::sqrt(kappa * of_mean);
     if (given.has_si_stiffness())
       as_given = as_given && fits(asked, bounds.resolved * of_resolved) && fits(delta, most_damped);
-    fill_row(rows, c, row, kappa, std::min(delta, most_damped));
+    fill_row(rows, row, w, kappa, std::min(delta, most_damped));
   }
   return as_given;
 }
@@ -202,10 +225,11 @@ double stiffest_rigid(double bound) {
 
 void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   const int n = c.row;
-  const double w_normal = rows.inverse_mass[n];
+  const double w_normal = c.pair_inverse_mass;
   rows.stiffness[n] = material.stiffness;
   const double damping =
-      w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed) : 0.0;
+      w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed * c.tied)
+                     : 0.0;
   rows.damping[n] = std::isfinite(damping)
                         ? damping
                         : 2.0 * kInelastic * std::sqrt(material.stiffness / w_normal);
@@ -228,6 +252,7 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
                      const RigidCoupling& coupling, const SagTime& sag_time,
                      const RigidMicrostep& microstep) {
   const Material& material = given.material;
+  const double w = normal_inverse_mass(rows, c);
   const bool is_rigid = given.is_rigid();
   const Rates asked = is_rigid ? Rates() : given_rates(rows, c, given);
   const double h = microstep.duration;
@@ -255,18 +280,22 @@ bool fill_rigid_rows(Rows& rows, const RowGroup& c, const GroupMaterial& given,
   if (given.has_si_stiffness() && asked.stiffness > 0.0)
     delta *= std::sqrt(kappa / asked.stiffness);
   if (is_rigid) {
-    const double zeta = keeps_restitution(given) ? inelastic_ratio(c, material) : 0.0;
-    if (zeta > 0.0) {
+    const double zeta = kept_ratio(c, given);
+    if (zeta > 0.0 || c.tied < 1.0) {
+      const RowGroup& first = rows.group[c.first_of_pair];
       const double bearing =
-          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, c, sag_time.weight), 2);
+          kRigidSag / kInelasticSag / std::pow(loaded_sag_time(rows, first, sag_time.weight), 2);
       const double holding = 1.0 / std::pow(sag_time.dry_friction, 2);
-      kappa =
-          std::min(kappa, std::max({std::pow(most_damped / (2.0 * zeta), 2), bearing, holding}));
+      const double tied = softened_by_ties(c) * kappa;
+      const double damped = zeta > 0.0 ? std::pow(most_damped / (2.0 * zeta), 2) : tied;
+      // What is tied rests on its full stiffness once it is no longer thrown.
+      const double least = c.tied * std::max(bearing, holding);
+      kappa = std::min(kappa, std::max(std::min(damped, tied), least));
     }
-    delta = rigid_damping(c, material, kappa, loaded_inverse_mass(rows, c, c.row));
+    delta = rigid_damping(c, material, kappa, w);
   }
   if (!is_rigid || fixes_damping(material)) as_given = as_given && fits(delta, most_damped);
-  fill_row(rows, c, c.row, kappa, std::min(delta, most_damped));
+  fill_row(rows, c.row, w, kappa, std::min(delta, most_damped));
   const double resolved_sliding =
       is_rigid_hit ? stiffest_rigid(coupling.stiffness) / (h * h) : resolved;
   const bool slides_as_given = fill_sliding_rows(rows, c, given, microstep.hit,

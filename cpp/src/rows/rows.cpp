@@ -85,6 +85,7 @@ RowGroup& Rows::append(RowKind kind, int input, int dim, std::array<int, 2> tree
   if (tree[0] == tree[1]) tree[1] = -1;
   RowGroup& c = group.emplace_back();
   c.kind = kind;
+  c.first_of_pair = static_cast<int>(group.size()) - 1;
   c.input = input;
   c.dim = dim;
   c.row = appended;

@@ -13,12 +13,14 @@
 // v_T being the fastest that any gap of tree T closes: what one impulse does to the others. If more
 // than that happens to it, its rows are too stiff in that step for a resolution of theta = 1, where
 // micro-steps are stable up to 2. What hits and turns may be thrown at anything: trees with gaps
-// that close or open as fast as hits do (hit_speed) leave out nothing.
+// that close or open as fast as hits do (hit_speed) leave out nothing. Nor do islands of few groups
+// that are hit: the blow runs through them, as through a row of balls, on springs of one stiffness.
 
 #pragma once
 
 #include <vector>
 
+#include "dashpot/islands/islands.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/step_view.hpp"
@@ -29,7 +31,8 @@ namespace dashpot {
 class OpenGroups {
  public:
   // From the velocities and smooth accelerations in `data`.
-  void find(const StepView& step, const Rows& rows, int tree_count, const RowData& data);
+  void find(const StepView& step, const Rows& rows, const std::vector<Island>& islands,
+            int tree_count, const RowData& data);
   // Per group: whether it is a contact or limit that stays open.
   const std::vector<char>& stays_open() const { return stays_open_; }
 

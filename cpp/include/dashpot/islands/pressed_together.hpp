@@ -32,16 +32,21 @@ class PressedTogether {
  public:
   // Fills RowGroup::pressed of contacts whose material gives a damping ratio (rigid ones: a
   // restitution), for a step of `length` (s) from the velocities in `data`.
-  void find(const std::vector<GroupMaterial>& materials, const std::vector<ContactInput>& contacts,
-            const Trees& trees, const RowData& data, double length, Rows& rows);
+  void find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
+            const std::vector<ContactInput>& contacts, const Trees& trees,
+            const std::vector<char>& stays_open, const RowData& data, double length, Rows& rows);
+
+  // By group: x of the contacts of a pair, any where none is pressed with others.
+  const std::vector<double>& compressions() const { return compression_; }
 
  private:
   void find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
                          const GroupMaterial& given, size_t first, size_t last, const RowData& data,
                          double length);
-  double square_frequency(const Rows& rows, const Trees& trees, size_t first, bool rigid);
+  double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last);
 
-  std::vector<double> approach_, compression_;  // of the contacts of a pair
+  std::vector<double> approach_;     // of the contacts of a pair
+  std::vector<double> compression_;  // by group
   AlignedDoubles force_, response_;
 };
 

@@ -154,9 +154,14 @@ struct RowGroup {
   double ahead = 0.0;
   std::array<double, 3> turning{}, surface_acceleration{};
   bool is_of_round_hit = false;
-  // Square of the frequency at which the contacts of its pair are pressed together, over that of
-  // this one alone (pressed_together.hpp).
+  // Of the contacts between its two bodies: the mean w of their normals, 1/kg, 0 of what is no
+  // contact; the first of these groups; and the square of the frequency at which they are pressed
+  // together, over that of one of this w alone (pressed_together.hpp).
+  double pair_inverse_mass = 0.0;
+  int first_of_pair = 0;
   double pressed = 1.0;
+  // Inverse mass of all that moves with its bodies, over that of its own normal (tied_mass.hpp).
+  double tied = 1.0;
 
   // The limit of one end of a joint's range; that of the other is a group too, and one at most of
   // them is pressed.
