@@ -391,12 +391,6 @@ def test_engine_of_something_else():
         dashpot.Engine("scene.xml")
 
 
-def test_an_integrator_that_solves_contacts_itself():
-    model = mujoco.MjModel.from_xml_string(mjcf(BALL, option='integrator="discrete"'))
-    with pytest.raises(ValueError, match="integrator=discrete"):
-        dashpot.Engine(model)
-
-
 def test_callbacks_in_the_stages_of_rk4_with_adhesion():
     adhesive = BALL.replace('type="sphere"', 'type="sphere" adhesion="2"')
     engine = dashpot.Engine(
@@ -415,9 +409,9 @@ def test_callbacks_in_the_stages_of_rk4_with_adhesion():
 
 def test_integrator_changed_after_the_engine_was_made(engine):
     data = engine.make_data()
-    engine.model.opt.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
+    engine.model.opt.integrator = 5  # MuJoCo 3.17 has none of this number
     before = snapshot(data)
-    with pytest.raises(ValueError, match="discrete"):
+    with pytest.raises(ValueError, match="integrator=unknown"):
         engine.step(data)
     assert snapshot(data) == before
 

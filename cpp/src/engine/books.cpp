@@ -119,9 +119,15 @@ void Books::find_spring_changes(const SolvedPart& part) {
     const Tree& tree = trees.tree[index];
     if (!tree.sprung || !part.goes_as_in_microsteps(index)) continue;
     spring_change_.resize(way_.size(), 0.0);
+    if (tree.elastic) {
+      shifted_.resize(tree.dof_count);
+      for (int i = 0; i < tree.dof_count; ++i)
+        shifted_[i] = part.leapfrog.way_back()[tree.begin + i] + 0.5 * way_[tree.dof_begin + i];
+      add_implicit(trees, index, 0.0, -1.0, shifted_.data(), &spring_change_[tree.dof_begin]);
+    }
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i, k = tree.begin + i;
-      spring_change_[dof] = -trees.stiffness[k] * (part.leapfrog.way_back()[k] + 0.5 * way_[dof]);
+      spring_change_[dof] -= trees.stiffness[k] * (part.leapfrog.way_back()[k] + 0.5 * way_[dof]);
     }
   }
 }

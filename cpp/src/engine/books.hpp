@@ -54,7 +54,7 @@ class Books {
   // By degree of freedom. Second halves are those of trees in flight; what is beyond stages is of
   // RK4, how much farther than in its stages trees go; springs are those that act in the
   // micro-steps, what they changed by in the mean over the way: empty where none act there.
-  std::vector<double> way_, recovered_, second_half_, beyond_stages_, spring_change_;
+  std::vector<double> way_, recovered_, second_half_, beyond_stages_, spring_change_, shifted_;
 };
 
 }  // namespace dashpot

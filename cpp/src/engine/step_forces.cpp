@@ -41,7 +41,8 @@ void StepForces::find(mjData_* d, const SolvedPart& part, Team& team) {
                                        of_microsteps_.data() + tree.dof_begin);
   });
   for (double& force : of_microsteps_) force /= part.length;
-  host::set_forces(part.model, d, of_microsteps_);
+  host::set_forces(part.model, d, part.motion.trees(), part.motion.smooth_acceleration(),
+                   of_microsteps_);
 }
 
 void StepForces::leave_out_untouched(mjData_* d, const SolvedPart& part,

@@ -102,7 +102,7 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
   island_trees.clear();
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
-    island_trees.push_back({t, blocks.other_slices(index)});
+    island_trees.push_back({t, blocks.other_slices(index), trees.implicit_of(index)});
     for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked, &data.pulled})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
@@ -187,7 +187,8 @@ IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& i
   IslandMotion m = motion(trees, data);
   m.h = h;
   m.recovery = recovery_over(island.microsteps * island.duration);
-  m.lag = h * count - trees.implicit_time;
+  m.step = h * count;
+  m.lag = m.step - trees.implicit_time;
   run_microsteps(m, count, team);
   finish(data);
   return blocks.unpack(rows, data, team);

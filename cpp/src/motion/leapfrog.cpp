@@ -67,8 +67,8 @@ void Leapfrog::find_leads(const mjModel_* model, const Memory& memory, const Tre
   if (!lead) return;
   leapfrogs_.resize(motion.tree_count());
   for (int index = 0; index < motion.tree_count(); ++index) {
-    leapfrogs_[index] =
-        !host::is_free_body(model, index) && !host::is_runge_kutta(model) && !motion.sleeps(index);
+    leapfrogs_[index] = !host::is_free_body(model, index) && !host::is_runge_kutta(model) &&
+                        !motion.sleeps(index) && !motion.trees().has_implicit_springs(index);
     const Tree& t = motion.trees().tree[index];
     const double* velocity = motion.start_velocity().data() + t.dof_begin;
     if (!leapfrogs_[index] ||
@@ -106,6 +106,8 @@ void Leapfrog::find_acceleration(const Trees& trees, int index, const AlignedDou
   std::copy_n(data.smooth_acceleration.begin() + t.begin, t.count, acceleration_.begin() + t.begin);
   if (!t.sprung) return;
   for (int i = t.begin; i < t.begin + t.count; ++i) pull_[i] = -trees.stiffness[i] * way[i];
+  if (t.elastic)
+    add_implicit(trees, index, 0.0, -1.0, way.data() + t.begin, pull_.data() + t.begin);
   add_response(trees, index, pull_.data() + t.begin, acceleration_.data() + t.begin);
 }
 

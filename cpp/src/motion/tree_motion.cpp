@@ -40,7 +40,7 @@ bool TreeMotion::is_accurate(int tree) const {
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {
   find_sleeping(d);
-  host::prepare_effective_inertia(model_, d);
+  host::prepare_effective_inertia(model_, d, trees_);
   host::read_welded_parts(model_, tree_count(), parts_, team);
   host::find_effective_inertia(model_, d, parts_, trees_, team);
   host::find_joint_springs(model_, trees_);
@@ -54,7 +54,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
     inverted_[index] = tree.free_body;
     if (sleeps(index)) return stay(index, data);
-    host::smooth_acceleration(d, trees_, index, acceleration);
+    host::smooth_acceleration(model_, d, trees_, index, acceleration);
     if (host::is_free_body(model_, index)) {
       FreeMotion& motion = free_motion_[index];
       const host::WeldedParts* parts = host::parts_of(model_, parts_, index);
@@ -163,6 +163,7 @@ void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
 
 void TreeMotion::spring_in_microsteps(int index) {
   Tree& t = trees_.tree[index];
+  if (t.elastic) return;
   const auto first = trees_.stiffness.begin() + t.begin;
   t.sprung = std::any_of(first, first + t.count, [](double stiffness) { return stiffness != 0.0; });
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/sleep.hpp"
@@ -45,6 +46,7 @@ bool has_rigid_body_inertia(const mjModel* m, const mjData* d, const Trees& tree
       for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
         if (d->qDeriv[k] != 0.0) return false;
   }
+  if (!trees.implicit_of(tree).empty()) return false;
   for (int tendon = 0; tendon < m->ntendon; ++tendon) {
     if (m->tendon_armature[tendon] == 0.0) continue;
     const int *first = m->ten_J_colind + m->ten_J_rowadr[tendon],
@@ -96,6 +98,9 @@ bool factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
     }
     if (!derived) factor[i * t.dof_count + i] += h * trees.joint_damping[dof];
   }
+  for (const ImplicitEntry& entry : trees.implicit_of(tree))
+    factor[(entry.row - t.dof_begin) * t.dof_count + entry.column - t.dof_begin] +=
+        h * (entry.damping + m->opt.timestep * entry.stiffness);
   return factor_inertia(trees, tree, factor);
 }
 
@@ -149,7 +154,7 @@ bool takes_derivatives(const mjModel_* m) {
 }
 
 double joint_damping_weight(const mjModel_* m) {
-  if (takes_derivatives(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
+  if (takes_derivatives(m) || is_discrete(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
   if (is_runge_kutta(m)) return 0.5;
   return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
 }
@@ -180,6 +185,11 @@ double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, con
   double sum = 0.0;
   for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
     sum += trees.joint_damping[i] * u[i] * v[i];
+  for (const ImplicitEntry& e : trees.implicit_of(static_cast<int>(&t - trees.tree.data()))) {
+    const double damping = e.damping + m->opt.timestep * e.stiffness;
+    sum += damping * u[e.row] * v[e.column];
+    if (e.row != e.column) sum += damping * u[e.column] * v[e.row];
+  }
   return sum;
 }
 
@@ -199,7 +209,7 @@ void add_damping(const mjModel_* m, const mjData_* d, const double* v, double* p
 }
 
 double actuator_damping(const mjModel_* m, const mjData_* d, int dof) {
-  if (takes_derivatives(m) || m->nactuator == 0) return 0.0;
+  if (takes_derivatives(m) || is_discrete(m) || m->nactuator == 0) return 0.0;
   double sum = 0.0;
   for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
     sum += std::abs(d->qDeriv[k]);
@@ -220,7 +230,9 @@ void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, do
   }
 }
 
-void prepare_effective_inertia(const mjModel_* m, mjData_* d) {
+void prepare_effective_inertia(const mjModel_* m, mjData_* d, Trees& trees) {
+  if (is_discrete(m)) return take_metric(m, d, trees);
+  trees.implicit.clear();
   if (takes_derivatives(m)) return mjd_smooth_vel(m, d, 0);
   if (m->nactuator == 0) return;
   mju_zero(d->qDeriv, m->nD);
@@ -236,7 +248,7 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
     if (sleeps(d, index)) return;
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
-    t.damped = false;
+    t.damped = t.elastic = false;
     if (t.free_body) {
       invert_body_inertia(m, d, index, parts_of(m, parts, index), trees.inverse.data() + t.inverse);
       return;
@@ -251,7 +263,10 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
   Tree& t = trees.tree[tree];
   if (t.free_body || is_free_body(m, tree) || is_runge_kutta(m)) return;
-  find_damping(m, d, t, trees);
+  if (is_discrete(m))
+    t.elastic = t.damped = t.sprung = !trees.implicit_of(tree).empty();
+  else
+    find_damping(m, d, t, trees);
   trees.implicit_time = kImplicitPart * m->opt.timestep;
   if (t.damped)
     require(factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse), m,
@@ -269,13 +284,15 @@ void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& 
     trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
 }
 
-void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration) {
+void smooth_acceleration(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                         double* acceleration) {
   const Tree& t = trees.tree[tree];
-  if (t.free_body) {
+  if (t.free_body || (is_discrete(m) && m->opt.timestep == trees.implicit_step)) {
     std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
     return;
   }
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
+  add_stiffness_shift(m, trees, tree, d->qvel, acceleration - t.dof_begin);
   solve_inertia(trees, tree, trees.factor.data() + t.inverse, acceleration);
 }
 

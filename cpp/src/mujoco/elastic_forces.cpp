@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/mujoco/welded_parts.hpp"
@@ -120,6 +121,7 @@ void ElasticForces::find_trees(const mjModel* m, const mjData* d) {
   any_ = false;
   const int trees = tree_count(m);
   acts_.assign(trees, 0);
+  if (is_discrete(m)) return;
   const bool has_springs = !(m->opt.disableflags & mjDSBL_SPRING);
   for (int i = 0; i < m->ntendon && has_springs; ++i) {
     if (!has_stiffness(m->tendon_stiffness[i], m->tendon_stiffnesspoly + mjNPOLY * i)) continue;

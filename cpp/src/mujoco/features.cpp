@@ -21,8 +21,7 @@ bool any_nonzero(const mjtNum* values, int count) {
 }
 
 bool is_known_integrator(const mjModel* m) {
-  return m->opt.integrator == mjINT_EULER || m->opt.integrator == mjINT_RK4 ||
-         m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+  return m->opt.integrator >= mjINT_EULER && m->opt.integrator <= mjINT_DISCRETE;
 }
 
 struct Report {
@@ -94,7 +93,7 @@ void report_options(const mjModel* m, Report& report) {
       o.integrator >= 0 && o.integrator < 5 ? kIntegrators[o.integrator] : "unknown";
   if (!is_known_integrator(m))
     report.add("option integrator=" + integrator, Treatment::kRefused,
-               "use Euler, implicitfast, implicit or RK4");
+               "use discrete, Euler, implicitfast, implicit or RK4");
   else
     report.add("option integrator=" + integrator, Treatment::kHonoured,
                is_runge_kutta(m) ? "trees without contact are stepped by MuJoCo's own integrator; "

@@ -2,6 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/flex_energy.hpp"
 
@@ -71,6 +72,7 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof) {
 // Dampers have a part in the derivatives of implicit integrators, which takes theirs back.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force) {
+  if (is_discrete(m)) return force.assign(m->nv, 0.0);
   driving_forces(m, d, force);
   for (int i = 0; i < m->nv; ++i) force[i] -= d->qfrc_gravcomp[i];
   if (m->nactuator == 0) return;
@@ -82,6 +84,7 @@ void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velo
 void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,
                    std::vector<double>& change) {
   change.assign(m->nv, 0.0);
+  if (is_discrete(m)) return;
   if (m->opt.disableflags & mjDSBL_ACTUATION) return;
   for (int i = 0; i < m->nactuator; ++i) {
     const double stiffness = servo_stiffness(m, d, i);

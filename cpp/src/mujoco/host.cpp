@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "dashpot/mujoco/contacts.hpp"
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -51,10 +52,12 @@ void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
   for (int i = 0; i < d->ncon; ++i)
     if (d->contact[i].exclude == kIncluded) d->contact[i].exclude = kInGap;
   mj_transmission(m, d);
+  if (is_discrete(m)) build_metric(m, d);
   if (reads) call_with_callbacks(mj_sensorPos, m, d);
   call_with_callbacks(mj_fwdVelocity, m, d);
   if (reads) call_with_callbacks(mj_sensorVel, m, d);
   d->ncon = 0;
+  if (is_discrete(m)) return accelerate_in_metric(m, d);
   if (new_control && mjcb_control && !(m->opt.disableflags & mjDSBL_ACTUATION))
     call_with_callbacks(mjcb_control, m, d);
   call_with_callbacks(mj_fwdActuation, m, d);
@@ -71,15 +74,25 @@ void make_contact_sensors(const mjModel_* m, mjData_* d) {
   if (any(mjSTAGE_VEL)) call_with_callbacks(mj_sensorVel, m, d);
 }
 
-void set_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force) {
+void set_forces(const mjModel_* m, mjData_* d, const Trees& trees,
+                const std::vector<double>& smooth_acceleration,
+                const std::vector<double>& constraint_force) {
   std::copy(constraint_force.begin(), constraint_force.end(), d->qfrc_constraint);
-  std::copy(d->qacc_smooth, d->qacc_smooth + m->nv, d->qacc);
+  const bool discrete = is_discrete(m);
+  std::copy_n(discrete ? smooth_acceleration.data() : d->qacc_smooth, m->nv, d->qacc);
   const bool any = std::any_of(constraint_force.begin(), constraint_force.end(),
                                [](double force) { return force != 0.0; });
   if (any) {
     thread_local std::vector<double> acceleration;  // a step allocates nothing
     acceleration.resize(m->nv);
     mj_solveM(m, d, acceleration.data(), constraint_force.data(), 1);
+    for (size_t index = 0; discrete && index < trees.tree.size(); ++index) {
+      const Tree& t = trees.tree[index];
+      if (t.free_body) continue;
+      double* of = acceleration.data() + t.dof_begin;
+      std::copy_n(constraint_force.begin() + t.dof_begin, t.dof_count, of);
+      solve_inertia(trees, static_cast<int>(index), trees.factor.data() + t.inverse, of);
+    }
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }
   thread_local std::vector<int> sleeping;
@@ -123,7 +136,7 @@ void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutt
     runge_kutta.advance(m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
-  else if (uses_motion)
+  else if (uses_motion && !is_discrete(m))
     mj_Euler(m, d);
   else
     advance_all_but_motion(m, d);

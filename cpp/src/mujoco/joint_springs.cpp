@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "dashpot/mujoco/discrete.hpp"
+
 namespace dashpot::host {
 
 namespace {
@@ -11,7 +13,7 @@ namespace {
 double stiffness_of(const mjModel* m, int dof) {
   const int joint = m->dof_jntid[dof];
   const bool single = m->jnt_type[joint] == mjJNT_SLIDE || m->jnt_type[joint] == mjJNT_HINGE;
-  if (!single || (m->opt.disableflags & mjDSBL_SPRING)) return 0.0;
+  if (!single || is_discrete(m) || (m->opt.disableflags & mjDSBL_SPRING)) return 0.0;
   const mjtNum* high_order = m->jnt_stiffnesspoly + mjNPOLY * joint;
   const bool linear =
       std::all_of(high_order, high_order + mjNPOLY, [](mjtNum value) { return value == 0.0; });
@@ -29,6 +31,7 @@ void find_joint_springs(const mjModel_* m, Trees& trees) {
 }
 
 double joint_spring_force(const mjModel_* m, const mjData_* d, int dof) {
+  if (is_discrete(m)) return d->qfrc_spring[dof];
   const double stiffness = stiffness_of(m, dof);
   if (stiffness == 0.0) return 0.0;
   const int place = m->jnt_qposadr[m->dof_jntid[dof]];

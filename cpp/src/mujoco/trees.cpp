@@ -4,8 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 #include <vector>
+
+#include "dashpot/mujoco/discrete.hpp"
 
 namespace dashpot::host {
 
@@ -37,6 +40,35 @@ TreeSet trees_of_flex(const mjModel* m, int flex) {
   return trees;
 }
 
+bool acts_along(const mjModel* m, int tendon) {
+  const auto any = [&](const mjtNum* high_order) {
+    return !mju_isZero(high_order + mjNPOLY * tendon, mjNPOLY);
+  };
+  return m->tendon_stiffness[tendon] != 0.0 || m->tendon_damping[tendon] != 0.0 ||
+         any(m->tendon_stiffnesspoly) || any(m->tendon_dampingpoly);
+}
+
+// The trees of everything of which the metric of `discrete` may have entries between branches.
+std::vector<TreeSet> trees_of_metric(const mjModel* m) {
+  std::vector<TreeSet> coupled;
+  if (!is_discrete(m)) return coupled;
+  const auto add_tendon = [&](int tendon) {
+    insert_trees_of_tendon(m, tendon, coupled.emplace_back());
+  };
+  for (int i = 0; i < m->ntendon; ++i)
+    if (acts_along(m, i)) add_tendon(i);
+  for (int i = 0; i < m->nactuator; ++i) {
+    const int type = m->actuator_trntype[i], *id = m->actuator_trnid + 2 * i;
+    if (type == mjTRN_TENDON) add_tendon(id[0]);
+    if (type != mjTRN_SITE && type != mjTRN_SLIDERCRANK) continue;
+    TreeSet& trees = coupled.emplace_back();
+    for (int side = 0; side < 2; ++side)
+      if (id[side] >= 0) insert_tree_of_body(m, m->site_bodyid[id[side]], trees);
+  }
+  for (int flex = 0; flex < m->nflex; ++flex) coupled.push_back(trees_of_flex(m, flex));
+  return coupled;
+}
+
 // The trees of every row, or family of rows, that may reach more than two.
 std::vector<TreeSet> coupled_trees(const mjModel* m) {
   std::vector<TreeSet> coupled;
@@ -58,6 +90,7 @@ std::vector<TreeSet> coupled_trees(const mjModel* m) {
   }
   // A contact on an element of a flex reaches several vertices and the body on the other side.
   for (int flex = 0; flex < m->nflex; ++flex) add(trees_of_flex(m, flex), 1);
+  for (TreeSet& trees : trees_of_metric(m)) add(std::move(trees), 1);
   return coupled;
 }
 
@@ -147,10 +180,16 @@ bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, in
 
 Trees make_trees(const mjModel_* m) {
   Trees trees;
-  const int count = tree_count(m);
-  for (int i = 0; i < count; ++i)
-    trees.append(m->tree_dofadr[i], m->tree_dofnum[i], is_free_body(m, i),
-                 m->dof_parentid + m->tree_dofadr[i]);
+  TreeSet dense;
+  for (const TreeSet& coupled : trees_of_metric(m)) dense.insert(coupled.begin(), coupled.end());
+  std::vector<int> above(m->dof_parentid, m->dof_parentid + m->nv);
+  for (int i = 0; i < tree_count(m); ++i) {
+    const int begin = m->tree_dofadr[i], count = m->tree_dofnum[i];
+    // Each above the next: H may couple any two.
+    if (dense.count(i) > 0)
+      std::iota(above.begin() + begin + 1, above.begin() + begin + count, begin);
+    trees.append(begin, count, is_free_body(m, i), above.data() + begin);
+  }
   return trees;
 }
 

@@ -6,10 +6,14 @@
 #include <cmath>
 #include <numeric>
 
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
 
-extern "C" void mjd_passive_vel(const mjModel* m, mjData* d);
+extern "C" {
+void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
+void mjd_passive_vel(const mjModel* m, mjData* d);
+}
 
 namespace dashpot::host {
 
@@ -52,7 +56,7 @@ void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
 
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
-  find_mean_forces(m, d, motion);
+  find_mean_forces(m, d, trees, motion);
   for (int i = 0; i < m->nv; ++i) {
     applied += driving_force_[i] * motion.displacement[i];
     if (has_stages(motion, m->dof_treeid[i])) applied += motion.stages->driving.work_of_changes[i];
@@ -84,7 +88,8 @@ void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const S
   }
 }
 
-void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion) {
+void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
+                                  const StepMotion& motion) {
   damping_forces(m, d, damping_force_);
   driving_forces(m, d, driving_force_);
   undamped_force_.resize(m->nv);
@@ -97,6 +102,9 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Ste
     driving_force_[i] = stages.driving.mean[i];
     undamped_force_[i] = stages.smooth.mean[i] - stages.damping.mean[i];
   }
+  // What implicit springs lack of their force at the start, they take as dampers do.
+  for (size_t index = 0; index < trees.tree.size(); ++index)
+    add_stiffness_shift(m, trees, index, motion.start_velocity, damping_force_.data());
 }
 
 void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
@@ -123,8 +131,7 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
     std::copy(end_velocity_.begin(), end_velocity_.end(), d->qvel);
   };
   // There MuJoCo has left derivatives of the bias too.
-  if (m->opt.integrator == mjINT_IMPLICIT)
-    derive_at_start([&] { prepare_effective_inertia(m, d); });
+  if (m->opt.integrator == mjINT_IMPLICIT) derive_at_start([&] { mjd_smooth_vel(m, d, 0); });
   for (int index = 0; index < count; ++index)
     if ((*motion.touched)[index] && brakes(trees.tree[index]))
       kept_[index] = kept_change(m, d, trees, trees.tree[index], motion);

@@ -46,6 +46,7 @@ using BlockRanges = OfEveryKind<BlockRange>;
 struct IslandTree {
   Tree tree;
   unsigned slices = 0;
+  Trees::Entries implicit = {nullptr, nullptr};  // of an elastic tree
 };
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,
@@ -68,7 +69,8 @@ struct IslandMotion {
   const double *smooth_acceleration, *inverse;
   // For the drag of damped trees.
   const double *start_motion, *added, *damping, *cross_damping;
-  double lag = 0.0;  // T - e of microstep.hpp, s
+  double lag = 0.0;   // T - e of microstep.hpp, s
+  double step = 0.0;  // T
   double *slowing, *drag, *braked;
   // Of sprung trees: how far they have gone, and what their springs pull with because of that.
   const double* stiffness;

@@ -3,11 +3,13 @@
 //     Euler          joint damping, as MuJoCo's Euler treats it implicitly
 //     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
+//     discrete       of springs, dampers, servos, drag and flexes, with H^2 K (discrete.hpp)
 //     RK4            half of the joint damping: the trapezoidal rule, of second order. Its stages
 //                    see dampers themselves, and M.
 //
 // Dampers of a tree that rows hold act in its micro-steps (microstep.hpp) but with RK4, and H D / 4
-// is left in the inertia through which these rows act.
+// is left in the inertia through which these rows act. So do the springs of `discrete`, of which
+// D has H K.
 
 #pragma once
 
@@ -48,8 +50,9 @@ double actuator_damping(const mjModel_* m, const mjData_* d, int dof);
 // of freedom where it takes more than half of their velocity in a step.
 void add_strong_damping(const mjModel_* m, const mjData_* d, const double* v, double* product);
 
-// Computes the derivatives where they are needed: of all smooth forces, or of actuators alone.
-void prepare_effective_inertia(const mjModel_* m, mjData_* d);
+// Computes the derivatives where they are needed: of all smooth forces, or of actuators alone, or
+// takes over those of `discrete`.
+void prepare_effective_inertia(const mjModel_* m, mjData_* d, Trees& trees);
 // Finds the effective inertia of every tree: the inverse for free bodies, for others the factor of
 // factor_inertia. Derivatives with which none is left are changed, see definite_damping.hpp.
 // `parts` as read_welded_parts leaves them. Throws DivergenceError, naming a joint, where M is
@@ -63,6 +66,7 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
 // it, for what goes through M; inv(H) stays.
 void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia.
-void smooth_acceleration(const mjData_* d, const Trees& trees, int tree, double* acceleration);
+void smooth_acceleration(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                         double* acceleration);
 
 }  // namespace dashpot::host

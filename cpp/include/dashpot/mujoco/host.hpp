@@ -29,8 +29,10 @@ void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
 void make_contact_sensors(const mjModel_* m, mjData_* d);
 
 // Sets the generalized forces of rows (nv), qfrc_constraint, and qacc, which follows from them and
-// the smooth forces.
-void set_forces(const mjModel_* m, mjData_* d, const std::vector<double>& constraint_force);
+// the smooth forces; with `discrete` through H, from the smooth acceleration of the part.
+void set_forces(const mjModel_* m, mjData_* d, const Trees& trees,
+                const std::vector<double>& smooth_acceleration,
+                const std::vector<double>& constraint_force);
 const double* acceleration(const mjData_* d);  // qacc
 // Exchanges both with those of `d`.
 void exchange_forces(mjData_* d, std::vector<double>& constraint_force,

@@ -111,7 +111,8 @@ class SmoothWork {
                            double kept, double sign, const StepMotion& motion) const;
   void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
                    const StepMotion& motion);
-  void find_mean_forces(const mjModel_* m, const mjData_* d, const StepMotion& motion);
+  void find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
+                        const StepMotion& motion);
   static bool has_stages(const StepMotion& motion, int tree) {
     return motion.stages && (*motion.integrated)[tree];
   }

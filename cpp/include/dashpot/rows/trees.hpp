@@ -18,6 +18,7 @@
 
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -40,12 +41,20 @@ struct Tree {
   bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
   bool cross_damped = false;  // and D is more than a diagonal
   bool sprung = false;        // its springs act in the micro-steps, too
+  bool elastic = false;       // and all of both are those of Trees::implicit
 };
 
 // The motion coordinate of degree of freedom i of a tree.
 inline int coordinate_of(const Tree& tree, int i) {
   return tree.begin + (tree.free_body && i >= 3 ? i + 1 : i);
 }
+
+// An entry of what an integrator treats implicitly beside M, and its mirror image: stiffness K, N/m
+// or N m/rad, and damping D between two degrees of freedom, in numbers of all, row >= column.
+struct ImplicitEntry {
+  int row, column;
+  double stiffness, damping;
+};
 
 struct Trees {
   std::vector<Tree> tree;
@@ -67,6 +76,11 @@ struct Trees {
   // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
   // does not come from derivatives.
   std::vector<double> joint_damping;
+  // Those of `discrete` (mujoco/discrete.hpp), tree after tree, where those of a tree begin, and
+  // the step (s) of which qacc_smooth is.
+  std::vector<ImplicitEntry> implicit;
+  std::vector<int> implicit_begin;
+  double implicit_step = 0.0;
   // By degree of freedom, the one above it in its tree, or -1. H couples it to all above it and
   // below it, and to no others.
   std::vector<int> above;
@@ -75,6 +89,22 @@ struct Trees {
   // Both in numbers from the first of their tree.
   std::vector<int> last_below, path_begin{0}, path;
 
+  struct Entries {
+    const ImplicitEntry *first, *last;
+    const ImplicitEntry* begin() const { return first; }
+    const ImplicitEntry* end() const { return last; }
+    bool empty() const { return first == last; }
+  };
+  Entries implicit_of(int index) const {
+    if (implicit.empty()) return {nullptr, nullptr};
+    return {implicit.data() + implicit_begin[index], implicit.data() + implicit_begin[index + 1]};
+  }
+
+  bool has_implicit_springs(int index) const {
+    const Entries of = implicit_of(index);
+    return std::any_of(of.first, of.last, [](const auto& entry) { return entry.stiffness != 0.0; });
+  }
+
   // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
   // freedom, in the numbers of all.
   void append(int dof_begin, int dof_count, bool free_body, const int* above);
@@ -82,6 +112,22 @@ struct Trees {
 
 // Mean over the trees of a contact, -1 for none, of a value by tree; 0 where there are none.
 double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value);
+
+// out += (damping D + stiffness K) x, over the coordinates of a tree: of Trees::implicit.
+inline void add_implicit(const ImplicitEntry* first, const ImplicitEntry* last, int dof_begin,
+                         double damping, double stiffness, const double* x, double* out) {
+  for (; first != last; ++first) {
+    const double entry = damping * first->damping + stiffness * first->stiffness;
+    const int i = first->row - dof_begin, j = first->column - dof_begin;
+    out[i] += entry * x[j];
+    if (i != j) out[j] += entry * x[i];
+  }
+}
+inline void add_implicit(const Trees& trees, int tree, double damping, double stiffness,
+                         const double* x, double* out) {
+  const Trees::Entries of = trees.implicit_of(tree);
+  add_implicit(of.first, of.last, trees.tree[tree].dof_begin, damping, stiffness, x, out);
+}
 
 // acceleration += inv(H) force, over the coordinates of one tree.
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration);
