@@ -114,7 +114,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
   }
   mark_ends_of_ranges(constraints, rows);
   append_contacts(model, data, contacts, trees, rows);
-  motion.invert_inertia(rows.group, team);
+  motion.invert_inertia(data, rows.group, team);
   const int groups = static_cast<int>(rows.group.size());
   team.share(groups, kGroupsAtOnce, [&](int, int first, int last) {
     for (int i = first; i < last; ++i) {

@@ -80,14 +80,16 @@ void add_weighted(const double* y, int stride, const int* column, int columns, i
 void CoupledSum::Room::fit(const Trees& trees) {
   size_t largest = 0;
   for (const Tree& t : trees.tree)
-    if (!t.free_body) largest = std::max<size_t>(largest, t.count);
+    if (!t.free_body && !t.sparse) largest = std::max<size_t>(largest, t.count);
   matrix.resize(largest * largest);
+  for (const Tree& t : trees.tree) largest = std::max<size_t>(largest, t.count);
   row.resize(largest);
   product.resize(largest);
 }
 
 void CoupledSum::reset(const Trees& trees) {
   body_.resize(trees.tree.size());
+  rows_.resize(trees.tree.size());
   entry_.resize(trees.inverse.size(), 0.0);
   for (AlignedDoubles* sum : joint_sums()) sum->resize(trees.coordinates, 0.0);
   reaches_.resize(trees.coordinates, 0);
@@ -114,6 +116,17 @@ void CoupledSum::add(const Rows& rows, const Trees& trees, const RowGroup& c, in
   const int* column = rows.weighted_column.data() + weighted.column;
   const int stride = padded(weighted.count);
   for (int k = 0; k < weighted.count; ++k) reaches_[column[k]] = 1;
+  if (t.sparse) {
+    SparseRows& added = rows_[tree].emplace_back();
+    added = {rows.weighted_value.data() + weighted.value + first * stride,
+             column,
+             weighted.count,
+             stride,
+             dim,
+             {}};
+    std::copy_n(weight, dim, added.weight.begin());
+    return;
+  }
   add_weighted(rows.weighted_value.data() + weighted.value + first * stride, stride, column,
                weighted.count, t.begin, dim, weight, entry_.data() + t.inverse, t.count);
 }
@@ -196,10 +209,45 @@ double CoupledSum::bound_of_reached(const Trees& trees, const Tree& t, Room& roo
   return perron_bound(room.matrix.data(), n, count, room.row.data(), room.product.data());
 }
 
+// Rows of one coordinate each come on top, each tree of the model by itself.
+double CoupledSum::bound_of_sparse(const Trees& trees, int tree, Room& room) {
+  const Tree& t = trees.tree[tree];
+  double of_joints = 0.0, sum = 0.0;
+  for (int i = 0; i < t.dof_count; ++i) {
+    if (trees.above[t.dof_begin + i] < 0) sum = 0.0;
+    const double weight = of_joint(t.begin + i);
+    if (weight != 0.0) sum += weight * inverse_diagonal(trees, tree, i);
+    of_joints = std::max(of_joints, sum);
+  }
+  double *x = room.row.data() - t.begin, *product = room.product.data() - t.begin;
+  std::fill_n(x + t.begin, t.count, 1.0);
+  double least = rows_[tree].empty() ? 0.0 : std::numeric_limits<double>::infinity();
+  for (int round = 0; round < kMostRounds && least > 0.0; ++round) {
+    std::fill_n(product + t.begin, t.count, 0.0);
+    for (const SparseRows& rows : rows_[tree])
+      for (int i = 0; i < rows.dim; ++i) {
+        const double* y = rows.y + i * rows.stride;
+        double along = 0.0;
+        for (int k = 0; k < rows.count; ++k) along += std::abs(y[k]) * x[rows.column[k]];
+        along *= rows.weight[i];
+        for (int k = 0; k < rows.count; ++k) product[rows.column[k]] += std::abs(y[k]) * along;
+      }
+    double most = 0.0;
+    for (int i = t.begin; i < t.begin + t.count; ++i) most = std::max(most, product[i] / x[i]);
+    const bool goes_on = most < (1.0 - kWorthwhile) * least && most > 0.0;
+    least = std::min(least, most);
+    if (!goes_on) break;
+    for (int i = t.begin; i < t.begin + t.count; ++i)
+      if (product[i] > 0.0) x[i] = product[i] / most;
+  }
+  return of_joints + least;
+}
+
 double CoupledSum::bound(const Trees& trees, int tree, Room& room) {
   const Tree& t = trees.tree[tree];
   if (empty_[tree]) return 0.0;
   if (t.free_body) return bound_of_body(body_[tree], trees.inverse.data() + t.inverse);
+  if (t.sparse) return bound_of_sparse(trees, tree, room);
   return wide_[tree] ? bound_of_reached(trees, t, room) : bound_of_joints(trees, t, room);
 }
 
@@ -209,7 +257,8 @@ void CoupledSum::clear(const Trees& trees, int tree) {
   empty_[tree] = 1;
   body_[tree] = {};
   if (t.free_body) return;
-  for (int i = 0; i < t.dof_count; ++i)
+  rows_[tree].clear();
+  for (int i = 0; i < t.dof_count && !t.sparse; ++i)
     if (reaches_[t.begin + i]) std::fill_n(entry_.data() + t.inverse + i * t.count, i + 1, 0.0);
   for (AlignedDoubles* sum : joint_sums()) std::fill_n(sum->data() + t.begin, t.count, 0.0);
   std::fill_n(reaches_.begin() + t.begin, t.count, 0);
@@ -235,11 +284,12 @@ double CoupledSum::hand_over(const Trees& trees, int tree, CoupledSum& to, Room&
     for (size_t i = 0; i < joint_sums().size(); ++i)
       add_range(*joint_sums()[i], t.begin, t.count, *to.joint_sums()[i]);
   for (int i = 0; i < t.dof_count; ++i) {
-    if (!reaches_[t.begin + i]) continue;
+    if (t.sparse || !reaches_[t.begin + i]) continue;
     add_range(entry_, t.inverse + i * t.count, i + 1, to.entry_);
     to.reaches_[t.begin + i] = 1;
   }
   to.wide_[tree] |= wide_[tree];
+  to.rows_[tree].insert(to.rows_[tree].end(), rows_[tree].begin(), rows_[tree].end());
   clear(trees, tree);
   return result;
 }

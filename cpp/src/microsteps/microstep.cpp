@@ -102,7 +102,8 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
   island_trees.clear();
   for (int index : island.tree) {
     const Tree& t = trees.tree[index];
-    island_trees.push_back({t, blocks.other_slices(index), trees.implicit_of(index)});
+    island_trees.push_back(
+        {t, blocks.other_slices(index), trees.implicit_of(index), &trees, index});
     for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked, &data.pulled})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);

@@ -105,7 +105,7 @@ void RecoverySystem::add_inertia(const Tree& t) {
   const int* above = trees_->above.data() + t.dof_begin;
   const auto next = [&](int i) { return above[i] < 0 ? -1 : above[i] - t.dof_begin; };
   for (int k = 0; k < n; ++k) {
-    const double* row = factor + k * n;
+    const double* row = factor + trees_->row_begin[t.dof_begin + k];
     const auto entry = [&](int i) { return i == k ? 1.0 : row[i]; };
     for (int i = k; i >= 0; i = next(i))
       for (int j = i; j >= 0; j = next(j)) diagonal[j * size_ + i] += row[k] * entry(i) * entry(j);

@@ -139,7 +139,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       coupled.drives_change = coupled.drives_change || change != 0.0;
     }
     double* half = second_half_.data() + t.begin;
-    motion.invert_inertia(index);  // no row has asked for that of a tree that has come free
+    motion.invert_inertia(d, index);  // no row has asked for that of a tree that has come free
     add_response(trees, index, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);

@@ -33,7 +33,7 @@ void Trapezoid::find_light_trees(const mjData_* d, const StepView& step, TreeMot
   }
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (frozen_at_[index] == 0.0 || host::is_free_body(model_, index)) continue;
-    motion.invert_inertia(index);
+    motion.invert_inertia(d, index);
     light_[index] = host::count_light_parts(model_, d, trees, index, step.length, kLightPart) >
                     (stages ? kFollowedByStages : 0);
   }

@@ -100,13 +100,12 @@ bool TreeMotion::resolves_dampers(const mjData_* d, int index, double length,
   const Tree& t = trees_.tree[index];
   if (t.free_body) return true;
   constexpr double kMost = 2.0 / 3.0;
-  const double* inverse = trees_.inverse.data() + t.inverse;
   for (int i = 0; i < t.dof_count; ++i) {
     const double speed =
         std::max(std::abs(start_velocity_[t.dof_begin + i]), std::abs(data.velocity[t.begin + i]));
     const double damping = host::joint_damping(model_, t.dof_begin + i, speed) +
                            host::actuator_damping(model_, d, t.dof_begin + i);
-    const double mobility = length * damping * inverse[i * (t.count + 1)];
+    const double mobility = length * damping * inverse_diagonal(trees_, index, i);
     if (mobility <= kMost) continue;
     if (!by_rows.stages || !by_rows.stages->hold(index)) return false;
     const double free = length * by_rows.stages->free_inverse_mass(index, i);

@@ -172,13 +172,13 @@ void TreeMotion::leave_dampers_to_stages(const mjData_* d, int index) {
   host::factor_inertia_alone(model_, d, index, trees_);
 }
 
-void TreeMotion::invert_inertia(int tree) {
+void TreeMotion::invert_inertia(const mjData_* d, int tree) {
   if (inverted_[tree]) return;
-  fill_inverse(tree);
+  fill_inverse(d, tree);
   inverted_[tree] = 1;
 }
 
-void TreeMotion::invert_inertia(const std::vector<RowGroup>& groups, Team& team) {
+void TreeMotion::invert_inertia(const mjData_* d, const std::vector<RowGroup>& groups, Team& team) {
   to_invert_.clear();
   for (const RowGroup& c : groups)
     for (int tree : c.tree)
@@ -187,10 +187,11 @@ void TreeMotion::invert_inertia(const std::vector<RowGroup>& groups, Team& team)
         to_invert_.push_back(tree);
       }
   team.for_each(static_cast<int>(to_invert_.size()), kInvertedAtOnce,
-                [&](int i) { fill_inverse(to_invert_[i]); });
+                [&](int i) { fill_inverse(d, to_invert_[i]); });
 }
 
-void TreeMotion::fill_inverse(int tree) {
+void TreeMotion::fill_inverse(const mjData_* d, int tree) {
+  host::find_coupled_inertia(model_, d, tree, trees_);
   dashpot::invert_inertia(trees_, tree, trees_.factor.data() + trees_.tree[tree].inverse);
 }
 

@@ -71,18 +71,20 @@ class Collector {
       const double spring = m_->opt.disableflags & mjDSBL_SPRING ? 0.0 : h_;
       const double damper = m_->opt.disableflags & mjDSBL_DAMPER ? 0.0 : m_->flex_damping[flex];
       const double part = spring + damper > 0.0 ? spring / (spring + damper) : 0.0;
-      for (int i = 0; i < m_->flex_vertnum[flex]; ++i)
-        stiff[m_->flex_vertbodyid[m_->flex_vertadr[flex] + i]] = part;
-      for (int i = 0; i < m_->flex_nodenum[flex]; ++i)
-        stiff[m_->flex_nodebodyid[m_->flex_nodeadr[flex] + i]] = part;
+      const auto set = [&](const int* body, int count) {
+        for (int i = 0; i < count; ++i)
+          if (body[i] >= 0) stiff[body[i]] = part;
+      };
+      set(m_->flex_vertbodyid + m_->flex_vertadr[flex], m_->flex_vertnum[flex]);
+      set(m_->flex_nodebodyid + m_->flex_nodeadr[flex], m_->flex_nodenum[flex]);
     }
     for (int i = 0; i < m_->nv; ++i) {
       const double part = stiff[m_->dof_bodyid[i]];
       const int begin = d_->efm_K_rowadr[i];
       for (int k = begin; k < begin + d_->efm_K_rownnz[i]; ++k)
         if (d_->efm_K_colind[k] <= i)
-          add(i, d_->efm_K_colind[k], part * d_->efm_K_val[k] / (h_ * h_),
-              (1.0 - part) * d_->efm_K_val[k] / h_);
+          entries_.push_back({i, d_->efm_K_colind[k], part * d_->efm_K_val[k] / (h_ * h_),
+                              (1.0 - part) * d_->efm_K_val[k] / h_});
     }
   }
 
@@ -136,7 +138,8 @@ void take_metric(const mjModel_* m, mjData_* d, Trees& trees) {
   const auto tree_of = [&](const ImplicitEntry& entry) { return m->dof_treeid[entry.row]; };
   for (const ImplicitEntry& entry : trees.implicit)
     if (m->dof_treeid[entry.column] != tree_of(entry) ||
-        !is_above(trees, tree_of(entry), entry.column, entry.row))
+        (!trees.tree[tree_of(entry)].sparse &&
+         !is_above(trees, tree_of(entry), entry.column, entry.row)))
       throw std::invalid_argument(
           "model.opt.integrator became discrete after the engine was made; make one of this model, "
           "whose tendons, actuators or flexes couple branches");

@@ -83,25 +83,43 @@ void invert_body_inertia(const mjModel* m, const mjData* d, int tree, const Weld
   }
 }
 
-// Factor of M + h D, row-major and dof_count wide; false where it is not positive definite.
+// Factor of M + h D, in the rows of factor_inertia; false where it is not positive definite. Of a
+// sparse tree, without what springs couple.
 bool factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree, double h,
                  double* factor) {
   const Tree& t = trees.tree[tree];
   const bool derived = takes_derivatives(m);
-  std::fill_n(factor, t.dof_count * t.dof_count, 0.0);
-  for (int i = 0; i < t.dof_count; ++i) {
-    const int dof = t.dof_begin + i;
+  std::fill_n(factor, trees.end_of_factor(tree) - t.inverse, 0.0);
+  const auto row_of = [&](int dof) { return factor + trees.row_begin[dof] - t.dof_begin; };
+  for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof) {
+    double* row = row_of(dof);
     for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
-      double& entry = factor[i * t.dof_count + m->M_colind[k] - t.dof_begin];
+      double& entry = row[m->M_colind[k]];
       entry = d->M[k];
       if (derived) entry -= h * d->qDeriv[m->mapD2M[k]];
     }
-    if (!derived) factor[i * t.dof_count + i] += h * trees.joint_damping[dof];
+    if (!derived) row[dof] += h * trees.joint_damping[dof];
   }
-  for (const ImplicitEntry& entry : trees.implicit_of(tree))
-    factor[(entry.row - t.dof_begin) * t.dof_count + entry.column - t.dof_begin] +=
-        h * (entry.damping + m->opt.timestep * entry.stiffness);
+  if (!t.sparse)
+    for (const ImplicitEntry& entry : trees.implicit_of(tree))
+      row_of(entry.row)[entry.column] += h * (entry.damping + m->opt.timestep * entry.stiffness);
   return factor_inertia(trees, tree, factor);
+}
+
+// Factors M + h (D + T K) of a sparse tree whose springs couple its bodies, T the time step.
+bool factor_coupled(const mjModel* m, const mjData* d, Trees& trees, int tree, double h) {
+  const Tree& t = trees.tree[tree];
+  const int begin = t.dof_begin;
+  thread_local std::vector<SparseInertia::Entry> entries;  // a step allocates nothing
+  entries.clear();
+  for (int dof = begin; dof < begin + t.dof_count; ++dof)
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k)
+      entries.push_back({dof - begin, m->M_colind[k] - begin, d->M[k]});
+  for (const ImplicitEntry& e : trees.implicit_of(tree))
+    entries.push_back(
+        {e.row - begin, e.column - begin, h * (e.damping + m->opt.timestep * e.stiffness)});
+  if (!trees.sparse[tree]) trees.sparse[tree] = std::make_shared<SparseInertia>();
+  return trees.sparse[tree]->factor(t.dof_count, entries);
 }
 
 void require(bool is_definite, const mjModel* m, const Tree& tree) {
@@ -121,7 +139,8 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
     const int dof = t.dof_begin + i;
     diagonal[i] = damping_of(m, d, trees, dof);
     t.damped = t.damped || diagonal[i] != 0.0;
-    if (!takes_derivatives(m)) continue;
+    // What bodies of a sparse tree have beside it stays in H alone.
+    if (!takes_derivatives(m) || t.sparse) continue;
     // The diagonal is the last of a row.
     for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof] - 1; ++k) {
       const int j = m->M_colind[k] - t.dof_begin;
@@ -253,11 +272,21 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
       invert_body_inertia(m, d, index, parts_of(m, parts, index), trees.inverse.data() + t.inverse);
       return;
     }
+    trees.sparse_is_known[index] = 0;
     double* factor = trees.factor.data() + t.inverse;
     if (factor_tree(m, d, trees, index, m->opt.timestep, factor)) return;
     if (takes_derivatives(m)) keep_what_damps(m, d, index);
     require(factor_tree(m, d, trees, index, m->opt.timestep, factor), m, t);
   });
+}
+
+void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
+  if (trees.sparse_is_known[tree]) return;
+  trees.sparse_is_known[tree] = 1;
+  const Tree& t = trees.tree[tree];
+  if (!t.sparse || trees.implicit_of(tree).empty()) return trees.sparse[tree].reset();
+  const double h = t.elastic ? trees.implicit_time : m->opt.timestep;
+  require(factor_coupled(m, d, trees, tree, h), m, t);
 }
 
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
@@ -268,7 +297,8 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
   else
     find_damping(m, d, t, trees);
   trees.implicit_time = kImplicitPart * m->opt.timestep;
-  if (t.damped)
+  trees.sparse_is_known[tree] = 0;
+  if (t.damped && !(t.sparse && t.elastic))
     require(factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse), m,
             t);
 }
@@ -281,10 +311,10 @@ void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& 
   double* factor = trees.factor.data() + t.inverse;
   require(factor_tree(m, d, trees, tree, 0.0, factor), m, t);
   for (int i = 0; i < t.dof_count; ++i)
-    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
+    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[trees.row_begin[t.dof_begin + i] + i]);
 }
 
-void smooth_acceleration(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,
                          double* acceleration) {
   const Tree& t = trees.tree[tree];
   if (t.free_body || (is_discrete(m) && m->opt.timestep == trees.implicit_step)) {
@@ -293,7 +323,8 @@ void smooth_acceleration(const mjModel_* m, const mjData_* d, const Trees& trees
   }
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
   add_stiffness_shift(m, trees, tree, d->qvel, acceleration - t.dof_begin);
-  solve_inertia(trees, tree, trees.factor.data() + t.inverse, acceleration);
+  find_coupled_inertia(m, d, tree, trees);
+  solve_effective(trees, tree, acceleration);
 }
 
 }  // namespace dashpot::host

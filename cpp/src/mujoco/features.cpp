@@ -224,11 +224,6 @@ void report_constraints(const mjModel* m, Report& report) {
       report_scalar_solref(report, name + " range", m->tendon_solref_lim + mjNREF * i,
                            m->tendon_solimp_lim + mjNIMP * i);
   }
-  if (coupled_dof_count(m) > kMostCoupledDofs)
-    report.add("bodies coupled by tendons or flexes", Treatment::kRefused,
-               "they have " + std::to_string(coupled_dof_count(m)) +
-                   " degrees of freedom; at most " + std::to_string(kMostCoupledDofs) +
-                   " are stepped as one tree");
   for (int i = 0; i < m->nactuator; ++i)
     if (m->actuator_trntype[i] == mjTRN_BODY)
       report.add("actuator " + named(m, mjOBJ_ACTUATOR, i) + " adhesion", Treatment::kHonoured,

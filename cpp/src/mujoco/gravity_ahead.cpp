@@ -38,7 +38,7 @@ int count_light_parts(const mjModel_* m, const mjData_* d, const Trees& trees, i
     const int dof = t.dof_begin + i, joint = m->dof_jntid[dof], body = m->dof_bodyid[dof];
     if (mju_norm3(d->cdof + 6 * dof) == 0.0) continue;  // slides
     const double arm = mju_dist3(d->subtree_com + 3 * body, d->xanchor + 3 * joint);
-    const double inverse = trees.inverse[t.inverse + i * (t.count + 1)];
+    const double inverse = inverse_diagonal(trees, tree, i);
     if (body == last || way * m->body_subtreemass[body] * arm * inverse < least) continue;
     last = body;
     ++count;

@@ -91,7 +91,7 @@ void set_forces(const mjModel_* m, mjData_* d, const Trees& trees,
       if (t.free_body) continue;
       double* of = acceleration.data() + t.dof_begin;
       std::copy_n(constraint_force.begin() + t.dof_begin, t.dof_count, of);
-      solve_inertia(trees, static_cast<int>(index), trees.factor.data() + t.inverse, of);
+      solve_effective(trees, static_cast<int>(index), of);
     }
     mju_addTo(d->qacc, acceleration.data(), static_cast<int>(m->nv));
   }

@@ -16,6 +16,9 @@ namespace {
 
 constexpr double kOrthogonal = 1e-9;  // cosine of the axes of slides
 constexpr int kFreeDofs = 6;
+// Degrees of freedom of trees that are joined to one, up to which inv(H) takes less time than what
+// is sparse.
+constexpr int kMostDense = 48;
 
 using TreeSet = std::set<int>;
 
@@ -178,6 +181,11 @@ bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, in
   return true;
 }
 
+bool is_joined(const mjModel_* m, int tree) {
+  const int *first = m->dof_parentid + m->tree_dofadr[tree], *last = first + m->tree_dofnum[tree];
+  return std::count(first, last, -1) > 1;
+}
+
 Trees make_trees(const mjModel_* m) {
   Trees trees;
   TreeSet dense;
@@ -185,22 +193,13 @@ Trees make_trees(const mjModel_* m) {
   std::vector<int> above(m->dof_parentid, m->dof_parentid + m->nv);
   for (int i = 0; i < tree_count(m); ++i) {
     const int begin = m->tree_dofadr[i], count = m->tree_dofnum[i];
+    const bool sparse = count > kMostDense && is_joined(m, i);
     // Each above the next: H may couple any two.
-    if (dense.count(i) > 0)
+    if (dense.count(i) > 0 && !sparse)
       std::iota(above.begin() + begin + 1, above.begin() + begin + count, begin);
-    trees.append(begin, count, is_free_body(m, i), above.data() + begin);
+    trees.append(begin, count, is_free_body(m, i), above.data() + begin, sparse);
   }
   return trees;
-}
-
-int coupled_dof_count(const mjModel_* m) {
-  int largest = 0;
-  for (const Range& range : joined_ranges(m)) {
-    if (range.first == range.last) continue;
-    const int end = m->tree_dofadr[range.last] + m->tree_dofnum[range.last];
-    largest = std::max(largest, end - m->tree_dofadr[range.first]);
-  }
-  return largest;
 }
 
 void join_coupled_trees(mjModel_* m) {

@@ -51,12 +51,13 @@ int append_reached(const int* column, int count, const Tree& t, const int* above
   return all;
 }
 
-// The factor L^T D L of a tree's inertia; n degrees of freedom from `dof_begin` on.
+// The factor L^T D L of a tree's inertia; degrees of freedom from `dof_begin` on.
 struct Factor {
-  const double* entry;  // of L, rows n apart
+  const double* entry;  // of L
+  const int* row;       // where its rows begin
   const double* inverse_root;
   const int* above;
-  int dof_begin, n;
+  int dof_begin;
 };
 
 // Rows x over the columns that they reach, the lowest first, numbered from `begin` on. `x` has
@@ -84,7 +85,7 @@ template <int Parts>
     }
     for (int dof = factor.above[factor.dof_begin + k]; dof >= 0; dof = factor.above[dof]) {
       const int i = dof - factor.dof_begin;
-      const double scale = -factor.entry[k * factor.n + i];
+      const double scale = -factor.entry[factor.row[k] + i];
       for (int part = 0; part < Parts; ++part) {
         double* at = rows.x + i * kStride + part * kLanes;
         store_lanes(load_lanes(at) + scale * row[part], at);
@@ -140,8 +141,8 @@ void weight_by_mass(Rows& rows, const RowGroup& c, int side, const Trees& trees,
   double* const x = kept.data();
   for (int k = 0; k < count; ++k)
     for (int i = 0; i < c.dim; ++i) x[(column[k] - t.begin) * lanes + i] = value[i * width + k];
-  const Factor factor{trees.factor.data() + t.inverse, trees.inverse_root.data() + t.begin,
-                      trees.above.data(), t.dof_begin, t.dof_count};
+  const Factor factor{trees.factor.data() + t.inverse, trees.row_begin.data() + t.dof_begin,
+                      trees.inverse_root.data() + t.begin, trees.above.data(), t.dof_begin};
   const ReachedRows reached{rows.weighted_column.data() + weighted.column, weighted.count, t.begin,
                             c.dim, x};
   weight_rows(factor, reached, rows.weighted_value.data() + weighted.value, padded(weighted.count),
@@ -153,7 +154,7 @@ void weight_row(const Trees& trees, int tree, double* row) {
   const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
   for (int k = n - 1; k >= 0; --k) {
     if (row[k] == 0.0) continue;
-    const double* entry = trees.factor.data() + t.inverse + k * n;
+    const double* entry = trees.factor.data() + t.inverse + trees.row_begin[first + k];
     for (int dof = above[first + k]; dof >= 0; dof = above[dof])
       row[dof - first] -= entry[dof - first] * row[k];
     row[k] *= trees.inverse_root[t.begin + k];
@@ -165,7 +166,7 @@ void weight_motion(const Trees& trees, int tree, double* motion) {
   const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
   // What is above comes later, and is as it was.
   for (int k = n - 1; k >= 0; --k) {
-    const double* entry = trees.factor.data() + t.inverse + k * n;
+    const double* entry = trees.factor.data() + t.inverse + trees.row_begin[first + k];
     double sum = motion[k];
     for (int dof = above[first + k]; dof >= 0; dof = above[dof])
       sum += entry[dof - first] * motion[dof - first];
@@ -177,7 +178,7 @@ void unweight_motion(const Trees& trees, int tree, double* motion) {
   const Tree& t = trees.tree[tree];
   const int *above = trees.above.data(), first = t.dof_begin, n = t.dof_count;
   for (int k = 0; k < n; ++k) {
-    const double* entry = trees.factor.data() + t.inverse + k * n;
+    const double* entry = trees.factor.data() + t.inverse + trees.row_begin[first + k];
     double sum = motion[k] * trees.inverse_root[t.begin + k];
     for (int dof = above[first + k]; dof >= 0; dof = above[dof])
       sum -= entry[dof - first] * motion[dof - first];

@@ -60,11 +60,11 @@ void sparse_inverse_mass(const Rows& rows, const RowGroup& c, int first, int cou
 }
 
 // The same of a row of one coordinate, which is that of its column `index`.
-double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, const Tree& tree,
-                          const double* inverse) {
-  const int coordinate = rows.column[c.column + index] - tree.begin;
+double joint_inverse_mass(const Rows& rows, const RowGroup& c, int index, int tree,
+                          const Trees& trees) {
+  const int coordinate = rows.column[c.column + index] - trees.tree[tree].begin;
   const double value = rows.value[c.value + index];
-  return value * value * inverse[coordinate * (tree.count + 1)];
+  return value * value * inverse_diagonal(trees, tree, coordinate);
 }
 
 }  // namespace
@@ -226,7 +226,7 @@ void find_inverse_mass(Rows& rows, RowGroup& c, const Trees& trees) {
       else if (tree.free_body)
         sparse_inverse_mass(rows, c, column, c.columns[side], tree, inverse, part);
       else if (c.is_of_one_coordinate(side))
-        part[0] = joint_inverse_mass(rows, c, column, tree, inverse);
+        part[0] = joint_inverse_mass(rows, c, column, c.tree[side], trees);
       else
         weight_by_mass(rows, c, side, trees, part);
       column += c.columns[side];

@@ -22,13 +22,18 @@ struct Above {
   };
 
   Above(const Trees& trees, const Tree& t)
-      : last_below(trees.last_below.data() + t.dof_begin),
+      : row(trees.row_begin.data() + t.dof_begin),
+        last_below(trees.last_below.data() + t.dof_begin),
         path_begin(trees.path_begin.data() + t.dof_begin),
         path(trees.path.data()) {}
   // Those above one, from the nearest up.
   Range of(int dof) const { return {path + path_begin[dof], path + path_begin[dof + 1]}; }
 
-  const int *last_below, *path_begin, *path;
+  // The nearest above one, or -1; the last one above it, or itself.
+  int next(int dof) const { return of(dof).first == of(dof).last ? -1 : *of(dof).first; }
+  int last_of(int dof) const { return of(dof).first == of(dof).last ? dof : of(dof).last[-1]; }
+
+  const int *row, *last_below, *path_begin, *path;
 };
 
 // response += inv(H) force, the columns of inv(H) `count` apart.
@@ -79,7 +84,8 @@ void invert(const double* factor, const Above& above, int n, int count, double* 
 
 }  // namespace
 
-void Trees::append(int dof_begin, int dof_count, bool free_body, const int* above_dofs) {
+void Trees::append(int dof_begin, int dof_count, bool free_body, const int* above_dofs,
+                   bool is_sparse) {
   Tree t;
   t.dof_begin = dof_begin;
   t.dof_count = dof_count;
@@ -88,11 +94,9 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   t.begin = coordinates;
   t.count = free_body ? kBodyCoordinates : padded(dof_count);
   t.free_body = free_body;
+  t.sparse = is_sparse;
   t.inverse = static_cast<int>(inverse.size());
   coordinates += t.count;
-  inverse.resize(inverse.size() + t.count * t.count, 0.0);
-  factor.resize(inverse.size(), 0.0);
-  cross_damping.resize(inverse.size(), 0.0);
   damping.resize(coordinates, 0.0);
   stiffness.resize(coordinates, 0.0);
   inverse_root.resize(coordinates, 0.0);
@@ -107,6 +111,17 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
     }
     path_begin.push_back(static_cast<int>(path.size()));
   }
+  int entries = 0;
+  for (int i = 0; i < dof_count; ++i) {
+    const int path_end = path_begin[dof_begin + i + 1];
+    const int first = path_begin[dof_begin + i] < path_end ? path[path_end - 1] : i;
+    row_begin.push_back(is_sparse ? entries - first : i * dof_count);
+    entries += i - first + 1;
+  }
+  const int size = is_sparse ? padded(entries) : t.count * t.count;
+  for (auto* array : {&inverse, &factor, &cross_damping}) array->resize(t.inverse + size, 0.0);
+  sparse.emplace_back();
+  sparse_is_known.push_back(0);
 }
 
 double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value) {
@@ -129,7 +144,39 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
       for (int i = 0; i < 3; ++i) acceleration[4 + i] += column[4 * (j + 1) + i] * force[4 + j];
     return;
   }
-  respond(column, force, t.dof_count, t.count, acceleration);
+  if (!t.sparse) return respond(column, force, t.dof_count, t.count, acceleration);
+  if (trees.sparse[tree]) return trees.sparse[tree]->add_solution(force, acceleration);
+  thread_local std::vector<double> solution;  // a step allocates nothing
+  solution.assign(force, force + t.dof_count);
+  solve_inertia(trees, tree, trees.factor.data() + t.inverse, solution.data());
+  for (int i = 0; i < t.dof_count; ++i) acceleration[i] += solution[i];
+}
+
+void solve_effective(const Trees& trees, int tree, double* x) {
+  const Tree& t = trees.tree[tree];
+  if (!trees.sparse[tree]) return solve_inertia(trees, tree, trees.factor.data() + t.inverse, x);
+  std::vector<double> force(x, x + t.dof_count);
+  std::fill_n(x, t.dof_count, 0.0);
+  trees.sparse[tree]->add_solution(force.data(), x);
+}
+
+// Of the unit vector along i, divided by L' and the roots of D, the square.
+double inverse_diagonal(const Trees& trees, int tree, int i) {
+  const Tree& t = trees.tree[tree];
+  if (!t.sparse) return trees.inverse[t.inverse + i * (t.count + 1)];
+  const Above above(trees, t);
+  const double* factor = trees.factor.data() + t.inverse;
+  const int first = above.last_of(i);
+  thread_local std::vector<double> unit;
+  unit.assign(i - first + 1, 0.0);
+  unit.back() = 1.0;
+  double sum = 0.0;
+  for (int k = i; k >= 0; k = above.next(k)) {
+    const double y = unit[k - first];
+    for (int j : above.of(k)) unit[j - first] -= factor[above.row[k] + j] * y;
+    sum += y * y / factor[above.row[k] + k];
+  }
+  return sum;
 }
 
 void check_bounded(const Tree& tree, const double* motion, double largest) {
@@ -145,13 +192,13 @@ bool factor_inertia(const Trees& trees, int tree, double* inertia) {
   const int n = t.dof_count;
   const Above above(trees, t);
   for (int k = n - 1; k >= 0; --k) {
-    double* row = inertia + k * n;
+    double* row = inertia + above.row[k];
     if (!(row[k] > 0.0)) return false;
     Above::Range rest = above.of(k);
     while (rest.first != rest.last) {
       const int i = *rest.first++;
       const double entry = row[i] / row[k];
-      double* to = inertia + i * n;
+      double* to = inertia + above.row[i];
       to[i] -= entry * row[i];
       for (int j : rest) to[j] -= entry * row[j];
       row[i] = entry;
@@ -165,10 +212,10 @@ void solve_inertia(const Trees& trees, int tree, const double* factor, double* x
   const int n = t.dof_count;
   const Above above(trees, t);
   for (int k = n - 1; k >= 0; --k)
-    for (int i : above.of(k)) x[i] -= factor[k * n + i] * x[k];
+    for (int i : above.of(k)) x[i] -= factor[above.row[k] + i] * x[k];
   for (int k = 0; k < n; ++k) {
-    x[k] /= factor[k * n + k];
-    for (int i : above.of(k)) x[k] -= factor[k * n + i] * x[i];
+    x[k] /= factor[above.row[k] + k];
+    for (int i : above.of(k)) x[k] -= factor[above.row[k] + i] * x[i];
   }
 }
 
@@ -179,17 +226,18 @@ double inertia_form(const Trees& trees, int tree, const double* factor, const do
   double sum = 0.0;
   for (int k = 0; k < n; ++k) {
     double y = x[k];
-    for (int i : above.of(k)) y += factor[k * n + i] * x[i];
-    sum += factor[k * n + k] * y * y;
+    for (int i : above.of(k)) y += factor[above.row[k] + i] * x[i];
+    sum += factor[above.row[k] + k] * y * y;
   }
   return sum;
 }
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
   const Tree& t = trees.tree[tree];
-  invert(factor, Above(trees, t), t.dof_count, t.count, trees.inverse.data() + t.inverse);
+  const Above above(trees, t);
+  if (!t.sparse) invert(factor, above, t.dof_count, t.count, trees.inverse.data() + t.inverse);
   for (int i = 0; i < t.dof_count; ++i)
-    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[i * (t.dof_count + 1)]);
+    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[above.row[i] + i]);
 }
 
 }  // namespace dashpot

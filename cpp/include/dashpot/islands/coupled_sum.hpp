@@ -15,6 +15,7 @@
 // (Horn and Johnson, Matrix Analysis, 8.1.18 and 8.1.26), with x from some rounds of x <- |C| x.
 // This is nearer than trace(C^4)^(1/4), and cheaper: with the rows of all joints of a hand 1.1
 // times lambda_max instead of 1.7.
+// Of sparse trees, where S_T would be large, |C| is the sum of the sizes of the rows' own products.
 
 #pragma once
 
@@ -56,6 +57,15 @@ class CoupledSum {
   double hand_over(const Trees& trees, int tree, CoupledSum& to, Room& room);
 
  private:
+  // Rows over a sparse tree, and what they are weighted by.
+  struct SparseRows {
+    const double* y;  // mass-weighted, `stride` apart
+    const int* column;
+    int count, stride, dim;
+    std::array<double, kMaxRows> weight;
+  };
+
+  double bound_of_sparse(const Trees& trees, int tree, Room& room);
   double bound_of_joints(const Trees& trees, const Tree& tree, Room& room);
   double bound_of_reached(const Trees& trees, const Tree& tree, Room& room);
   void add_joints(const Trees& trees, const Tree& tree, Room& room);
@@ -66,8 +76,9 @@ class CoupledSum {
   }
   void clear(const Trees& trees, int tree);
 
-  std::vector<BodySum> body_;  // by tree; of free bodies
-  AlignedDoubles entry_;       // of others
+  std::vector<std::vector<SparseRows>> rows_;  // by tree; of sparse ones
+  std::vector<BodySum> body_;                  // by tree; of free bodies
+  AlignedDoubles entry_;                       // of others
   // By motion coordinate: the sum of the rows of this one coordinate, not mass-weighted. Ends of a
   // range are summed by sign, of which the larger counts: both ends are never pressed at once.
   AlignedDoubles joint_;

@@ -76,6 +76,15 @@ template <Sweep kSweep, typename Jacobian, typename Law>
       });
 }
 
+[[gnu::always_inline]] static inline void respond(const IslandTree& of, const double* inverse,
+                                                  const double* applied, double* out) {
+  const int begin = of.tree.begin;
+  if (of.tree.sparse)
+    add_response(*of.trees, of.index, applied + begin, out + begin);
+  else
+    respond(of.tree, inverse, applied, out);
+}
+
 [[gnu::always_inline]] static inline void add_lanes(const double* term, double* sum) {
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
@@ -188,13 +197,13 @@ template <Sweep kSweep>
       store_lanes(displacement + m.h * (v + 0.5 * m.h * a), m.displacement + i);
       store_lanes(v + m.h * a, m.velocity + i);
     }
-    respond(t, m.inverse, m.force, m.acceleration);
+    respond(of, m.inverse, m.force, m.acceleration);
   } else if constexpr (kSweep == Sweep::kDisplacement) {
     if (of.slices) {
       take_slices(of, m.slice_size, m.force_of_slices, m.coordinate_impulse);
       take_slices(of, m.slice_size, m.impulse_of_slices, m.moment);
     }
-    respond(t, m.inverse, m.moment, m.displacement);
+    respond(of, m.inverse, m.moment, m.displacement);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes)
       add_lanes(m.displacement + i, m.total_displacement + i);
   } else {
@@ -202,7 +211,7 @@ template <Sweep kSweep>
     if (of.slices) take_slices(of, m.slice_size, m.impulse_of_slices, m.impulse);
     if (t.damped) add_impulse_of_drag(t, m);
     if (t.sprung) add_impulse_of_springs(t, m);
-    respond(t, m.inverse, m.impulse, m.velocity);
+    respond(of, m.inverse, m.impulse, m.velocity);
     if (t.damped) account_drag(t, m);
     if (t.sprung) go_on(t, m);
     set_to_zero(t, m.force);

@@ -47,6 +47,8 @@ struct IslandTree {
   Tree tree;
   unsigned slices = 0;
   Trees::Entries implicit = {nullptr, nullptr};  // of an elastic tree
+  const Trees* trees = nullptr;                  // of a sparse one
+  int index = 0;
 };
 
 // The arrays of one island's micro-steps, per motion coordinate: what rows apply are forces,

@@ -83,8 +83,8 @@ class TreeMotion {
   // Takes the dampers of a tree out of the factor of its inertia, after the micro-steps of RK4.
   void leave_dampers_to_stages(const mjData_* d, int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
-  void invert_inertia(int tree);
-  void invert_inertia(const std::vector<RowGroup>& groups, Team& team);
+  void invert_inertia(const mjData_* d, int tree);
+  void invert_inertia(const mjData_* d, const std::vector<RowGroup>& groups, Team& team);
 
   // Generalized velocities or displacements, and forces, from motion coordinates of one tree.
   void to_generalized(int tree, const double* coordinates, double* generalized) const;
@@ -116,7 +116,7 @@ class TreeMotion {
   const std::vector<double>& smooth_acceleration() const { return smooth_acceleration_; }  // (nv)
 
  private:
-  void fill_inverse(int tree);
+  void fill_inverse(const mjData_* d, int tree);
   void find_sleeping(const mjData_* d);
   void stay(int tree, RowData& data);
   void load_from_springs(const mjData_* d, double length, RowData& data);

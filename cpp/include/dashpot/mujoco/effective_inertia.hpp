@@ -59,6 +59,8 @@ void prepare_effective_inertia(const mjModel_* m, mjData_* d, Trees& trees);
 // singular.
 void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<WeldedParts>& parts,
                             Trees& trees, Team& team);
+// Of a sparse tree whose springs couple its bodies: the factor of H, unless the step has it.
+void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
 // micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
@@ -66,7 +68,7 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
 // it, for what goes through M; inv(H) stays.
 void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia.
-void smooth_acceleration(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,
                          double* acceleration);
 
 }  // namespace dashpot::host

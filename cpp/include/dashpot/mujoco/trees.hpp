@@ -26,9 +26,7 @@ Trees make_trees(const mjModel_* m);
 // joined to one in the model, so that a row has at most two. Their number stays; the surplus ones
 // are empty and last. They never sleep. Changes nothing else that MuJoCo computes.
 void join_coupled_trees(mjModel_* m);
-// Most degrees of freedom that joining puts into one tree; 0 where nothing is to be joined.
-int coupled_dof_count(const mjModel_* m);
-// Beyond this the dense inverse inertia of one tree takes longer than everything else.
-inline constexpr int kMostCoupledDofs = 600;
+// Whether a tree of the model is several that were joined.
+bool is_joined(const mjModel_* m, int tree);
 
 }  // namespace dashpot::host

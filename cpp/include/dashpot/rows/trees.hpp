@@ -9,6 +9,12 @@
 // implicitly. For a free body inv(H) is 1/m and the inverse rotational inertia, so contacts see it
 // through the normal and the arm alone. A free body's coordinates begin at a multiple of eight.
 //
+// Of sparse trees, which are many small ones that rows couple, as the vertices of a flex, inv(H)
+// would be large. What acts on them is solved for instead. Their factor is that of H where only
+// degrees of freedom of one path are coupled; where springs couple others it is that of M, which H
+// is not less than. So the apparent inverse masses of rows and all that bounds them are those of
+// each body alone, on the safe side, while responses and statics are those of H.
+//
 // The first coordinates belong to the ground, which what is applied to it does not move: eight for
 // each of four lanes (jacobian_lanes.hpp), so that no lane waits for what another applies. Two of
 // them, that no body has, move by themselves: kSurfaceCoordinate at 1, so that its column in a
@@ -20,9 +26,11 @@
 
 #include <algorithm>
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "dashpot/lanes/aligned.hpp"
+#include "dashpot/rows/sparse_inertia.hpp"
 
 namespace dashpot {
 
@@ -36,6 +44,7 @@ struct Tree {
   int dof_count = 0;
   int begin = 0;              // range of motion coordinates
   int count = 0;              // a multiple of four
+  bool sparse = false;        // inv(H) is not filled in (below)
   bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
   int inverse = 0;            // offset in Trees::inverse
   bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
@@ -62,8 +71,14 @@ struct Trees {
   // By tree. Free body: (1/m, 1/m, 1/m, 0) and the columns of the world inverse rotational inertia,
   // each with a zero. Any other tree: the columns of inv(H), `count` apart.
   AlignedDoubles inverse;
-  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia.
+  // By tree that is no free body, at the offset of its inverse: the factor of factor_inertia, each
+  // row of which begins at row_begin, by degree of freedom, so that its columns are numbers from
+  // the first of the tree.
   AlignedDoubles factor;
+  std::vector<int> row_begin;
+  // By tree: of sparse ones H whose springs couple what has no path; null where none do.
+  std::vector<std::shared_ptr<SparseInertia>> sparse;
+  std::vector<char> sparse_is_known;  // it is that of this step
   // By motion coordinate of these: 1 / sqrt(D).
   AlignedDoubles inverse_root;
   // D of damped trees: by motion coordinate its diagonal and, at the offset of the inverse of those
@@ -105,9 +120,14 @@ struct Trees {
     return std::any_of(of.first, of.last, [](const auto& entry) { return entry.stiffness != 0.0; });
   }
 
+  size_t end_of_factor(int index) const {
+    return index + 1 < static_cast<int>(tree.size()) ? tree[index + 1].inverse : factor.size();
+  }
+
   // Appends a tree with room for its inverse inertia, of either form. `above`: of its degrees of
   // freedom, in the numbers of all.
-  void append(int dof_begin, int dof_count, bool free_body, const int* above);
+  void append(int dof_begin, int dof_count, bool free_body, const int* above,
+              bool is_sparse = false);
 };
 
 // Mean over the trees of a contact, -1 for none, of a value by tree; 0 where there are none.
@@ -136,10 +156,15 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
 // of at most `largest`.
 void check_bounded(const Tree& tree, const double* motion, double largest);
 
+// x = inv(H) x, over the degrees of freedom of a tree that is no free body.
+void solve_effective(const Trees& trees, int tree, double* x);
+// Entry of the diagonal of inv(H) of degree of freedom i of such a tree, or more (sparse trees).
+double inverse_diagonal(const Trees& trees, int tree, int i);
+
 // H = L' D L of a tree that is not a free body, L of unit diagonal and as sparse as H below it:
 // no entry fills in where rows are eliminated from the last one up (Featherstone, Rigid Body
-// Dynamics Algorithms, 6.3). `inertia` is row-major, dof_count wide, and keeps D on and L below its
-// diagonal. False where H is not positive definite.
+// Dynamics Algorithms, 6.3). `inertia` is in rows that begin at Trees::row_begin, and keeps D on
+// and L below its diagonal. False where H is not positive definite.
 bool factor_inertia(const Trees& trees, int tree, double* inertia);
 // Solution of H x = f; x is f before.
 void solve_inertia(const Trees& trees, int tree, const double* factor, double* x);
