@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "dashpot/law/solref.hpp"
 
@@ -20,6 +21,64 @@ constexpr double kStillPhase = 1.0;
 constexpr double kLeastPart = 0.1;
 // Loads L under which overlap recovers: with one, what rests would not.
 constexpr double kBearable = 2.0;
+// Of the width: the shortest way over which stiffness is found.
+constexpr double kShortestWay = 1e-3;
+
+// Of a limit or an equality, from its row `first` on. All its rows have one kappa.
+void read_solref_at_position(const StepView& step, const double* velocity, size_t first, Rows& rows,
+                             std::vector<GroupMaterial>& materials) {
+  const ConstraintInput& input = step.constraints[rows.group[first].input];
+  if (rows.typical_inverse_mass[rows.group[first].row] == 0.0) return;
+  if (impedance(input.solimp, 0.0) == impedance(input.solimp, input.solimp[2])) return;
+  double position[kMaxRows], way[kMaxRows], mass[kMaxRows];
+  double start = 0.0, end = 0.0, length = 0.0;  // norms, squared until all rows are summed up
+  for (int i = 0; i < input.together; ++i) {
+    const RowGroup& c = rows.group[first + i];
+    double rate[kMaxRows];
+    gather(rows, c, velocity, rate);
+    const double most = c.is_unilateral() ? 0.0 : std::numeric_limits<double>::infinity();
+    const double now = step.constraints[c.input].position;
+    position[i] = std::min(now, most);
+    way[i] = std::min(now + step.length * rate[0], most) - position[i];
+    mass[i] = 1.0 / rows.typical_inverse_mass[c.row];
+    start += position[i] * position[i];
+    end += (position[i] + way[i]) * (position[i] + way[i]);
+    length += way[i] * way[i];
+  }
+  start = std::sqrt(start), end = std::sqrt(end), length = std::sqrt(length);
+  if (rows.group[first].is_unilateral() && start == 0.0 && end == 0.0) return;
+  const double shortest = kShortestWay * input.solimp[2];
+  if (length < shortest) {
+    end = start + shortest;
+    for (int i = 0; i < input.together; ++i)
+      way[i] = start > 0.0 ? shortest * position[i] / start : shortest;
+  }
+  const auto kappa_at = [&](double x) {
+    return solref_spring_at(input.solref, input.solimp, x)[0];
+  };
+  const double at_start = kappa_at(start), at_end = kappa_at(end);
+  double work = 0.0, square = 0.0;
+  for (int i = 0; i < input.together; ++i) {
+    work += mass[i] * way[i] * (at_end * (position[i] + way[i]) - at_start * position[i]);
+    square += mass[i] * way[i] * way[i];
+  }
+  const double stored = solref_energy_at(input.solref, input.solimp, start);
+  for (int i = 0; i < input.together; ++i) {
+    RowGroup& c = rows.group[first + i];
+    GroupMaterial& given = materials[first + i];
+    const double turn = at_start * step.length * step.length * rows.inverse_mass[c.row] * mass[i];
+    double kappa = std::max(at_start, work / square);
+    if (stored > 0.0) {
+      const double load = at_start * start;
+      kappa += std::min(1.0, turn) * std::max(0.0, 0.5 * load * load / stored - kappa);
+      c.stored = mass[i] * stored * std::pow(position[i] / start, 2);
+    }
+    c.solref.load = at_start * std::abs(position[i]);
+    given.normalised_stiffness = kappa;
+    given.normalised_damping = given.own_damping =
+        solref_spring_at(input.solref, input.solimp, 0.5 * (start + end))[1];
+  }
+}
 
 }  // namespace
 
@@ -29,7 +88,12 @@ void read_solref_at_load(const StepView& step, const double* velocity, Rows& row
   for (size_t i = 0; i < rows.group.size(); ++i) {
     RowGroup& c = rows.group[i];
     GroupMaterial& given = materials[i];
-    if (c.kind != RowKind::kContact || !given.from_solref) continue;
+    if (!given.from_solref) continue;
+    if (c.kind != RowKind::kContact) {
+      if (c.kind != RowKind::kSlider && step.constraints[c.input].together > 0)
+        read_solref_at_position(step, velocity, i, rows, materials);
+      continue;
+    }
     const ContactInput& input = step.contacts[c.input];
     const double weight = given.load, least = kLeastPart * weight;
     const double typical = rows.typical_inverse_mass[c.row];
@@ -47,7 +111,8 @@ void read_solref_at_load(const StepView& step, const double* velocity, Rows& row
         c.solref.load += following * (std::max(borne, least) - c.solref.load);
     } else if (step.memory.starts() && input.gap < 0.0) {
       c.solref.load =
-          std::clamp(solref_load_at_rest(input.solref, input.solimp, -input.gap), least, weight);
+          std::clamp(-input.gap * solref_spring_at(input.solref, input.solimp, -input.gap)[0],
+                     least, weight);
     }
     if (typical > 0.0) c.soft_load = kBearable * c.solref.load / typical;
     if (c.solref.load == weight) continue;

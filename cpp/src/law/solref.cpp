@@ -19,6 +19,16 @@ constexpr int kMaxRounds = 30;  // far more than it takes
 // Of the width, over which impedance changes by less than 1: it is right to about as much.
 constexpr double kResolvedWidth = 1e-10;
 
+// Gauss and Legendre's points and weights over [0, 1].
+constexpr std::array<std::array<double, 2>, 8> kGauss{{{0.019855071751231912, 0.05061426814518813},
+                                                       {0.10166676129318664, 0.11119051722668724},
+                                                       {0.2372337950418355, 0.15685332293894363},
+                                                       {0.4082826787521751, 0.1813418916891810},
+                                                       {0.5917173212478249, 0.1813418916891810},
+                                                       {0.7627662049581645, 0.15685332293894363},
+                                                       {0.8983332387068134, 0.11119051722668724},
+                                                       {0.9801449282487681, 0.05061426814518813}}};
+
 double clip_impedance(double value) {
   return std::clamp(value, kMinimumImpedance, kMaximumImpedance);
 }
@@ -104,11 +114,33 @@ std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solr
   return {d * d * k / (1.0 - d), d * b / std::sqrt((1.0 - d) * (1.0 - d * (1.0 - part)))};
 }
 
-double solref_load_at_rest(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
-                           double deformation) {
-  const double k = solref_to_spring(solref[0], solref[1], clip_impedance(solimp[1]))[0];
+std::array<double, 2> solref_spring_at(const std::array<double, 2>& solref,
+                                       const std::array<double, 5>& solimp, double deformation) {
+  const auto [k, b] = solref_to_spring(solref[0], solref[1], clip_impedance(solimp[1]));
   const double d = impedance(solimp, deformation);
-  return d * d * k * deformation / (1.0 - d);
+  return {d * d * k / (1.0 - d), d * b / std::sqrt(1.0 - d)};
+}
+
+// Impedance has a corner at the midpoint, and near the end of the width 1 - d may fall by orders of
+// magnitude: x goes there as the square of what is summed over.
+double solref_energy_at(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
+                        double deformation) {
+  const double k = solref_to_spring(solref[0], solref[1], clip_impedance(solimp[1]))[0];
+  const double width = std::max(0.0, solimp[2]), middle = clip_impedance(solimp[3]) * width;
+  const auto load = [&](double x) {
+    const double d = impedance(solimp, x);
+    return d * d * k * x / (1.0 - d);
+  };
+  const double below = std::min(deformation, middle), above = std::min(deformation, width);
+  const double first = std::sqrt(width - below), last = std::sqrt(width - above);
+  double energy = 0.0;
+  for (const auto& [place, weight] : kGauss) {
+    energy += weight * below * load(place * below);
+    const double root = first + place * (last - first);
+    energy += weight * (first - last) * 2.0 * root * load(width - root * root);
+  }
+  const double beyond = std::max(0.0, deformation - width);
+  return energy + beyond * load(width + 0.5 * beyond);
 }
 
 }  // namespace dashpot

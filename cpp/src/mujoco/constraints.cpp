@@ -54,6 +54,13 @@ struct Source {
   double margin;
 };
 
+// Whether the impedance of an equality's rows goes by the norm of their positions.
+bool has_one_impedance(const mjModel* m, const mjData* d, int row) {
+  if (d->efc_type[row] != mjCNSTR_EQUALITY) return false;
+  const int type = m->eq_type[d->efc_id[row]];
+  return type == mjEQ_CONNECT || type == mjEQ_WELD;
+}
+
 // Whether a row of a limit is that of its upper side: the one whose gap it has, and, where both
 // have the same, the second of its rows. A ball joint has one side.
 bool is_upper_side(const mjModel* m, const mjData* d, int row, int index) {
@@ -132,11 +139,13 @@ std::array<int, 2> trees_of_row(const mjModel_* m, const mjData_* d, int source)
 void read_constraints(const mjModel_* m, const mjData_* d,
                       std::vector<ConstraintInput>& constraints) {
   constraints.clear();
-  int index = 0;  // of the rows of one object
+  int index = 0;     // of the rows of one object
+  size_t first = 0;  // of them in `constraints`
   for (int row = 0; row < d->ne + d->nf + d->nl; ++row) {
     const int type = d->efc_type[row], id = d->efc_id[row];
     const bool goes_on = row > 0 && d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
     index = goes_on ? index + 1 : 0;
+    if (!goes_on) first = constraints.size();
     ConstraintInput input;
     input.tree = trees_of_row(m, d, row);
     if (input.tree[0] < 0) continue;
@@ -156,6 +165,10 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     std::copy_n(source.solimp, input.solimp.size(), input.solimp.begin());
     input.is_of_mocap = type == mjCNSTR_EQUALITY && is_held_by_mocap(m, id);
     input.has_solref = !is_default_impedance(source.solref, source.solimp) || input.is_of_mocap;
+    if (first < constraints.size() && has_one_impedance(m, d, row)) {
+      ++constraints[first].together;
+      input.together = 0;
+    }
     constraints.push_back(input);
   }
 }

@@ -215,6 +215,7 @@ void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
   if (!separated) {
     slot.deformation = data.deformation[c.row];
     slot.credit = data.credit[index];
+    slot.beyond = data.beyond[index];
   }
   if (c.kind != RowKind::kSlider) slot.slack = slack(slot.deformation, data.offset[index]);
   std::memcpy(constraint_storage() + kConstraintSize * input.memory, &slot, sizeof(slot));

@@ -45,7 +45,7 @@ double Memory::energy(const SleepingRows& sleeping) const {
   for (size_t i = 0; i < sleeping.constraint.size(); ++i)
     if (sleeping.constraint[i]) {
       const RememberedConstraint slot = constraint(static_cast<int>(i));
-      sum += spring(slot.stiffness, slot.deformation);
+      sum += spring(slot.stiffness, slot.deformation) + slot.beyond;
     }
   return sum;
 }

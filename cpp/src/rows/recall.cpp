@@ -24,6 +24,7 @@ constexpr double kSteadyTurning = 0.4;
 // its deformation. What rows and position differ by has either sign: where the smaller counted, a
 // weld at 22 rad/s lost 2 % of its energy in 5 s at 1 ms. Stiffer ones would take it for force.
 constexpr double kSoftEquality = 1.0;
+constexpr double kRounding = 1e-9;  // relative, of stiffness by inverse mass
 
 // Component of `local` (frame of geom 1) along a world direction.
 double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
@@ -126,14 +127,27 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
   if (c.dim > 4) recall_tangents(old.roll, old.roll_stiffness, 4);
 }
 
-// Position (m or rad) of a limit or equality, no more than what its spring bears or remembers.
-double borne_position(const ConstraintInput& input, double remembered, const Rows& rows,
-                      const RowGroup& c) {
+// Where the spring of a limit or equality is by its position (m or rad): there, or where one as
+// stiff bears the load that belongs to the position.
+double position_of_spring(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
+  if (c.solref.load == 0.0) return input.position;
+  const double bears = c.solref.load / (rows.typical_inverse_mass[c.row] * rows.stiffness[c.row]);
+  return std::copysign(std::min(std::abs(input.position), bears), input.position);
+}
+
+// Whether steps resolve the spring of that load.
+bool is_as_stiff_as_asked(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
+  const double stiffest = rows.typical_inverse_mass[c.row] * rows.stiffness[c.row];
+  return c.solref.load <= (1.0 + kRounding) * stiffest * std::abs(input.position);
+}
+
+// Such a position, no more than what its spring bears or remembers.
+double borne_position(double position, double remembered, const Rows& rows, const RowGroup& c) {
   const double k = rows.stiffness[c.row];
   const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
   if (k * w == 0.0) return 0.0;
   const double most = std::max(kBearableAcceleration * rows.metre / (k * w), std::abs(remembered));
-  return std::clamp(input.position, -most, most);
+  return std::clamp(position, -most, most);
 }
 
 // Whether the spring of an equality is one of the model's own solref that steps of `length` (s)
@@ -169,22 +183,26 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
       deformation = rescaled(old.deformation);
       continue;
     }
-    deformation = input.position;
+    const double position = deformation = position_of_spring(input, rows, c);
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
     if (is_soft_equality(input, rows, c, step.length) ||
         (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)))
-      deformation = borne_position(input, old.deformation, rows, c);
+      deformation = borne_position(position, old.deformation, rows, c);
     else if (old.stiffness == 0.0)
       deformation = 0.0;
-    else if (old.deformation * input.position <= 0.0)
+    else if (old.deformation * position <= 0.0)
       deformation = 0.0;
     else
-      deformation = rescaled(
-          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.slack),
-                        input.position));
-    data.offset[index] = deformation - input.position;
+      deformation = rescaled(std::copysign(
+          std::min(std::abs(old.deformation), std::abs(position) + old.slack), position));
+    data.offset[index] = deformation - position;
+    if (c.stored > 0.0 && position != 0.0 && is_as_stiff_as_asked(input, rows, c)) {
+      const double part = deformation / position;
+      data.beyond[index] =
+          part * part * (c.stored - 0.5 * rows.stiffness[c.row] * position * position);
+    }
   }
 }
 

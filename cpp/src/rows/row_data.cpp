@@ -46,7 +46,8 @@ void RowData::reset_motion(int coordinates) {
 void RowData::reset_rows(const Rows& rows) {
   for (auto* array : {&deformation, &rate, &total_impulse})
     array->assign(rows.inverse_mass.size(), 0.0);
-  for (auto* array : {&offset, &credit, &force_moment, &turning_work, &acceleration_work, &drift})
+  for (auto* array :
+       {&offset, &credit, &beyond, &force_moment, &turning_work, &acceleration_work, &drift})
     array->assign(rows.group.size(), 0.0);
   sticking.assign(rows.group.size(), 1);
   for (auto* array : {&touched, &is_of_lone_pair}) array->assign(rows.group.size(), 0);
@@ -85,6 +86,7 @@ namespace {
 void add_elastic_energy(const Rows& rows, const RowData& data, int index, EnergyShares& energy) {
   const RowGroup& c = rows.group[index];
   if (c.is_unilateral() && data.deformation[c.row] >= 0.0) return;
+  share(energy, c, 0) += data.beyond[index];
   for (int i = 0; i < c.dim; ++i) {
     const double x = data.deformation[c.row + i];
     share(energy, c, i) += 0.5 * rows.stiffness[c.row + i] * x * x;

@@ -45,8 +45,11 @@ std::array<double, 2> solref_to_spring_at_rest(const std::array<double, 2>& solr
                                                const std::array<double, 5>& solimp, double load,
                                                double part = 1.0);
 
-// The other way round: the load under which a row rests at a deformation x > 0 (m or rad).
-double solref_load_at_rest(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
-                           double deformation);
+// kappa (1/s^2) and delta (1/s) of a row that rests at a deformation x >= 0 (m or rad), under the
+// load A F = kappa x; and A times the energy that it has stored on its way there, m^2/s^2.
+std::array<double, 2> solref_spring_at(const std::array<double, 2>& solref,
+                                       const std::array<double, 5>& solimp, double deformation);
+double solref_energy_at(const std::array<double, 2>& solref, const std::array<double, 5>& solimp,
+                        double deformation);
 
 }  // namespace dashpot

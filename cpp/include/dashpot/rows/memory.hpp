@@ -43,6 +43,7 @@ struct RememberedConstraint {
   double deformation, stiffness;    // m and N/m, or rad and N m/rad
   double slack;                     // part of the deformation beyond the position, m or rad
   double credit;                    // energy that rising stiffness took from its spring, J
+  double beyond;                    // RowData::beyond, J
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 

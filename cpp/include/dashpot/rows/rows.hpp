@@ -103,6 +103,9 @@ struct ConstraintInput {
   std::array<double, 5> solimp{};
   bool has_solref = false;   // the model sets solref or solimp itself
   bool is_of_mocap = false;  // an equality that a mocap body holds something by
+  // Rows of an equality, from this one on, that have one impedance, by the norm of their positions;
+  // 0 of those behind the first.
+  int together = 1;
   bool is_joint_limit = false;
   int ball = -1, tendon = -1;  // ball joint or tendon whose limit it is, else -1
   double side = 1.0;           // of a tendon's limit: +1 below it, -1 above
@@ -123,8 +126,8 @@ struct MassWeighted {
   int value = 0;  // first in Rows::weighted_value; rows are padded(count) apart, with zeros behind
 };
 
-// At which load a contact's own solref is read, m/s^2, 0 where it is on none, and for how long the
-// contact has been still, s (solref_load.hpp).
+// At which load a model's own solref is read, m/s^2, 0 where there is none or it means the same
+// under any, and for how long the contact has been still, s (solref_load.hpp).
 struct SolrefLoad {
   double load = 0.0, still = 0.0;
 };
@@ -148,6 +151,7 @@ struct RowGroup {
   // it is read at, for those on a model's own solref; 0 for others.
   double soft_load = 0.0;
   SolrefLoad solref;
+  double stored = 0.0;  // J, by a limit or equality at its position, where its load is read there
   double loaded_friction = 1.0, friction_load = 1.0;  // s and F of friction.hpp
   // Of ContactInput, and of limits of spatial tendons and ball joints (mujoco/row_turns.hpp). With
   // the turn of the geometry goes what the surfaces accelerate by along the rows.
