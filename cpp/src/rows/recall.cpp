@@ -150,13 +150,13 @@ double borne_position(double position, double remembered, const Rows& rows, cons
   return std::clamp(position, -most, most);
 }
 
-// Whether the spring of an equality is one of the model's own solref that steps of `length` (s)
-// resolve. What jumps of a mocap body part is no spring's deformation.
-bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowGroup& c,
-                      double length) {
+// Whether the spring of an equality, or of a limit that grows stiffer on its way, is one of the
+// model's own solref that steps of `length` (s) resolve. What jumps of a mocap body part is no
+// spring's deformation.
+bool is_soft(const ConstraintInput& input, const Rows& rows, const RowGroup& c, double length) {
   const double square = rows.stiffness[c.row] * rows.typical_inverse_mass[c.row] * length * length;
-  return c.kind == RowKind::kBilateral && input.has_solref && !input.is_of_mocap &&
-         square <= kSoftEquality;
+  return (c.kind == RowKind::kBilateral || c.solref.load > 0.0) && input.has_solref &&
+         !input.is_of_mocap && square <= kSoftEquality;
 }
 
 // Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
@@ -187,13 +187,16 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    if (is_soft_equality(input, rows, c, step.length) ||
+    const bool follows = c.solref.load > 0.0, goes_on = old.deformation * position > 0.0;
+    const double remembered =
+        old.deformation * (follows ? old.stiffness / rows.stiffness[c.row] : 1.0);
+    if ((is_soft(input, rows, c, step.length) && (goes_on || c.kind == RowKind::kBilateral)) ||
         (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)))
-      deformation = borne_position(position, old.deformation, rows, c);
-    else if (old.stiffness == 0.0)
+      deformation = borne_position(position, remembered, rows, c);
+    else if (!goes_on)
       deformation = 0.0;
-    else if (old.deformation * position <= 0.0)
-      deformation = 0.0;
+    else if (follows)
+      deformation = std::copysign(std::min(std::abs(remembered), std::abs(position)), position);
     else
       deformation = rescaled(std::copysign(
           std::min(std::abs(old.deformation), std::abs(position) + old.slack), position));
