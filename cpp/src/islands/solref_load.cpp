@@ -18,9 +18,12 @@ constexpr double kStillSpeed = 0.1;
 constexpr double kStillPhase = 1.0;
 // Of the weight: MuJoCo's impedance may go to nothing with the load, and what then lands on the
 // contact would find no spring.
-constexpr double kLeastPart = 0.1;
+constexpr double kLeastPart = 1e-3;
 // Loads L under which overlap recovers: with one, what rests would not.
 constexpr double kBearable = 2.0;
+// By how many times a limit or equality may grow stiffer and count as even: MuJoCo's default does
+// so by 2.2 within a millimetre, which steps seldom resolve.
+constexpr double kEven = 2.5;
 // Of the width: the shortest way over which stiffness is found.
 constexpr double kShortestWay = 1e-3;
 
@@ -29,7 +32,11 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
                              std::vector<GroupMaterial>& materials) {
   const ConstraintInput& input = step.constraints[rows.group[first].input];
   if (rows.typical_inverse_mass[rows.group[first].row] == 0.0) return;
-  if (impedance(input.solimp, 0.0) == impedance(input.solimp, input.solimp[2])) return;
+  const auto kappa_at = [&](double x) {
+    return solref_spring_at(input.solref, input.solimp, x)[0];
+  };
+  const auto [softest, stiffest] = std::minmax({kappa_at(0.0), kappa_at(input.solimp[2])});
+  if (stiffest <= kEven * softest) return;
   double position[kMaxRows], way[kMaxRows], mass[kMaxRows];
   double start = 0.0, end = 0.0, length = 0.0;  // norms, squared until all rows are summed up
   for (int i = 0; i < input.together; ++i) {
@@ -53,9 +60,6 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
     for (int i = 0; i < input.together; ++i)
       way[i] = start > 0.0 ? shortest * position[i] / start : shortest;
   }
-  const auto kappa_at = [&](double x) {
-    return solref_spring_at(input.solref, input.solimp, x)[0];
-  };
   const double at_start = kappa_at(start), at_end = kappa_at(end);
   double work = 0.0, square = 0.0;
   for (int i = 0; i < input.together; ++i) {
@@ -66,14 +70,13 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
   for (int i = 0; i < input.together; ++i) {
     RowGroup& c = rows.group[first + i];
     GroupMaterial& given = materials[first + i];
+    if (start > 0.0) c.stored = mass[i] * stored * std::pow(position[i] / start, 2);
+    c.solref.load = at_start * std::abs(position[i]);
     const double turn = at_start * step.length * step.length * rows.inverse_mass[c.row] * mass[i];
     double kappa = std::max(at_start, work / square);
-    if (stored > 0.0) {
-      const double load = at_start * start;
-      kappa += std::min(1.0, turn) * std::max(0.0, 0.5 * load * load / stored - kappa);
-      c.stored = mass[i] * stored * std::pow(position[i] / start, 2);
-    }
-    c.solref.load = at_start * std::abs(position[i]);
+    if (c.is_unilateral() && stored > 0.0)
+      kappa += std::min(1.0, turn) *
+               std::max(0.0, 0.5 * at_start * at_start * start * start / stored - kappa);
     given.normalised_stiffness = kappa;
     given.normalised_damping = given.own_damping =
         solref_spring_at(input.solref, input.solimp, 0.5 * (start + end))[1];
@@ -107,12 +110,12 @@ void read_solref_at_load(const StepView& step, const double* velocity, Rows& row
       gather(rows, c, velocity, rate);
       const bool still = std::abs(rate[0]) * frequency <= kStillSpeed * borne;
       c.solref.still = still ? c.solref.still + step.length : 0.0;
+      if (std::abs(rate[0]) * frequency > weight) c.solref.load = std::max(c.solref.load, weight);
       if (c.solref.still * frequency > kStillPhase)
         c.solref.load += following * (std::max(borne, least) - c.solref.load);
     } else if (step.memory.starts() && input.gap < 0.0) {
-      c.solref.load =
-          std::clamp(-input.gap * solref_spring_at(input.solref, input.solimp, -input.gap)[0],
-                     least, weight);
+      c.solref.load = std::clamp(
+          -input.gap * solref_spring_at(input.solref, input.solimp, -input.gap)[0], least, weight);
     }
     if (typical > 0.0) c.soft_load = kBearable * c.solref.load / typical;
     if (c.solref.load == weight) continue;

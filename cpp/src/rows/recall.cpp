@@ -127,38 +127,6 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
   if (c.dim > 4) recall_tangents(old.roll, old.roll_stiffness, 4);
 }
 
-// Where the spring of a limit or equality is by its position (m or rad): there, or where one as
-// stiff bears the load that belongs to the position.
-double position_of_spring(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
-  if (c.solref.load == 0.0) return input.position;
-  const double bears = c.solref.load / (rows.typical_inverse_mass[c.row] * rows.stiffness[c.row]);
-  return std::copysign(std::min(std::abs(input.position), bears), input.position);
-}
-
-// Whether steps resolve the spring of that load.
-bool is_as_stiff_as_asked(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
-  const double stiffest = rows.typical_inverse_mass[c.row] * rows.stiffness[c.row];
-  return c.solref.load <= (1.0 + kRounding) * stiffest * std::abs(input.position);
-}
-
-// Such a position, no more than what its spring bears or remembers.
-double borne_position(double position, double remembered, const Rows& rows, const RowGroup& c) {
-  const double k = rows.stiffness[c.row];
-  const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
-  if (k * w == 0.0) return 0.0;
-  const double most = std::max(kBearableAcceleration * rows.metre / (k * w), std::abs(remembered));
-  return std::clamp(position, -most, most);
-}
-
-// Whether the spring of an equality, or of a limit that grows stiffer on its way, is one of the
-// model's own solref that steps of `length` (s) resolve. What jumps of a mocap body part is no
-// spring's deformation.
-bool is_soft(const ConstraintInput& input, const Rows& rows, const RowGroup& c, double length) {
-  const double square = rows.stiffness[c.row] * rows.typical_inverse_mass[c.row] * length * length;
-  return (c.kind == RowKind::kBilateral || c.solref.load > 0.0) && input.has_solref &&
-         !input.is_of_mocap && square <= kSoftEquality;
-}
-
 // Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
 // begins with what its spring bears: an equality, which users switch on, in any step, a limit in
 // the first of all.
@@ -166,8 +134,71 @@ bool begins_stretched(const Memory& memory, const ConstraintInput& input, const 
   return input.has_solref && (c.kind == RowKind::kBilateral || memory.starts());
 }
 
+// Where the spring of a limit or equality is by its position (m or rad), and the energy (J) that
+// this stands for.
+struct SpringPlace {
+  double position, stored;
+};
+
+// There, or where one as stiff as the row bears the load that belongs to the position
+// (solref_load.hpp). One that steps do not resolve has a load of its own.
+SpringPlace place_of_spring(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
+  const double x = input.position, k = rows.stiffness[c.row];
+  const double bears = c.solref.load / (rows.typical_inverse_mass[c.row] * k);
+  const bool resolved = c.solref.load > 0.0 && bears <= (1.0 + kRounding) * std::abs(x);
+  return {resolved ? std::copysign(bears, x) : x, resolved ? c.stored : 0.5 * k * x * x};
+}
+
+// Of rows that have one impedance and grow stiffer on their way, from group `first` on: what part
+// of their places they may be deformed by. They store what they took from bodies, and what they had
+// lost before, `credit` (J), but no more: where steps do not resolve how they grow stiffer nothing
+// is gained.
+double part_of_places(const StepView& step, const Rows& rows, size_t first, double& credit) {
+  double stored = 0.0, remembered = 0.0;
+  for (int i = 0; i < step.constraints[rows.group[first].input].together; ++i) {
+    const RowGroup& c = rows.group[first + i];
+    const ConstraintInput& input = step.constraints[c.input];
+    const RememberedConstraint old = step.memory.constraint(input.memory);
+    if (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)) return 1.0;
+    stored += place_of_spring(input, rows, c).stored;
+    remembered += 0.5 * old.stiffness * old.deformation * old.deformation + old.beyond;
+  }
+  credit = std::min(credit, std::max(0.0, remembered)) + remembered - stored;
+  if (credit >= 0.0) return 1.0;
+  const double left = std::max(0.0, stored + credit);
+  credit = std::min(0.0, stored + credit);
+  return std::sqrt(left / stored);
+}
+
+// Position (m or rad) of a limit or equality, no more than what its spring bears or remembers.
+double borne_position(const ConstraintInput& input, double remembered, const Rows& rows,
+                      const RowGroup& c) {
+  const double k = rows.stiffness[c.row];
+  const double w = std::max(rows.inverse_mass[c.row], rows.typical_inverse_mass[c.row]);
+  if (k * w == 0.0) return 0.0;
+  const double most = std::max(kBearableAcceleration * rows.metre / (k * w), std::abs(remembered));
+  return std::clamp(input.position, -most, most);
+}
+
+// Whether the spring of an equality is one of the model's own solref that steps of `length` (s)
+// resolve. What jumps of a mocap body part is no spring's deformation.
+bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowGroup& c,
+                      double length) {
+  const double square = rows.stiffness[c.row] * rows.typical_inverse_mass[c.row] * length * length;
+  return c.kind == RowKind::kBilateral && input.has_solref && !input.is_of_mocap &&
+         square <= kSoftEquality;
+}
+
+// Whether rows that have one impedance, from group `first` on, grow stiffer on their way.
+bool grows_stiffer(const StepView& step, const Rows& rows, size_t first) {
+  const auto begin = rows.group.begin() + first;
+  return std::any_of(begin, begin + step.constraints[begin->input].together,
+                     [](const RowGroup& c) { return c.solref.load > 0.0; });
+}
+
 void recall_constraints(const StepView& step, const Rows& rows, double recovery_speed,
                         RowData& data) {
+  double part = 1.0;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
@@ -183,29 +214,30 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
       deformation = rescaled(old.deformation);
       continue;
     }
-    const double position = deformation = position_of_spring(input, rows, c);
+    const SpringPlace place = place_of_spring(input, rows, c);
+    deformation = place.position;
+    if (input.together > 0 && grows_stiffer(step, rows, index))
+      part = part_of_places(step, rows, index, data.credit[index]);
     const bool separated = c.kind == RowKind::kUnilateral && input.position >= 0.0;
     if (separated || std::isinf(recovery_speed)) continue;
     // The spring keeps what it remembers, at most what the position says, of the same sign.
-    const bool follows = c.solref.load > 0.0, goes_on = old.deformation * position > 0.0;
-    const double remembered =
-        old.deformation * (follows ? old.stiffness / rows.stiffness[c.row] : 1.0);
-    if ((is_soft(input, rows, c, step.length) && (goes_on || c.kind == RowKind::kBilateral)) ||
-        (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)))
-      deformation = borne_position(position, remembered, rows, c);
-    else if (!goes_on)
-      deformation = 0.0;
-    else if (follows)
-      deformation = std::copysign(std::min(std::abs(remembered), std::abs(position)), position);
-    else
-      deformation = rescaled(std::copysign(
-          std::min(std::abs(old.deformation), std::abs(position) + old.slack), position));
-    data.offset[index] = deformation - position;
-    if (c.stored > 0.0 && position != 0.0 && is_as_stiff_as_asked(input, rows, c)) {
-      const double part = deformation / position;
+    if (c.solref.load > 0.0) {
+      deformation *= part;
       data.beyond[index] =
-          part * part * (c.stored - 0.5 * rows.stiffness[c.row] * position * position);
-    }
+          part * part *
+          (place.stored - 0.5 * rows.stiffness[c.row] * place.position * place.position);
+    } else if (is_soft_equality(input, rows, c, step.length) ||
+               (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)))
+      deformation = borne_position(input, old.deformation, rows, c);
+    else if (old.stiffness == 0.0)
+      deformation = 0.0;
+    else if (old.deformation * input.position <= 0.0)
+      deformation = 0.0;
+    else
+      deformation = rescaled(
+          std::copysign(std::min(std::abs(old.deformation), std::abs(input.position) + old.slack),
+                        input.position));
+    data.offset[index] = deformation - place.position;
   }
 }
 

@@ -1,5 +1,5 @@
-// The load at which a contact's own solref is read (solref.hpp): one spring and damper are right
-// for one load.
+// The load at which a model's own solref is read (solref.hpp): one spring and damper are right for
+// one load.
 //
 // A new contact has that of its lighter part's weight. Once it has been still for longer than hits
 // last, its load L (m/s^2, A F) follows the force F that it bears,
@@ -10,7 +10,19 @@
 // far as in MuJoCo, and a hit has the damping ratio of solref. The spring is that of L; the damper
 // at most that of the weight, for the damper that solref asks for beside a stiffer spring is one
 // that micro-steps seldom resolve. In the first step of all L is that under which the overlap
-// rests, as far as the weight.
+// rests, as far as the weight. What comes so fast that its weight would not stop it within the sag
+// finds the spring of the weight.
+//
+// Limits and equalities go by their position x, as in MuJoCo: those of a connect by the norm of all
+// three, those of a weld by that of its metres and that of its radians. Over a step their spring is
+// linear, with the load kappa(x) x of its start and the slope of the chord to where its rate leads,
+//
+//     k = (load(x_1) - load(x_0)) (x_1 - x_0) / (x_1 - x_0)^2 ,
+//
+// so that what it takes on the way out it gives back on the way in. Where steps do not resolve how
+// it grows stiffer, recall.hpp has it give back no more than it took, and a limit, which may open
+// within the step, has a slope that does not. One that grows stiffer by less than MuJoCo's default
+// does is even: it has the impedance of its full width.
 
 #pragma once
 
@@ -22,8 +34,8 @@
 
 namespace dashpot {
 
-// Reads the solref of contacts that are remembered anew, over a step of `length` (s). `velocity`:
-// per motion coordinate, at its start.
+// Reads the solref of contacts that are remembered, of limits and of equalities anew. `velocity`:
+// per motion coordinate, at the start of the step.
 void read_solref_at_load(const StepView& step, const double* velocity, Rows& rows,
                          std::vector<GroupMaterial>& materials);
 

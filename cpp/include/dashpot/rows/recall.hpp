@@ -10,6 +10,9 @@
 // it, as where it is switched on. One that the steps resolve has its position for its deformation
 // in every step.
 //
+// Limits and equalities whose load goes by their position (islands/solref_load.hpp) are deformed by
+// what bears it, as far as they store no more than they took.
+//
 // Where the stiffness of a row has changed since (rigid rows follow the micro-step), the remembered
 // deformation is scaled so that its force is continuous, the energy that a rising stiffness takes
 // being kept for a falling one; what that puts beyond the position is slack. Rigid rows keep it

@@ -42,8 +42,8 @@ struct RowData {
   // Per group: energy (J) that rising stiffness took from its springs and falling stiffness may
   // give back (recall.hpp).
   std::vector<double> credit;
-  // Per group: energy (J) of a spring that grows stiffer with its position (solref_load.hpp), beyond
-  // that of one that has been as stiff all the way.
+  // Per group: energy (J) of a spring that grows stiffer with its position (solref_load.hpp),
+  // beyond that of one that has been as stiff all the way.
   std::vector<double> beyond;
   // Per group: integral of the force of an equality times the time since the start, N s^2, N m s^2.
   std::vector<double> force_moment;
