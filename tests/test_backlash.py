@@ -11,7 +11,8 @@ from dashpot import Engine, law
 
 MODEL = """<mujoco><option timestep="{dt}" gravity="0 0 0"/>
 <compiler autolimits="true" angle="radian"/>
-<default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody>{rows}</mujoco>"""
+<default><geom contype="0" conaffinity="0"/></default><worldbody>{body}</worldbody>
+{rows}</mujoco>"""
 SLIDE = '<body name="o"><joint name="q" type="slide"/><geom size=".1" mass=".5"/></body>'
 HINGE = '<body><joint name="q"/><geom size=".1" mass=".5" pos=".3 0 0"/></body>'
 FREE = '<body name="o"><freejoint/><geom size=".1" mass=".5"/></body>'
