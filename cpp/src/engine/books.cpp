@@ -14,7 +14,7 @@ constexpr int kTreesAtOnce = 64;  // by a thread
 }  // namespace
 
 // Springs of what sleeps keep their energy.
-void Books::open(const Memory& memory, const SleepingRows& sleeping) {
+void Books::open(const Memory& memory, const MarkedRows& sleeping) {
   ledger_ = memory.ledger();
   elastic_asleep_ = memory.energy(sleeping);
   ledger_.elastic -= elastic_asleep_;

@@ -19,7 +19,7 @@ namespace dashpot {
 class Books {
  public:
   // Opens them with the ledger that memory has, but for the energy of what sleeps.
-  void open(const Memory& memory, const SleepingRows& sleeping);
+  void open(const Memory& memory, const MarkedRows& sleeping);
   void close(Memory& memory);
   EnergyLedger& ledger() { return ledger_; }
 

@@ -36,6 +36,7 @@ double along(const ContactInput& input, const double* local, int row) {
 
 MemoryLayout memory_layout(const mjModel_* m, int contact_capacity) {
   MemoryLayout layout;
+  layout.positions = host::position_count(m);
   layout.contacts = contact_capacity;
   layout.geoms = host::geom_count(m);
   layout.flexes = host::flex_count(m);

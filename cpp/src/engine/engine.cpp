@@ -9,6 +9,7 @@
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/features.hpp"
 #include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/marked_rows.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/simple_inertia.hpp"
 #include "dashpot/mujoco/sleep.hpp"
@@ -30,6 +31,13 @@ void accumulate(const StepStats& step, StepStats& total) {
   total.cuts += step.cuts;
   total.parts = std::max(total.parts, step.parts);
 }
+
+// Puts back, where a step throws, the memory that it had before something was forgotten.
+struct MemoryAtStart {
+  double* storage;
+  std::vector<double> before;  // empty: nothing was
+  ~MemoryAtStart() { std::copy(before.begin(), before.end(), storage); }
+};
 
 }  // namespace
 
@@ -66,6 +74,8 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);
+  MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
+  forget_moved_by_hand(d, at_start.before);
   const bool moves_mocap = parameters.options.law != Law::kComFree;
   host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
@@ -91,6 +101,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   }
   parts.finish();
   sleep.finish();
+  at_start.before.clear();
   fall_asleep(d, mocap);
   total.cuts = clock.cuts;
   total.parts = taken;
@@ -190,10 +201,31 @@ void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
   for (int index : falling) view.rest(motion.trees().tree[index], index);
 }
 
+// Memory is of a configuration: what was moved since the last step begins anew. Small displacements
+// that steps are differentiated by leave it.
+void Stepper::Impl::forget_moved_by_hand(mjData_* d, std::vector<double>& before) {
+  Memory view = memory(d);
+  thread_local std::vector<char> dof;
+  if (differentiable || view.starts() || !host::find_moved_by_hand(model, d, view.position(), dof))
+    return;
+  const double* storage = host::memory(model, d, memory_layout.size());
+  before.assign(storage, storage + memory_layout.size());
+  MarkedRows moved;
+  host::mark_rows(model, dof, moved);
+  view.forget(moved);
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& tree = motion.trees().tree[index];
+    const auto first = dof.begin() + tree.dof_begin;
+    if (std::find(first, first + tree.dof_count, 1) != first + tree.dof_count)
+      view.rest(tree, index);
+  }
+}
+
 void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   Memory view = memory(d);
   mocap.remember(view);
   view.remember(contacts, constraints, rows, data, sleeping.rows(), team);
+  std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
   leapfrog.keep(clock.stride(), on_trees.held, motion, view);

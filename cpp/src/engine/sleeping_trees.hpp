@@ -30,7 +30,7 @@ class SleepingTrees {
   void leave_out(const mjModel_* m, const mjData_* d, std::vector<ContactInput>& contacts,
                  std::vector<ConstraintInput>& constraints);
   // The rows that it would have.
-  const SleepingRows& rows() const { return rows_; }
+  const MarkedRows& rows() const { return rows_; }
 
   // Counts the step, and finds the trees whose islands have come to rest in it. `recovered`, by
   // degree of freedom: how far recovery took positions beside their velocity.
@@ -45,7 +45,7 @@ class SleepingTrees {
   void find_driven(const SolvedPart& part, const host::MocapMotion& mocap);
 
   std::vector<int> at_start_, falling_;
-  SleepingRows rows_;
+  MarkedRows rows_;
   std::vector<int> island_of_;          // by tree, -1 for none
   std::vector<char> driven_;            // by tree: by mocap bodies that move
   std::vector<double> recovery_speed_;  // by degree of freedom

@@ -113,6 +113,7 @@ struct Stepper::Impl {
   RowsOnTree rows_on_tree(int tree, bool stages) const;
 
   // What is kept of the part, and told of it.
+  void forget_moved_by_hand(mjData_* d, std::vector<double>& before);
   void remember(mjData_* d, const host::MocapMotion& mocap);
   Memory memory(mjData_* d) const;
   StepView view(mjData_* d) const;

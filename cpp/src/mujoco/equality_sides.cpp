@@ -4,6 +4,14 @@
 
 namespace dashpot::host {
 
+std::array<int, 2> joined_bodies(const mjModel_* m, int equality) {
+  const int type = m->eq_type[equality];
+  if (type != mjEQ_CONNECT && type != mjEQ_WELD) return {0, 0};
+  const int first = m->eq_obj1id[equality], second = m->eq_obj2id[equality];
+  if (m->eq_objtype[equality] == mjOBJ_SITE) return {m->site_bodyid[first], m->site_bodyid[second]};
+  return {first, second};
+}
+
 EqualitySide side_of(const mjModel_* m, const mjData_* d, int equality, int index) {
   const int id = index == 0 ? m->eq_obj1id[equality] : m->eq_obj2id[equality];
   const mjtNum* data = m->eq_data + mjNEQDATA * equality;

@@ -15,15 +15,6 @@ int mocap_of(const mjModel* m, int body) {
   return m->body_treeid[body] < 0 ? m->body_mocapid[m->body_rootid[body]] : -1;
 }
 
-// The bodies of a connect or weld; the world twice of other equalities.
-std::array<int, 2> joined_bodies(const mjModel* m, int equality) {
-  const int type = m->eq_type[equality];
-  if (type != mjEQ_CONNECT && type != mjEQ_WELD) return {0, 0};
-  const int first = m->eq_obj1id[equality], second = m->eq_obj2id[equality];
-  if (m->eq_objtype[equality] == mjOBJ_SITE) return {m->site_bodyid[first], m->site_bodyid[second]};
-  return {first, second};
-}
-
 }  // namespace
 
 bool holds(const mjModel_* m, int equality, int mocap) {

@@ -6,13 +6,12 @@
 #include <cmath>
 
 #include "dashpot/mujoco/constraint_memory.hpp"
+#include "dashpot/mujoco/equality_sides.hpp"
+#include "dashpot/mujoco/marked_rows.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: what follows
-// from mjData.tree_asleep, and whether an object sleeps.
-extern "C" {
-void mj_updateSleep(const mjModel* m, mjData* d);
-mjtSleepState mj_sleepState(const mjModel* m, const mjData* d, mjtObj type, int i);
-}
+// from mjData.tree_asleep.
+extern "C" void mj_updateSleep(const mjModel* m, mjData* d);
 
 namespace dashpot::host {
 
@@ -52,6 +51,7 @@ bool could_sleep(const mjModel* m, const mjData* d, int tree, const std::vector<
 // The trees that an equality may tie, two of each side, -1 for none. Those of flexes never sleep.
 std::array<int, 4> trees_of_equality(const mjModel* m, int equality) {
   const int type = m->eq_type[equality];
+  const std::array<int, 2> body = joined_bodies(m, equality);
   std::array<int, 4> trees{-1, -1, -1, -1};
   for (int side = 0; side < 2; ++side) {
     const int id = side == 0 ? m->eq_obj1id[equality] : m->eq_obj2id[equality];
@@ -59,10 +59,8 @@ std::array<int, 4> trees_of_equality(const mjModel* m, int equality) {
     if (id < 0) continue;
     if (type == mjEQ_TENDON)
       std::copy_n(m->tendon_treeid + 2 * id, std::min(2, m->tendon_treenum[id]), of_side);
-    else if (type == mjEQ_JOINT)
-      *of_side = m->body_treeid[m->jnt_bodyid[id]];
-    else if (type == mjEQ_CONNECT || type == mjEQ_WELD)
-      *of_side = m->body_treeid[m->eq_objtype[equality] == mjOBJ_SITE ? m->site_bodyid[id] : id];
+    else
+      *of_side = m->body_treeid[type == mjEQ_JOINT ? m->jnt_bodyid[id] : body[side]];
   }
   return trees;
 }
@@ -164,35 +162,12 @@ void put_to_sleep(mjModel_* m, mjData_* d, const std::vector<int>& trees,
   mj_updateSleep(m, d);
 }
 
-void find_sleeping_rows(const mjModel_* m, const mjData_* d, SleepingRows& sleeping) {
-  sleeping.geom.clear();
-  sleeping.constraint.clear();
+void find_sleeping_rows(const mjModel_* m, const mjData_* d, MarkedRows& sleeping) {
+  sleeping = MarkedRows();
   if (!any_sleeps(m, d)) return;
-  for (int geom = 0; geom < m->ngeom; ++geom) {
-    const int tree = m->body_treeid[m->geom_bodyid[geom]];
-    sleeping.geom.push_back(tree < 0          ? GeomSleep::kOfNoTree
-                            : sleeps(d, tree) ? GeomSleep::kSleeps
-                                              : GeomSleep::kIsAwake);
-  }
-  sleeping.constraint.assign(constraint_memory_count(m), 0);
-  const auto mark = [&](int first, int rows, bool sleeps) {
-    std::fill_n(sleeping.constraint.begin() + first, rows, sleeps);
-  };
-  const auto is_asleep = [&](mjtObj type, int id) {
-    return mj_sleepState(m, d, type, id) == mjS_ASLEEP;
-  };
-  for (int i = 0; i < m->neq; ++i) {
-    const std::array<int, 4> trees = trees_of_equality(m, i);
-    mark(memory_of_equality(m, i), equality_rows(m, i),
-         std::any_of(trees.begin(), trees.end(), [&](int tree) { return sleeps(d, tree); }));
-  }
-  for (int i = 0; i < m->nv; ++i) mark(memory_of_friction(m, i), 1, is_asleep(mjOBJ_DOF, i));
-  for (int i = 0; i < m->njnt; ++i)
-    mark(memory_of_joint_limit(m, i), kLimitSides, is_asleep(mjOBJ_JOINT, i));
-  for (int i = 0; i < m->ntendon; ++i) {
-    mark(memory_of_tendon_friction(m, i), 1, is_asleep(mjOBJ_TENDON, i));
-    mark(memory_of_tendon_limit(m, i), kLimitSides, is_asleep(mjOBJ_TENDON, i));
-  }
+  std::vector<char> dof(m->nv);
+  for (int i = 0; i < m->nv; ++i) dof[i] = sleeps(d, m->dof_treeid[i]);
+  mark_rows(m, dof, sleeping);
 }
 
 void find_sleeping_dofs(const mjModel_* m, const mjData_* d, std::vector<int>& dofs) {

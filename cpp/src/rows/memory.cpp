@@ -11,8 +11,8 @@ namespace dashpot {
 
 namespace {
 
-// Storage: count of contacts, ledger, whether a step was taken, motion that rows hold, leads
-// and velocities at its end, mocap bodies, constraints, contacts.
+// Storage: count of contacts, ledger, whether a step was taken, positions at its end, motion that
+// rows hold, leads and velocities at its end, mocap bodies, constraints, contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
@@ -54,7 +54,7 @@ int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
 int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
 
 int MemoryLayout::size() const {
-  return kHeader + held_size() + lead_size() + mocap_size() +
+  return kHeader + positions + held_size() + lead_size() + mocap_size() +
          static_cast<int>(sizeof(RememberedConstraint) / sizeof(double)) * constraints +
          static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
 }
@@ -64,8 +64,10 @@ Memory::Memory(double* storage, const MemoryLayout& layout)
       layout_(layout),
       contacts_(constraint_storage() + kConstraintSize * layout.constraints) {}
 
+double* Memory::position() const { return storage_ + kHeader; }
+
 double* Memory::mocap_storage() const {
-  return storage_ + kHeader + layout_.held_size() + layout_.lead_size();
+  return position() + layout_.positions + layout_.held_size() + layout_.lead_size();
 }
 
 double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
@@ -73,7 +75,7 @@ double* Memory::constraint_storage() const { return mocap_storage() + layout_.mo
 HeldMotion Memory::held_motion() const {
   if (layout_.held_trees == 0) return {};
   HeldMotion motion;
-  motion.length = storage_ + kHeader;
+  motion.length = position() + layout_.positions;
   motion.weight = motion.length + layout_.held_trees;
   motion.gravity_ahead = motion.weight + layout_.held_trees;
   motion.energy = motion.gravity_ahead + layout_.held_trees;
@@ -89,7 +91,7 @@ HeldMotion Memory::held_motion() const {
 }
 
 double* Memory::lead() const {
-  return layout_.held_trees == 0 ? nullptr : storage_ + kHeader + layout_.held_size();
+  return layout_.held_trees == 0 ? nullptr : held_motion().length + layout_.held_size();
 }
 
 double* Memory::end_velocity() const {
@@ -181,7 +183,7 @@ void Memory::set_ledger(const EnergyLedger& ledger) {
 
 void Memory::remember(const std::vector<ContactInput>& contacts,
                       const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                      const RowData& data, const SleepingRows& sleeping, Team& team) {
+                      const RowData& data, const MarkedRows& sleeping, Team& team) {
   forget_constraints(sleeping);
   const int asleep = gather(sleeping);
   thread_local std::vector<int> kept;  // by the thread: no allocation in a step

@@ -9,6 +9,9 @@ struct mjData_;
 
 namespace dashpot::host {
 
+// The bodies of a connect or weld; the world twice of other equalities.
+std::array<int, 2> joined_bodies(const mjModel_* m, int equality);
+
 // One side of a connect or weld: the body, its anchor (m) and its orientation in the world. The
 // orientation means nothing in a connect.
 struct EqualitySide {

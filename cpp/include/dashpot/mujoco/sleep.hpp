@@ -42,7 +42,7 @@ void put_to_sleep(mjModel_* m, mjData_* d, const std::vector<int>& trees,
                   const std::vector<int>& island);
 
 // The rows that what sleeps would have.
-void find_sleeping_rows(const mjModel_* m, const mjData_* d, SleepingRows& sleeping);
+void find_sleeping_rows(const mjModel_* m, const mjData_* d, MarkedRows& sleeping);
 // The degrees of freedom of what sleeps.
 void find_sleeping_dofs(const mjModel_* m, const mjData_* d, std::vector<int>& dofs);
 

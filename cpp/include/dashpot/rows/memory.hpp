@@ -47,14 +47,16 @@ struct RememberedConstraint {
   double mean_force, turning_work;  // of an equality, see Memory::equality()
 };
 
-// Geoms and scalar constraints (by ConstraintInput::memory) of trees that sleep, whose rows are not
-// made: what these remember stays. Both empty: nothing sleeps. A constraint sleeps where one of its
-// trees does, a contact where one of its geoms does, the other one being of no tree that is awake.
-enum class GeomSleep : char { kIsAwake, kSleeps, kOfNoTree };
-struct SleepingRows {
-  std::vector<GeomSleep> geom;
+// Geoms, flexes and scalar constraints (by ConstraintInput::memory) of what sleeps, whose rows are
+// not made and keep what they remember, or of what was moved by hand. All empty: there is nothing.
+enum class GeomMark : char { kOther, kMarked, kOfNoTree };
+struct MarkedRows {
+  std::vector<GeomMark> geom;
+  std::vector<char> flex;  // all of it is marked
   std::vector<char> constraint;
-  bool has(const std::array<int, 2>& geoms) const;
+  // Of a contact that sleeps: one of its geoms does, the other one is of no tree that is awake.
+  bool has_all(const std::array<int, 2>& geoms) const;
+  bool has_any(const std::array<int, 2>& geoms) const;
 };
 
 // What memory has of a contact: the remembered point of its pair that it goes on from
@@ -97,9 +99,11 @@ struct RememberedMocap {
   MeanRate mean, mean_angular;              // over that step
 };
 
-// Room that memory takes: contacts that can be compressed at once, scalar constraints, motion that
-// rows may hold, and mocap bodies; and how many geoms and flexes there are to have contacts.
+// Room that memory takes: positions, contacts that can be compressed at once, scalar constraints,
+// motion that rows may hold, and mocap bodies; and how many geoms and flexes there are to have
+// contacts.
 struct MemoryLayout {
+  int positions = 0;  // nq
   int contacts = 0;
   int geoms = 0, flexes = 0;
   int constraints = 0;
@@ -121,6 +125,8 @@ class Memory {
   void check() const;
 
   bool starts() const;  // no step was taken yet
+  // At the end of the last step, as in mjData.qpos. What differs was moved by hand.
+  double* position() const;
   int contact_count() const;
   RememberedContact contact(int index) const;
   // Of that contact alone: its geoms, where it is in the frame of one of them (m), and the force
@@ -148,18 +154,21 @@ class Memory {
 
   // Forgets how a tree moved (`index`): it is at rest.
   void rest(const Tree& tree, int index);
+  // Forgets what rows of these store. Constraints keep that they had a stiffness: they are
+  // not switched on anew.
+  void forget(const MarkedRows& moved);
   // How many contacts sleep, and the energy (J) in the springs of all rows that do.
-  int count(const SleepingRows& sleeping) const;
-  double energy(const SleepingRows& sleeping) const;
+  int count(const MarkedRows& sleeping) const;
+  double energy(const MarkedRows& sleeping) const;
 
   // Replaces the memory by the deformed rows of `data`, but for what sleeps.
   void remember(const std::vector<ContactInput>& contacts,
                 const std::vector<ConstraintInput>& constraints, const Rows& rows,
-                const RowData& data, const SleepingRows& sleeping, Team& team);
+                const RowData& data, const MarkedRows& sleeping, Team& team);
 
  private:
-  void forget_constraints(const SleepingRows& sleeping);
-  int gather(const SleepingRows& sleeping);
+  void forget_constraints(const MarkedRows& sleeping);
+  int gather(const MarkedRows& sleeping);
   void remember(const ConstraintInput& input, const Rows& rows, int group, const RowData& data);
   void remember(const ContactInput& input, const Rows& rows, int group, const RowData& data,
                 int place);
