@@ -113,14 +113,14 @@ def test_integration_state_continues_bit_identically(engine):
     data = engine.make_data()
     data.qpos[2] = 0.031
     initial = get_state(engine, data, INTEGRATION)
-    whole, _ = dashpot.rollout(engine, initial, nstep=80)
-    first, _ = dashpot.rollout(engine, initial, nstep=50)
-    second, _ = dashpot.rollout(engine, first[:, -1], nstep=30)
+    whole, _ = dashpot.rollout(engine, initial, nstep=80, with_memory=True)
+    first, _ = dashpot.rollout(engine, initial, nstep=50, with_memory=True)
+    second, _ = dashpot.rollout(engine, first[:, -1], nstep=30, with_memory=True)
     assert np.array_equal(whole[:, 50:], second)
     # Without the memory the continuation differs, so the comparison above has teeth.
     size = mujoco.mj_stateSize(engine.model, FULL_PHYSICS)
     forgetful, _ = dashpot.rollout(engine, first[:, -1, :size], nstep=30)
-    assert not np.array_equal(forgetful, second[:, :, :size])
+    assert not np.array_equal(forgetful, second[..., :size])
 
 
 def test_other_threads_run_meanwhile(engine, thrown):

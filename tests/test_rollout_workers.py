@@ -62,10 +62,11 @@ def test_rollouts_follow_edits_of_the_engine(edit):
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(XML))
     state = throw(engine, kind)
-    before, _ = dashpot.rollout(engine, np.tile(state, (3, 1)), nstep=STEPS, nthread=2)
+    options = {"nstep": STEPS, "nthread": 2, "with_memory": True}
+    before, _ = dashpot.rollout(engine, np.tile(state, (3, 1)), **options)
     np.testing.assert_array_equal(last(before, engine, kind), step(engine, state, kind))
     edit(engine)
-    after, _ = dashpot.rollout(engine, np.tile(state, (3, 1)), nstep=STEPS, nthread=2)
+    after, _ = dashpot.rollout(engine, np.tile(state, (3, 1)), **options)
     np.testing.assert_array_equal(last(after, engine, kind), step(engine, state, kind))
     assert not np.array_equal(before, after)
 
@@ -74,8 +75,8 @@ def test_states_without_memory_are_those_of_full_physics():
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(XML))
     full, integration = mujoco.mjtState.mjSTATE_FULLPHYSICS, mujoco.mjtState.mjSTATE_INTEGRATION
     state = throw(engine, integration)
-    with_memory, sensors = dashpot.rollout(engine, state, nstep=STEPS)
-    without, same_sensors = dashpot.rollout(engine, state, nstep=STEPS, with_memory=False)
+    with_memory, sensors = dashpot.rollout(engine, state, nstep=STEPS, with_memory=True)
+    without, same_sensors = dashpot.rollout(engine, state, nstep=STEPS)
     assert without.shape == (1, STEPS, mujoco.mj_stateSize(engine.model, int(full)))
     np.testing.assert_array_equal(sensors, same_sensors)
     data = engine.make_data()

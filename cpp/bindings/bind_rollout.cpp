@@ -62,13 +62,24 @@ void require_shape(const char* name, const py::array& array, std::vector<py::ssi
 
 using Diverged = std::vector<std::tuple<int, int, std::string>>;  // rollout, step, what
 
-Diverged run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
-             const std::optional<Array>& control, int control_spec, int nthread,
-             bool differentiable, bool fills_diverged, Output state, Output sensordata) {
+// An array that takes the numbers over, and the room that they do not need away.
+template <typename Number>
+py::array_t<Number> array_of(std::vector<Number>&& numbers) {
+  numbers.shrink_to_fit();
+  auto* const kept = new std::vector<Number>(std::move(numbers));
+  const py::capsule owner(kept, [](void* p) { delete static_cast<std::vector<Number>*>(p); });
+  return py::array_t<Number>(kept->size(), kept->data(), owner);
+}
+
+py::tuple run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
+              const std::optional<Array>& control, int control_spec, int nthread,
+              bool differentiable, bool fills_diverged, std::optional<Output> state,
+              Output sensordata, std::optional<Output> last_state) {
   const ModelSizes sizes = sizes_of(workers.at(0)->model());
-  if (state.ndim() != 3) throw std::invalid_argument("state must be 3-D");
-  const py::ssize_t nbatch = state.shape(0), nstep = state.shape(1);
-  const auto kind_of = [&](py::ssize_t nstate) {
+  if (sensordata.ndim() != 3) throw std::invalid_argument("sensordata must be 3-D");
+  const py::ssize_t nbatch = sensordata.shape(0), nstep = sensordata.shape(1);
+  const auto kind_of = [&](const py::array& states) {
+    const py::ssize_t nstate = states.shape(states.ndim() - 1);
     if (nstate == sizes.full_physics) return StateKind::kFullPhysics;
     if (nstate == sizes.integration) return StateKind::kIntegration;
     throw std::invalid_argument("states have rows of neither state size");
@@ -76,8 +87,7 @@ Diverged run(const std::vector<RolloutWorkers*>& workers, const Array& initial_s
   RolloutInput input;
   input.nbatch = static_cast<int>(nbatch);
   input.nstep = static_cast<int>(nstep);
-  input.kind = kind_of(initial_state.shape(initial_state.ndim() - 1));
-  input.record = kind_of(state.shape(2));
+  input.kind = kind_of(initial_state);
   input.initial_state = initial_state.data();
   input.control_spec = control_spec;
   input.differentiable = differentiable;
@@ -89,22 +99,39 @@ Diverged run(const std::vector<RolloutWorkers*>& workers, const Array& initial_s
     require_shape("control", *control, {nbatch, nstep, py::ssize_t(input.ncontrol)});
     input.control = control->data();
   }
-  double* const state_out = state.mutable_data();
-  double* const sensor_out = sensordata.mutable_data();
-
-  const WithoutGil without_gil;
-  std::map<RolloutWorkers*, host::ModelView> views;
-  std::vector<RolloutModel> models;
-  for (RolloutWorkers* each : workers) {
-    auto found = views.find(each);
-    if (found == views.end()) found = views.emplace(each, each->view()).first;
-    models.push_back({found->second.get(), &each->simulations()});
+  RolloutOutput output;
+  output.sensordata = sensordata.mutable_data();
+  std::vector<SparseRows> sparse(state ? 0 : nbatch);
+  if (state) {
+    output.record = kind_of(*state);
+    require_shape("state", *state, {nbatch, nstep, state->shape(state->ndim() - 1)});
+    output.state = state->mutable_data();
+  } else {
+    output.sparse = sparse.data();
   }
+  if (last_state) {
+    require_shape("last_state", *last_state, {nbatch, py::ssize_t(sizes.integration)});
+    output.last_state = last_state->mutable_data();
+  }
+
   Diverged diverged;
-  for (const Divergence& each :
-       roll_out(models, input, nthread, state_out, sensor_out, handle_signals))
-    diverged.emplace_back(each.rollout, each.step, each.what);
-  return diverged;
+  {
+    const WithoutGil without_gil;
+    std::map<RolloutWorkers*, host::ModelView> views;
+    std::vector<RolloutModel> models;
+    for (RolloutWorkers* each : workers) {
+      auto found = views.find(each);
+      if (found == views.end()) found = views.emplace(each, each->view()).first;
+      models.push_back({found->second.get(), &each->simulations()});
+    }
+    for (const Divergence& each : roll_out(models, input, output, nthread, handle_signals))
+      diverged.emplace_back(each.rollout, each.step, each.what);
+  }
+  py::list rows;
+  for (SparseRows& each : sparse)
+    rows.append(py::make_tuple(array_of(std::move(each.value)), array_of(std::move(each.place)),
+                               array_of(std::move(each.row_end))));
+  return py::make_tuple(diverged, rows);
 }
 
 }  // namespace
@@ -118,12 +145,14 @@ void bind_rollout(py::module_& module) {
       "roll_out", &run, py::arg("workers"), py::arg("initial_state"), py::arg("control"),
       py::arg("control_spec"), py::arg("nthread"), py::arg("differentiable"),
       py::arg("fills_diverged"), py::arg("state").noconvert(), py::arg("sensordata").noconvert(),
+      py::arg("last_state").noconvert(),
       "Roll out on threads, GIL released, and write states and sensor data; see\n"
       "dashpot.rollout. `workers`: one for all rollouts, or one for each. If\n"
       "`differentiable`, the last states have the second half of their velocities, which the\n"
       "next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN "
       "from\n"
-      "there on, and (rollout, step, what) of each is returned.");
+      "there on. Returns (rollout, step, what) of each that did, and, where `state` is None,\n"
+      "(values, places, ends) of the integration states of each: rows without their zeros.");
 }
 
 }  // namespace dashpot::bindings

@@ -173,8 +173,12 @@ void check_rollouts(const mjModel* m, const dashpot::Parameters& p) {
   std::vector<double> one(nbatch * nstep * sizes.full_physics), two(one.size());
   std::vector<double> sensors(nbatch * nstep * sizes.nsensordata);
   dashpot::SimulationPool simulations(p);
-  dashpot::roll_out({{m, &simulations}}, input, 1, one.data(), sensors.data());
-  dashpot::roll_out({{m, &simulations}}, input, 2, two.data(), sensors.data());
+  dashpot::RolloutOutput output;
+  output.sensordata = sensors.data();
+  for (const int threads : {1, 2}) {
+    output.state = (threads == 1 ? one : two).data();
+    dashpot::roll_out({{m, &simulations}}, input, output, threads);
+  }
   check(std::memcmp(one.data(), two.data(), one.size() * sizeof(double)) == 0,
         "rollouts do not depend on the number of threads");
 }

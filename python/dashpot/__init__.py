@@ -25,6 +25,7 @@ from dashpot.query import (
     time_of_impact,
     times_of_impact,
 )
+from dashpot.rollout_states import RolloutStates
 from dashpot.rollouts import DivergenceWarning, rollout
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "Linearization",
     "Material",
     "Report",
+    "RolloutStates",
     "StepStats",
     "TimeOfImpact",
     "TimesOfImpact",

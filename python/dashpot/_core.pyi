@@ -569,15 +569,17 @@ def roll_out(
     nthread: typing.SupportsInt | typing.SupportsIndex,
     differentiable: bool,
     fills_diverged: bool,
-    state: numpy.typing.NDArray[numpy.float64],
+    state: numpy.typing.NDArray[numpy.float64] | None,
     sensordata: numpy.typing.NDArray[numpy.float64],
-) -> list[tuple[int, int, str]]:
+    last_state: numpy.typing.NDArray[numpy.float64] | None,
+) -> tuple:
     """
     Roll out on threads, GIL released, and write states and sensor data; see
     dashpot.rollout. `workers`: one for all rollouts, or one for each. If
     `differentiable`, the last states have the second half of their velocities, which the
     next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN from
-    there on, and (rollout, step, what) of each is returned.
+    there on. Returns (rollout, step, what) of each that did, and, where `state` is None,
+    (values, places, ends) of the integration states of each: rows without their zeros.
     """
 
 def solref_to_spring(

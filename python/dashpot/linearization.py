@@ -127,6 +127,7 @@ def linearize(
         fills_diverged=False,
         state=stepped,
         sensordata=sensordata,
+        last_state=None,
     )
     state, sensor = stepped[:, 0], sensordata[:, 0]
 

@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, overload
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot import _core
-from dashpot.checks import finite_array, flag, positive_count, thread_count, whole_number
+from dashpot import rollout_inputs as inputs
+from dashpot.checks import flag, positive_count, whole_number
 from dashpot.engine import Engine
+from dashpot.rollout_inputs import CONTROLS, FULL_PHYSICS, INTEGRATION, Data
+from dashpot.rollout_states import RolloutStates
 
 Array = NDArray[np.float64]
 
-_FULL_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
-_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_CONTROLS = int(mujoco.mjtState.mjSTATE_CTRL)
-_GIVEN_FROM_OUTSIDE = int(mujoco.mjtState.mjSTATE_USER)
-_USER_DATA = int(mujoco.mjtState.mjSTATE_USERDATA)
 _MOST_NAMED = 100
 
 
@@ -28,25 +26,76 @@ class DivergenceWarning(UserWarning):
     """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks."""
 
 
+@overload
 def rollout(
     engine: Engine | Sequence[Engine],
-    initial_state: ArrayLike,
+    data: Data | ArrayLike | None = None,
+    initial_state: ArrayLike | None = None,
     control: ArrayLike | None = None,
     *,
-    control_spec: int | mujoco.mjtState = _CONTROLS,
+    control_spec: int | mujoco.mjtState = CONTROLS,
+    skip_checks: bool = False,
     nstep: int | None = None,
+    initial_warmstart: ArrayLike | None = None,
     nthread: int | None = None,
-    with_memory: bool = True,
+    with_memory: Literal[False] = False,
     on_divergence: Literal["raise", "nan"] = "raise",
     state: Array | None = None,
     sensordata: Array | None = None,
-) -> tuple[Array, Array]:
+    final_state: Array | None = None,
+    chunk_size: int | None = None,
+    persistent_pool: bool = False,
+) -> tuple[Array, Array]: ...
+
+
+@overload
+def rollout(
+    engine: Engine | Sequence[Engine],
+    data: Data | ArrayLike | None = None,
+    initial_state: ArrayLike | None = None,
+    control: ArrayLike | None = None,
+    *,
+    control_spec: int | mujoco.mjtState = CONTROLS,
+    skip_checks: bool = False,
+    nstep: int | None = None,
+    initial_warmstart: ArrayLike | None = None,
+    nthread: int | None = None,
+    with_memory: bool,
+    on_divergence: Literal["raise", "nan"] = "raise",
+    state: Array | None = None,
+    sensordata: Array | None = None,
+    final_state: Array | None = None,
+    chunk_size: int | None = None,
+    persistent_pool: bool = False,
+) -> tuple[Array | RolloutStates, Array]: ...
+
+
+def rollout(
+    engine: Engine | Sequence[Engine],
+    data: Data | ArrayLike | None = None,
+    initial_state: ArrayLike | None = None,
+    control: ArrayLike | None = None,
+    *,
+    control_spec: int | mujoco.mjtState = CONTROLS,
+    skip_checks: bool = False,
+    nstep: int | None = None,
+    initial_warmstart: ArrayLike | None = None,
+    nthread: int | None = None,
+    with_memory: bool = False,
+    on_divergence: Literal["raise", "nan"] = "raise",
+    state: Array | None = None,
+    sensordata: Array | None = None,
+    final_state: Array | None = None,
+    chunk_size: int | None = None,
+    persistent_pool: bool = False,
+) -> tuple[Array | RolloutStates, Array]:
     """Step many initial states, or many control sequences, in parallel C++ threads.
 
-    Shapes are those of `mujoco.rollout.rollout`; the GIL is released, and Ctrl-C ends the batch, of
-    which nothing comes back then. Every rollout is what `Engine.step` on one data would give, bit
-    for bit, whatever the number of threads. Which trees sleep (``<flag sleep="enable"/>``) is in no
-    state of MuJoCo's: all begin awake, as after ``mj_setState``.
+    Calls are those of `mujoco.rollout.rollout` with an engine in place of the model. The GIL is
+    released, and Ctrl-C ends the batch, of which nothing comes back then. Every rollout is what
+    `Engine.step` on one data would give, bit for bit, whatever the number of threads. Which trees
+    sleep (``<flag sleep="enable"/>``) is in no state of MuJoCo's: all begin awake, as after
+    ``mj_setState``.
 
     Parameters
     ----------
@@ -54,6 +103,10 @@ def rollout(
         Steps; it is only read, as it is before or after the steps that other threads take with it.
         Its model must not be edited meanwhile. Or a sequence of nbatch engines, one for each
         rollout, whose models have the same sizes: other materials, masses or options, say.
+    data
+        As `mujoco.rollout` takes it: a ``mujoco.MjData``, or a list of them of which each stands
+        for a thread. Nothing is read from it or written to it. It may be left out:
+        ``rollout(engine, initial_state, control)``.
     initial_state
         (nstate,), (1, nstate) or (nbatch, nstate). Either full-physics states (``nstate ==
         mj_stateSize(model, mjSTATE_FULLPHYSICS)``), which start without contact memory and without
@@ -73,12 +126,16 @@ def rollout(
         memory lies.
     nstep
         Number of steps, >= 1. None: from `control`, `state` or `sensordata`, else 1.
+    initial_warmstart
+        (nv,), (1, nv) or (nbatch, nv), as `mujoco.rollout` takes it. No solver iterates here, so
+        that it has no effect; its shape is checked.
     nthread
-        Number of threads, >= 1. None: one per core. The engine keeps their data for the next call.
+        Number of threads, >= 1. None: one for each of `data`, or one per core. The engine keeps
+        what they need for the next call.
     with_memory
-        False: integration states come back as full-physics states. Contact memory is most of the
-        state of a robot, 100 kB of it in every step: with it, many rollouts take several times as
-        long and as much memory.
+        True: states come back as integration states, with contact memory, so that rollouts can go
+        on from each of them. They are `RolloutStates`, which keep numbers that are not zero alone,
+        where `state` is not given. False: as full-physics states, which are as short as MuJoCo's.
     on_divergence
         What a rollout does whose state diverges: "raise" ends all of them; "nan" fills its states
         and sensor data from that step on with NaN, leaves the others as they are, bit for bit, and
@@ -86,21 +143,28 @@ def rollout(
     state, sensordata
         Where to write what is returned, C-contiguous, of float64 and of the shapes below. None: new
         arrays. After an exception they hold some of it.
+    final_state
+        Where to write the last states as integration states, (nbatch, nstate), to go on from them
+        with contact memory. It may be `initial_state`.
+    skip_checks, chunk_size, persistent_pool
+        As `mujoco.rollout` takes them. They have no effect: all is checked, each thread takes the
+        next rollout once it is done with one, and engines keep their workers.
 
     Returns
     -------
     state : (nbatch, nstep, nstate)
-        State after each step, of the same kind as `initial_state`, or full-physics. Contact memory
-        says of each contact which one of ``data.contact`` it is, and rollouts number them before
-        those that nothing touched are left out, which `Engine.step` does.
+        State after each step, by `with_memory`. Contact memory says of each contact which one of
+        ``data.contact`` it is, and rollouts number them before those that nothing touched are left
+        out, which `Engine.step` does.
     sensordata : (nbatch, nstep, nsensordata)
         Sensor data of each step.
 
     Raises
     ------
     TypeError
-        If `engine` is no `Engine` or sequence of them, `state` or `sensordata` no array of float64,
-        and for arguments that are not numbers.
+        If `engine` is no `Engine` or sequence of them, `data` no ``MjData``, an output no array of
+        float64, and for arguments that are not numbers. It is a ValueError too, which
+        `mujoco.rollout` raises.
     ValueError
         For shapes that do not fit and numbers that are not finite, naming argument and index, for
         bits in `control_spec` that are nothing given from outside, and where a rollout fails,
@@ -118,54 +182,79 @@ def rollout(
     >>> states[:, -1, 1].round(3)
     array([0.802, 1.802])
     """
-    engines = _engines(engine)
-    spec = _control_spec(control_spec)
-    with_memory = flag("with_memory", with_memory)
-    if on_divergence not in ("raise", "nan"):
-        raise ValueError(f"on_divergence is {on_divergence!r}; it must be 'raise' or 'nan'")
-    starts = _initial_states(engines[0].model, initial_state)
-    controls = None if control is None else _controls(engines[0].model, spec, control)
-    outputs = {"state": state, "sensordata": sensordata}
-    given = {name: array for name, array in outputs.items() if array is not None}
-    for name, array in given.items():
-        _check_output(name, array)
+    with inputs.errors_of_mujoco():
+        if data is not None and not inputs.is_data(data):
+            data, initial_state, control = None, *_moved_up(data, initial_state, control)
+        threads = inputs.threads_of(data, nthread)
+        engines = inputs.engine_list(engine)
+        model = engines[0].model
+        spec = inputs.checked_spec(control_spec)
+        with_memory = flag("with_memory", with_memory)
+        for name, value in {"skip_checks": skip_checks, "persistent_pool": persistent_pool}.items():
+            flag(name, value)
+        if chunk_size is not None:
+            whole_number("chunk_size", chunk_size, lowest=0)
+        if on_divergence not in ("raise", "nan"):
+            raise ValueError(f"on_divergence is {on_divergence!r}; it must be 'raise' or 'nan'")
+        starts = inputs.initial_states(model, initial_state)
+        controls = None if control is None else inputs.checked_controls(model, spec, control)
+        outputs = {"state": state, "sensordata": sensordata, "final_state": final_state}
+        given = {name: array for name, array in outputs.items() if array is not None}
+        for name, array in given.items():
+            inputs.check_output(name, array)
 
-    repeated = {"engine": len(engines), "initial_state": len(starts)}
-    nbatch = _common("nbatch", repeated, given, controls, axis=0)
-    nsteps = {} if nstep is None else {"nstep": positive_count("nstep", nstep)}
-    steps = _common("nstep", nsteps, given, controls, axis=1)
+        repeated = {"engine": len(engines), "initial_state": len(starts)}
+        if initial_warmstart is not None:
+            repeated["initial_warmstart"] = inputs.warmstart_count(model, initial_warmstart)
+        nbatch = inputs.common_size("nbatch", repeated, given, controls, axis=0)
+        nsteps = {} if nstep is None else {"nstep": positive_count("nstep", nstep)}
+        steps = inputs.common_size("nstep", nsteps, given, controls, axis=1)
 
-    start_size = starts.shape[1]
-    full_size = _size(engines[0].model, _FULL_PHYSICS)
-    shapes = {
-        "state": (nbatch, steps, start_size if with_memory else full_size),
-        "sensordata": (nbatch, steps, engines[0].model.nsensordata),
-    }
-    _check_same_sizes(engines, spec, with_contact_memory=start_size != full_size)
-    for name, array in given.items():
-        if array.shape != shapes[name]:
-            raise ValueError(f"{name} must be of shape {shapes[name]}, got {array.shape}")
-    if len(given) == 2 and np.may_share_memory(given["state"], given["sensordata"]):
-        raise ValueError("state and sensordata share memory")
-    states, sensors = (given.get(name, np.empty(shapes[name])) for name in shapes)
+        full, integration = (inputs.state_size(model, kind) for kind in (FULL_PHYSICS, INTEGRATION))
+        shapes = {
+            "state": (nbatch, steps, integration if with_memory else full),
+            "sensordata": (nbatch, steps, model.nsensordata),
+            "final_state": (nbatch, integration),
+        }
+        memory = with_memory or final_state is not None or starts.shape[1] != full
+        inputs.check_same_sizes(engines, spec, with_contact_memory=memory)
+        for name, array in given.items():
+            if array.shape != shapes[name]:
+                raise ValueError(f"{name} must be of shape {shapes[name]}, got {array.shape}")
+        inputs.check_apart(given)
 
-    starts = _repeated(starts, (nbatch, start_size), given)
+    if state is None and not with_memory:
+        state = np.empty(shapes["state"])
+    sensors = np.empty(shapes["sensordata"]) if sensordata is None else sensordata
+    starts = inputs.repeated(starts, (nbatch, starts.shape[1]), given)
     if controls is not None:
-        controls = _repeated(controls, (nbatch, steps, controls.shape[2]), given)
-    diverged = _core.roll_out(
+        controls = inputs.repeated(controls, (nbatch, steps, controls.shape[2]), given)
+    diverged, rows = _core.roll_out(
         [each._rollout_workers() for each in engines],
         starts,
         controls,
         control_spec=spec,
-        nthread=thread_count(nthread),
+        nthread=threads,
         differentiable=False,
         fills_diverged=on_divergence == "nan",
-        state=states,
+        state=state,
         sensordata=sensors,
+        last_state=final_state,
     )
     if diverged:
         warnings.warn(_said_of(diverged, nbatch), DivergenceWarning, stacklevel=2)
-    return states, sensors
+    return RolloutStates(rows, steps, integration) if state is None else state, sensors
+
+
+def _moved_up(
+    first: ArrayLike, second: ArrayLike | None, third: ArrayLike | None
+) -> tuple[ArrayLike, ArrayLike | None]:
+    """Return initial states and controls of a call without data, whose place the states take."""
+    if second is None:
+        return first, third
+    if third is not None:
+        raise TypeError(f"data is {type(first).__name__}; it must be a mujoco.MjData or a list")
+    return first, second
 
 
 def _said_of(diverged: list[tuple[int, int, str]], nbatch: int) -> str:
@@ -177,132 +266,3 @@ def _said_of(diverged: list[tuple[int, int, str]], nbatch: int) -> str:
         f"{len(diverged)} of {nbatch} rollouts diverged and are nan from there on: {named}{more}; "
         f"rollout {first}, step {step}: {what}"
     )
-
-
-def _engines(engine: Engine | Sequence[Engine]) -> list[Engine]:
-    if isinstance(engine, Engine):
-        return [engine]
-    if not isinstance(engine, Sequence) or isinstance(engine, str):
-        raise TypeError(
-            f"engine is {type(engine).__name__}; it must be a dashpot.Engine or a sequence of them"
-        )
-    for index, each in enumerate(engine):
-        if not isinstance(each, Engine):
-            raise TypeError(
-                f"engine[{index}] is {type(each).__name__}; it must be a dashpot.Engine"
-            )
-    if not engine:
-        raise ValueError("engine is an empty sequence")
-    return list(engine)
-
-
-def _control_spec(control_spec: int | mujoco.mjtState) -> int:
-    if isinstance(control_spec, mujoco.mjtState):
-        control_spec = int(control_spec)
-    spec = whole_number("control_spec", control_spec, lowest=1)
-    if spec & _USER_DATA:
-        raise ValueError(
-            f"control_spec {spec} has mjSTATE_USERDATA: engines keep contact memory in user data"
-        )
-    if spec & ~_GIVEN_FROM_OUTSIDE:
-        raise ValueError(
-            f"control_spec {spec} has bits that are not in mjSTATE_USER ({_GIVEN_FROM_OUTSIDE}): "
-            "only what is given from outside can be a control"
-        )
-    return spec
-
-
-def _initial_states(model: mujoco.MjModel, initial_state: ArrayLike) -> Array:
-    """Return checked states, (1 or nbatch, nstate)."""
-    sizes = {
-        "mjSTATE_FULLPHYSICS": _size(model, _FULL_PHYSICS),
-        "mjSTATE_INTEGRATION": _size(model, _INTEGRATION),
-    }
-    states = np.atleast_2d(finite_array("initial_state", initial_state))
-    if states.ndim != 2 or states.shape[0] == 0 or states.shape[1] not in sizes.values():
-        known = " or ".join(f"{size} ({name})" for name, size in sizes.items())
-        raise ValueError(
-            f"initial_state must be (nbatch, nstate) with nstate {known} of engine.model, "
-            f"got shape {states.shape}"
-        )
-    return states
-
-
-def _controls(model: mujoco.MjModel, spec: int, control: ArrayLike) -> Array:
-    """Return checked controls, (1 or nbatch, 1 or nstep, ncontrol)."""
-    controls = finite_array("control", control)
-    size = _size(model, spec)
-    if controls.ndim > 3 or controls.ndim == 0 or controls.shape[-1] != size:
-        known = f"nu = {size}" if spec == _CONTROLS else f"ncontrol = {size} by control_spec {spec}"
-        raise ValueError(
-            f"control must be (nbatch, nstep, ncontrol) with {known}, got shape {controls.shape}"
-        )
-    return controls.reshape((1,) * (3 - controls.ndim) + controls.shape)
-
-
-def _check_output(name: str, array: object) -> None:
-    if not isinstance(array, np.ndarray) or array.dtype != np.float64:
-        kind = array.dtype if isinstance(array, np.ndarray) else type(array).__name__
-        raise TypeError(f"{name} must be an array of float64 to write to, got {kind}")
-    if array.ndim != 3:
-        raise ValueError(f"{name} must have three dimensions, got shape {array.shape}")
-    if not (array.flags.c_contiguous and array.flags.writeable and array.flags.aligned):
-        raise ValueError(f"{name} must be C-contiguous, aligned and writeable")
-
-
-def _common(
-    name: str, given: dict[str, int], outputs: dict[str, Array], control: Array | None, *, axis: int
-) -> int:
-    """Size of a batch dimension: what is given and control's must agree, 1 repeats.
-
-    A given `nstep` and the sizes of outputs are wishes, not sizes to repeat: of 1, the others have
-    to be 1 too.
-    """
-    sizes = dict(given) | {output: array.shape[axis] for output, array in outputs.items()}
-    if control is not None:
-        sizes["control"] = control.shape[axis]
-    result = max(sizes.values(), default=1)
-    for argument, size in sizes.items():
-        wished = argument == "nstep" or argument in outputs
-        if size == 0 or size not in (1, result) or (wished and size != result):
-            raise ValueError(
-                f"{name} does not agree: "
-                + ", ".join(f"{argument} has {size}" for argument, size in sizes.items())
-            )
-    return result
-
-
-def _check_same_sizes(engines: list[Engine], spec: int, *, with_contact_memory: bool) -> None:
-    """Raise ValueError naming the first engine whose states, controls or sensors differ."""
-
-    def sizes(model: mujoco.MjModel) -> dict[str, int]:
-        contact_memory = {"an integration state": _size(model, _INTEGRATION)}
-        return {
-            "qpos": model.nq,
-            "qvel": model.nv,
-            "a full-physics state": _size(model, _FULL_PHYSICS),
-            **(contact_memory if with_contact_memory else {}),
-            "a control": _size(model, spec),
-            "sensordata": model.nsensordata,
-        }
-
-    first = sizes(engines[0].model)
-    for index, engine in enumerate(engines):
-        for what, size in sizes(engine.model).items():
-            if size != first[what]:
-                raise ValueError(
-                    f"engines differ: {what} has {size} numbers in engine[{index}], "
-                    f"{first[what]} in engine[0]"
-                )
-
-
-def _repeated(array: Array, shape: tuple[int, ...], outputs: dict[str, Array]) -> Array:
-    """Return an array of the shape to read from while outputs are written."""
-    whole = np.ascontiguousarray(np.broadcast_to(array, shape))
-    if any(np.may_share_memory(whole, output) for output in outputs.values()):
-        return whole.copy()
-    return whole
-
-
-def _size(model: mujoco.MjModel, spec: int) -> int:
-    return int(mujoco.mj_stateSize(model, spec))

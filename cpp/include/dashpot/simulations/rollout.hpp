@@ -5,6 +5,7 @@
 
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -23,9 +24,8 @@ struct RolloutModel {
 struct RolloutInput {
   int nbatch = 0;
   int nstep = 0;
-  StateKind kind = StateKind::kFullPhysics;    // of the initial states
-  StateKind record = StateKind::kFullPhysics;  // of the states that are written
-  const double* initial_state = nullptr;       // (nbatch, nstate), nstate by `kind`
+  StateKind kind = StateKind::kFullPhysics;  // of the initial states
+  const double* initial_state = nullptr;     // (nbatch, nstate), nstate by `kind`
   // (nbatch, nstep, ncontrol) or null. Null with full-physics states: zero; with integration
   // states: the controls in the state, held.
   const double* control = nullptr;
@@ -43,14 +43,31 @@ struct Divergence {
   std::string what;
 };
 
-// Rolls out and writes after every step `state` (nbatch, nstep, nstate by `record`) and
-// `sensordata` (nbatch, nstep, nsensordata). Full-physics states start without contact memory,
-// integration states carry it. `models`: one for all, or one for each rollout, all of the same
-// sizes. `nthread` 0: one per core. Returns those that diverged, in order, where they are filled.
-// Throws std::invalid_argument, or DivergenceError, naming rollout and step where one fails, and
-// what `interrupt` throws, which is asked between steps.
+// Vectors of which most numbers are zero, as contact memory is: the others, with their places.
+struct SparseRows {
+  std::vector<double> value;
+  std::vector<std::int32_t> place;
+  std::vector<std::int64_t> row_end;  // in `value`
+  void add(const double* row, int size);
+};
+
+// What is written after every step, or, `last_state`, after the last one. Where a rollout diverged
+// there is NaN, and there are no rows of `sparse`.
+struct RolloutOutput {
+  StateKind record = StateKind::kFullPhysics;
+  double* state = nullptr;       // (nbatch, nstep, nstate by `record`), or null
+  double* sensordata = nullptr;  // (nbatch, nstep, nsensordata)
+  double* last_state = nullptr;  // (nbatch, nstate of integration), or null
+  SparseRows* sparse = nullptr;  // (nbatch), of integration states, or null
+};
+
+// Rolls out. Full-physics states start without contact memory, integration states carry it.
+// `models`: one for all, or one for each rollout, all of the same sizes. `nthread` 0: one per core.
+// Returns those that diverged, in order, where they are filled. Throws std::invalid_argument, or
+// DivergenceError, naming rollout and step where one fails, and what `interrupt` throws, which is
+// asked between steps.
 std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const RolloutInput& input,
-                                 int nthread, double* state, double* sensordata,
+                                 const RolloutOutput& output, int nthread,
                                  const Interrupt& interrupt = {});
 
 }  // namespace dashpot
