@@ -340,23 +340,3 @@ def test_materials_are_refused():
         engine.set_material("floor", dashpot.Material(friction=1.0))
     with pytest.raises(ValueError, match="materials"):
         engine.set_pair_material("floor", 1, dashpot.Material(friction=1.0))
-
-
-def test_what_the_law_does_not_cover_is_refused_by_name():
-    xml = """<mujoco><worldbody>
-      <body><joint name="dry" axis="0 1 0" frictionloss="{}"/><geom size=".1"/></body>
-    </worldbody>{}</mujoco>"""
-    equality = '<equality><joint name="lock" joint1="dry"/></equality>'
-    for model, name in (
-        (xml.format(0.1, ""), "'dry' frictionloss"),
-        (xml.format(0, equality), "'lock'"),
-    ):
-        compiled = mujoco.MjModel.from_xml_string(model)
-        dashpot.Engine(compiled)
-        with pytest.raises(ValueError, match=name):
-            dashpot.Engine(compiled, law="comfree")
-    # Edited in later, it is refused by the step.
-    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml.format(0, "")), law="comfree")
-    engine.model.dof_frictionloss[0] = 0.1
-    with pytest.raises(ValueError, match="'dry' frictionloss"):
-        engine.step(engine.make_data())

@@ -73,7 +73,9 @@ class Engine(ReadableOptions):
         it up at 5 to 8 m/s; at 2 ms it has 1.1. One update per step, no memory, no materials
         (effective masses come from ``solimp``, friction from the model), no stiction (what rests on
         a slope creeps). Its contacts store no energy, so what they give back on rebound counts as
-        negative dissipation. It refuses equalities and dry friction loss, and moves every body by
+        negative dissipation. Limits and equalities are rows of the same form, as soft: the error of
+        an equality is ``timestep load / (stiffness m)``. Dry friction stops a row within a step, up
+        to ``frictionloss``, but for what contacts push in that step. Every body is moved by
         MuJoCo's integrator.
     microsteps
         Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI

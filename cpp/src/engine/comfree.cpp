@@ -3,7 +3,6 @@
 #include "dashpot/microsteps/comfree.hpp"
 
 #include "dashpot/law/solref.hpp"
-#include "dashpot/mujoco/features.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
@@ -16,9 +15,6 @@ void Stepper::Impl::update_complementarity_free(mjData_* d) {
   comfree_groups.gap.clear();
   comfree_groups.effective_mass.clear();
   for (const RowGroup& c : rows.group) {
-    // Equalities and dry friction loss can enter by edits of the model.
-    if (c.kind == RowKind::kBilateral || c.kind == RowKind::kSlider)
-      host::check_supported(model, parameters.options.law);
     const bool contact = c.kind == RowKind::kContact;
     comfree_groups.gap.push_back(contact ? contacts[c.input].gap : constraints[c.input].position);
     comfree_groups.effective_mass.push_back(

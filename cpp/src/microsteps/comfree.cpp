@@ -1,12 +1,51 @@
 #include "dashpot/microsteps/comfree.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 
 namespace dashpot {
 
 namespace {
 
 constexpr double kMinimumValue = 1e-15;  // MuJoCo's mjMINVAL
+constexpr double kOfCoupling = 0.55;     // s of comfree.hpp
+
+// f of a facet or of the row of an equality, before any bound.
+double spring_damper(const ComFree& law, double mass, double gap, double rate, double step) {
+  return mass * (-law.damping * rate - law.stiffness * (gap + step * rate)) / step;
+}
+
+// sum_j |A_ij| over rows that push both ways, by group.
+void find_couplings(const Rows& rows, const Trees& trees, std::vector<double>& sums) {
+  thread_local std::vector<int> groups;
+  thread_local std::vector<double> unit, response;
+  groups.clear();
+  sums.assign(rows.group.size(), 0.0);
+  for (size_t i = 0; i < rows.group.size(); ++i)
+    if (!rows.group[i].is_unilateral()) groups.push_back(static_cast<int>(i));
+  unit.assign(trees.coordinates, 0.0);
+  response.assign(trees.coordinates, 0.0);
+  const double one = 1.0, minus_one = -1.0;
+  for (const int i : groups) {
+    const RowGroup& c = rows.group[i];
+    scatter(rows, c, &one, unit.data());
+    for (const int tree : c.tree) {
+      if (tree < 0) continue;
+      const int begin = trees.tree[tree].begin;
+      add_response(trees, tree, unit.data() + begin, response.data() + begin);
+      for (const int j : groups) {
+        const std::array<int, 2>& others = rows.group[j].tree;
+        if (others[0] != tree && others[1] != tree) continue;
+        double coupling;
+        gather(rows, rows.group[j], response.data(), &coupling);
+        sums[i] += std::abs(coupling);
+      }
+      std::fill_n(response.begin() + begin, trees.tree[tree].count, 0.0);
+    }
+    scatter(rows, c, &minus_one, unit.data());
+  }
+}
 
 }  // namespace
 
@@ -16,9 +55,8 @@ double effective_mass(double impedance, double inverse_mass) {
 
 void facet_forces(const ComFree& law, double mass, double gap, const double* predicted_rate,
                   const double* friction, int dim, double step, double* force) {
-  const double stiffness = law.stiffness / step, damping = law.damping / step;
   const auto facet = [&](double rate) {
-    return std::max(0.0, mass * (-damping * rate - stiffness * (gap + step * rate)));
+    return std::max(0.0, spring_damper(law, mass, gap, rate, step));
   };
   if (dim == 1) {
     force[0] = facet(predicted_rate[0]);
@@ -42,14 +80,26 @@ void update_complementarity_free(const ComFree& law, const Rows& rows, const Tre
   for (size_t i = 0; i < data.velocity.size(); ++i)
     data.velocity[i] += step * data.smooth_acceleration[i];
 
+  thread_local std::vector<double> couplings;
+  find_couplings(rows, trees, couplings);
+  const double gain = law.damping + law.stiffness * step;
   for (size_t index = 0; index < rows.group.size(); ++index) {
     const RowGroup& c = rows.group[index];
-    if (gap[index] >= 0.0) continue;
-    double predicted_rate[kMaxRows], force[kMaxRows];
-    gather(rows, c, data.velocity.data(), predicted_rate);
-    facet_forces(law, mass[index], gap[index], predicted_rate, rows.friction.data() + c.row + 1,
-                 c.dim, step, force);
-    data.touched[index] = force[0] > 0.0;
+    if (c.is_unilateral() && gap[index] >= 0.0) continue;
+    double rate[kMaxRows], force[kMaxRows];
+    gather(rows, c, data.velocity.data(), rate);
+    if (c.kind == RowKind::kSlider) {
+      const double limit = rows.friction[c.row];
+      const double inverse = std::max(rows.inverse_mass[c.row], kOfCoupling * couplings[index]);
+      force[0] = std::clamp(-rate[0] / (step * inverse), -limit, limit);
+    } else if (c.kind == RowKind::kBilateral) {
+      const double stable = std::min(mass[index], 1.0 / (gain * couplings[index]));
+      force[0] = spring_damper(law, stable, gap[index], rate[0], step);
+    } else {
+      facet_forces(law, mass[index], gap[index], rate, rows.friction.data() + c.row + 1, c.dim,
+                   step, force);
+    }
+    data.touched[index] = force[0] != 0.0;
     for (int i = 0; i < c.dim; ++i) data.total_impulse[c.row + i] = step * force[i];
     scatter(rows, c, data.total_impulse.data() + c.row, data.coordinate_impulse.data());
   }

@@ -61,15 +61,10 @@ void report_scalar_solref(Report& report, const std::string& name, const mjtNum*
 // of inertia m at F (1 - d_0) d_width timeconst / (2 d_0 m).
 void report_friction_loss(Report& report, const std::string& name, const mjtNum* solref,
                           const mjtNum* solimp) {
-  if (report.comfree()) {
-    report.add(name + " frictionloss", Treatment::kRefused,
-               "law comfree pushes one way only; use law kelvin_voigt");
-  } else {
-    report.add(name + " frictionloss", Treatment::kMapped,
-               "holds what loads it less, which in MuJoCo creeps as against a damper: an actuator "
-               "that is weaker moves nothing");
-    report_scalar_solref(report, name + " frictionloss", solref, solimp);
-  }
+  report.add(name + " frictionloss", Treatment::kMapped,
+             "holds what loads it less, which in MuJoCo creeps as against a damper: an actuator "
+             "that is weaker moves nothing");
+  if (!report.comfree()) report_scalar_solref(report, name + " frictionloss", solref, solimp);
 }
 
 void report_disabled_rows(const mjOption& o, Report& report) {
@@ -192,12 +187,8 @@ void report_constraints(const mjModel* m, Report& report) {
   for (int i = 0; i < m->neq; ++i) {
     const std::string name = "equality " + named(m, mjOBJ_EQUALITY, i);
     const int type = m->eq_type[i];
-    if (report.comfree()) {
-      report.add(name, Treatment::kRefused,
-                 "law comfree pushes one way only; use law kelvin_voigt");
-    } else if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT ||
-               type == mjEQ_TENDON || type == mjEQ_FLEX || type == mjEQ_FLEXVERT ||
-               type == mjEQ_FLEXSTRAIN) {
+    if (type == mjEQ_CONNECT || type == mjEQ_WELD || type == mjEQ_JOINT || type == mjEQ_TENDON ||
+        type == mjEQ_FLEX || type == mjEQ_FLEXVERT || type == mjEQ_FLEXSTRAIN) {
       report.add(name, Treatment::kHonoured, "bilateral spring-damper rows");
       report_scalar_solref(report, name, m->eq_solref + mjNREF * i, m->eq_solimp + mjNIMP * i,
                            is_held_by_mocap(m, i));

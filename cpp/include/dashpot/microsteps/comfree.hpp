@@ -36,10 +36,22 @@
 // (N m / M) (d_user + k_user dt) < 2, which few of the values of k_user and d_user far above the
 // defaults satisfy. Nothing lowers them.
 //
+// Other rows have the same form, one row each. Limits are facets. Equalities push both ways, so
+// that the maximum is left out, and g is their error; w_0 knows nothing of arms, and where m would
+// throw them apart it is lowered to 1 / (S_i (d_user + k_user dt)). Dry friction has no gap: it is
+// the damper that stops its row within the step, d_user = 1 and m = 1 / W, up to its limit L,
+//
+//     f_i = clamp(-v_p / (dt W_i), -L_i, L_i),    W_i = max(w_i, s S_i),  s = 0.55,
+//     S_i = sum_j |A_ij|                          over all that push both ways.
+//
+// So a row alone holds whatever smooth force is below L. Dry friction that is coupled takes energy,
+// never gives it: p' v_p >= sum W_i p_i^2 with p = dt f, and by Gershgorin
+// p' A p / 2 <= sum W_i p_i^2 / (2 s). A chain of light links then creeps about as fast as in
+// MuJoCo. What contacts, limits and equalities push in a step, dry friction stops in the next one.
+//
 // Where the authors' program departs from the equations, this follows the equations: the program
-// fixes width at 0.01 m, leaves margins out of the gap, and lets equalities and dry friction loss
-// push one way only (the engine refuses those). As there, only what overlaps at the start of a step
-// pushes.
+// fixes width at 0.01 m, leaves margins out of the gap, and lets equalities and dry friction push
+// one way only. As there, only what overlaps at the start of a step pushes one way.
 
 #pragma once
 
@@ -63,7 +75,8 @@ double effective_mass(double impedance, double inverse_mass);
 void facet_forces(const ComFree& law, double mass, double gap, const double* predicted_rate,
                   const double* friction, int dim, double step, double* force);
 
-// One update of all groups over a step (s). `gap` (m, rad) and `mass` have one entry per group.
+// One update of all groups over a step (s). `gap` (m, rad), the error of an equality, and `mass`
+// have one entry per group.
 // Leaves in `data` the velocity at the end of the step, impulses, which groups touched, and the
 // work of the impulses, p (u_0 + u_1) / 2 for each row.
 void update_complementarity_free(const ComFree& law, const Rows& rows, const Trees& trees,
