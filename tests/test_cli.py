@@ -371,6 +371,13 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
             r"parameters\[0\]: unknown material quantity 'stifness'",
         ),
         ({"trajectories": [{"file": "no.npz", "bodies": ["ball"]}]}, r"no file .*no\.npz"),
+        # Names that no file can have: too long, or of characters that end one.
+        ({"model": 300 * "x" + ".xml"}, "model: no file .*xxx"),
+        ({"model": 5000 * "x"}, "model: no file .*xxx"),
+        ({"model": "a\0b.xml"}, "model: no file"),
+        ({"trajectories": [{"file": 300 * "y", "bodies": ["ball"]}]}, "no file .*yyy"),
+        ({"trajectories": [{"file": 2000 * "y/" + "z", "bodies": ["ball"]}]}, "no file .*y/z"),
+        ({"trajectories": [{"file": "a\0.npz", "bodies": ["ball"]}]}, "no file"),
         ({"trajectories": [{"file": "bad.csv", "bodies": ["ball"]}]}, "no column 'qz'"),
         ({"trajectories": [{"file": "bad.npz", "bodies": ["ball"]}]}, "unknown key 'times'"),
         ({"trajectories": [{"file": "drop.npz", "bodies": ["bal"]}]}, "no body 'bal'"),

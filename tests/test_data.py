@@ -32,8 +32,9 @@ def test_missing_data_say_how_to_get_them(tmp_path, monkeypatch):
     monkeypatch.setenv("DASHPOT_DATA", str(tmp_path))
     with pytest.raises(FileNotFoundError, match=r"dashpot data cube-tosses.*DASHPOT_DATA"):
         load_cube_tosses()
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        load_cube_tosses(tmp_path / "nowhere")
+    for name in ("nowhere", 300 * "nowhere", "nowhere\0"):
+        with pytest.raises(FileNotFoundError, match="nowhere"):
+            load_cube_tosses(tmp_path / name)
 
 
 @pytest.mark.parametrize("below", ["", "cube_tosses"])

@@ -114,7 +114,7 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
 
 
 def _model(file: Path) -> mujoco.MjModel:
-    if not file.is_file():
+    if not os.path.isfile(file):  # False, too, of what no file can be called
         raise FileNotFoundError(
             f"model: no file {file}; it is an MJCF, URDF or .mjb file, seen from the folder of the "
             "problem"
@@ -149,7 +149,7 @@ def _trajectory(label: str, entry: Any, folder: Path, model: mujoco.MjModel) -> 
     check_keys(label, _typed(label, entry, dict), ("file",), ("name", "bodies"))
     file = folder / _typed(f"{label}.file", entry["file"], str)
     bodies = _names(f"{label}.bodies", entry.get("bodies", []))
-    if not file.is_file():
+    if not os.path.isfile(file):
         raise FileNotFoundError(f"{label}: no file {file}")
     name = str(entry.get("name", file.stem))
     try:

@@ -161,7 +161,7 @@ def load_model(path: str | os.PathLike[str]) -> mujoco.MjModel:
         If it cannot be compiled; the message is MuJoCo's.
     """
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise FileNotFoundError(f"no scene file {path}; shipped scenes are {', '.join(SCENES)}")
     try:
         if path.suffix == ".mjb":

@@ -222,8 +222,8 @@ def find_cube_tosses(path: str | os.PathLike[str] | None = None) -> Path:
     else:
         root, origin = default_folder(), "the user's cache"
     candidates = [root / FILE_NAME, root / _FOLDER / FILE_NAME]
-    for candidate in [root] if root.is_file() else candidates:
-        if candidate.is_file():
+    for candidate in [root] if os.path.isfile(root) else candidates:
+        if os.path.isfile(candidate):
             return candidate
     raise FileNotFoundError(
         f"no cube tosses ({FILE_NAME}) in {root} ({origin}): run `dashpot data cube-tosses` to "
