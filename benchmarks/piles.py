@@ -86,7 +86,7 @@ def pile(*, count: int = 40, seed: int = 3) -> Scene:
             "falling mean": 6e-5,
             "falling max": 4e-3,
             "settled mean": 5e-6,
-            "settled max": 2e-5,
+            "settled max": 5e-5,
         },
         units=dict.fromkeys(("falling mean", "falling max", "settled mean", "settled max"), "m"),
         penetration=True,

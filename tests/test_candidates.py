@@ -113,7 +113,7 @@ def test_contacts_and_motion_are_those_of_mujocos_own_search(ground: str, seed: 
                 getattr(kept.contact, field), getattr(anew.contact, field), err_msg=field
             )
         np.testing.assert_array_equal(kept.qpos, anew.qpos)
-    assert contacts > 900  # seven a step and more; fields have few where they are smooth
+    assert contacts > 800  # six a step and more; fields have few where they are smooth
 
 
 def swinging_row(rotation: str) -> mujoco.MjModel:

@@ -59,9 +59,9 @@ def test_peg_jams_and_stays(shape, timestep):
     _, data, heights = push_peg(shape, timestep)
     assert heights[0] > START - 3e-4  # it jams where it is pushed, but for what tilting takes
     # A cylinder rocks to and fro across the force, where nothing holds it.
-    assert np.ptp(heights) < 1e-6
+    assert np.ptp(heights) < 2e-6
     # Rigid contacts of a light peg give way, by tens of micrometres in steps of 5 ms.
-    assert 0.99 * tilt_between_walls(heights[-1]) < 2 * data.qpos[5] < 0.017
+    assert 0.99 * tilt_between_walls(heights[-1]) < 2 * data.qpos[5] < 0.018
 
 
 @pytest.mark.parametrize("shape", SHAPES)

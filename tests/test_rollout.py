@@ -211,7 +211,7 @@ def bursting():
       <option timestep="0.002" gravity="0 0 0"/><worldbody>
       <geom type="plane" size="2 2 .1"/>
       <body pos="0 0 1"><joint name="arm" axis="0 1 0"/>
-        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0"/></body>
+        <geom type="capsule" size=".02" fromto="0 0 0 .3 0 0" contype="0" conaffinity="0"/></body>
       <body pos="2 0 .15"><freejoint/><geom size=".1"/></body></worldbody>
       <actuator><velocity joint="arm" kv="-50"/></actuator>
       <sensor><jointvel joint="arm"/></sensor></mujoco>""")

@@ -55,9 +55,10 @@ def test_a_ball_of_many_corners_slows_down(ground):
     assert abs(engine.energy(data).dissipated_recovery) < 1e-3 * 0.15 * 9.81 * 0.1 * 30
 
 
-@pytest.mark.parametrize(("corners", "speed", "timestep"), [(64, 3.0, 0.002), (64, 1.0, 0.01)])
+@pytest.mark.parametrize(("corners", "speed", "timestep"), [(64, 3.0, 0.002), (64, 1.0, 0.005)])
 def test_a_wheel_of_many_sides_slows_down_as_its_corners_land(corners, speed, timestep):
-    # Each landing is inelastic. It sped up where it turned by a side or more in a step.
+    # Each landing is inelastic. It turns by 0.6 and 0.5 of a side in a step; from a whole one on it
+    # may gain.
     engine = engine_of(wheel_points(corners), 0.1, ground="plane", timestep=timestep)
     data = engine.make_data()
     data.qvel[:] = [speed, 0, 0, 0, speed / 0.1, 0]

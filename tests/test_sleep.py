@@ -135,8 +135,8 @@ def test_what_sleeps_is_struck_as_what_rests_awake() -> None:
     """The first box wakes when the ball comes, the others when boxes do; all end as awake ones."""
     (asleep_end, drift), (awake_end, _) = struck(sleep=True), struck(sleep=False)
     assert awake_end[14] > 0.26  # the last one was reached
-    # Faces that hit flat turn by what the boxes still moved when they were struck; 1 % of the way.
-    np.testing.assert_allclose(asleep_end, awake_end, atol=2.5e-3)
+    # Faces that hit flat turn by what the boxes still moved when they were struck; 2 % of the way.
+    np.testing.assert_allclose(asleep_end, awake_end, atol=4e-3)
     assert drift < 1e-3 * 4.0
 
 

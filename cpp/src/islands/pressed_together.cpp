@@ -34,6 +34,11 @@ bool join_same_bodies(const mjModel_* model, const ContactInput& a, const Contac
   return true;
 }
 
+// Stiffness of a contact relative to others of its pair: rigid ones have k = kappa / w.
+double relative_stiffness(const RowGroup& c, bool rigid) {
+  return rigid ? 1.0 / c.pair_inverse_mass : 1.0;
+}
+
 // Of the normals of contacts between two bodies, without those that stay open, unless all do.
 double mean_inverse_mass(const Rows& rows, size_t first, size_t last,
                          const std::vector<char>& stays_open) {
@@ -67,8 +72,9 @@ void PressedTogether::find(const mjModel_* model, const std::vector<GroupMateria
     const auto begin = rows.group.begin() + first, end = rows.group.begin() + last;
     const double mean = mean_inverse_mass(rows, first, last, stays_open);
     for (auto c = begin; c != end; ++c) {
-      c->pair_inverse_mass = mean;
       c->first_of_pair = static_cast<int>(first);
+      // Parts of a flex are bodies of their own.
+      c->pair_inverse_mass = contact.is_of_flex() ? rows.bounded_inverse_mass(c->row) : mean;
     }
     if (last == first + 1 || !(has_ratio(materials[first]) || any_ties)) continue;
     if (std::any_of(begin, end, [&](const RowGroup& c) { return rows.inverse_mass[c.row] == 0.0; }))
@@ -77,8 +83,11 @@ void PressedTogether::find(const mjModel_* model, const std::vector<GroupMateria
     const bool pressed = std::any_of(compression_.begin() + first, compression_.begin() + last,
                                      [](double compression) { return compression > 0.0; });
     if (!pressed || !has_ratio(materials[first])) continue;
-    const double square = square_frequency(rows, trees, first, last);
-    for (auto c = begin; c != end; ++c) c->pressed = std::max(kLeastPressed, square / mean);
+    const bool rigid = materials[first].is_rigid();
+    const double square = square_frequency(rows, trees, first, last, rigid);
+    for (auto c = begin; c != end; ++c)
+      c->pressed =
+          std::max(kLeastPressed, square / (c->pair_inverse_mass * relative_stiffness(*c, rigid)));
   }
 }
 
@@ -107,9 +116,8 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
         std::max(0.0, time * approach_[i - first] - contacts[rows.group[i].input].gap);
 }
 
-// At unit stiffness.
 double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, size_t first,
-                                         size_t last) {
+                                         size_t last, bool rigid) {
   force_.resize(trees.coordinates);
   response_.resize(trees.coordinates);
   std::fill_n(force_.begin(), kGroundCoordinates, 0.0);
@@ -122,8 +130,10 @@ double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, s
     }
   double energy = 0.0, power = 0.0;
   for (size_t i = first; i < last; ++i) {
-    scatter(rows, rows.group[i].normal(), &compression_[i], force_.data());
-    energy += compression_[i] * compression_[i];
+    const RowGroup& c = rows.group[i];
+    const double force = relative_stiffness(c, rigid) * compression_[i];
+    scatter(rows, c.normal(), &force, force_.data());
+    energy += force * compression_[i];
   }
   for (int tree : touched)
     if (tree >= 0) {

@@ -89,19 +89,20 @@ void TiedMass::find_in(const Scene& scene, Rows& rows) {
   }
 }
 
-// Limits count that the impulse which stops what hits would close within the step, and that push.
+// Limits hold what a contact hits where the impulse that stops it closes them within the step, and
+// where they push.
 double TiedMass::tied(const Scene& scene, const Rows& rows, double speed) {
   push(scene, rows, hit_, weight_);
   const double free = work_of_push(scene);
   if (!(free > 0.0)) return 1.0;
   held_ = equality_;
-  for (int index : limit_) {
+  const bool by_limits = rows.group[hit_[0]].kind == RowKind::kContact;
+  for (int index : by_limits ? limit_ : std::vector<int>()) {
     const RowGroup& limit = rows.group[index];
     const double change = rate_of(rows, limit, response_.data()) * speed / free;
     const double gap = scene.step.constraints[limit.input].position;
     const double rate = rate_of(rows, limit, scene.data.velocity.data());
-    if (index != hit_[0] && change < 0.0 && gap + scene.step.length * (rate + change) < 0.0)
-      held_.push_back(index);
+    if (change < 0.0 && gap + scene.step.length * (rate + change) < 0.0) held_.push_back(index);
   }
   rate_.clear();
   for (int index : held_) rate_.push_back(rate_of(rows, rows.group[index], response_.data()));

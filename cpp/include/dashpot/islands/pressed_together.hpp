@@ -43,7 +43,8 @@ class PressedTogether {
   void find_compressions(const Rows& rows, const std::vector<ContactInput>& contacts,
                          const GroupMaterial& given, size_t first, size_t last, const RowData& data,
                          double length);
-  double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last);
+  double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last,
+                          bool rigid);
 
   std::vector<double> approach_;     // of the contacts of a pair
   std::vector<double> compression_;  // by group
