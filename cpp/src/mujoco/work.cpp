@@ -203,8 +203,8 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
   const auto gain = [&](const double* by) {
     return form(by, motion.start_velocity) + 0.5 * form(by, by);
   };
-  const double step = m->opt.timestep;
-  double integrated = step * gain(change);
+  const double step = m->opt.timestep, gained = gain(change);
+  double integrated = step * gained;
   if (has_stages(motion, tree))
     return {0.0, 2.0 / step * form(motion.displacement, motion.beyond_stages)};
   if (!(*motion.touched)[tree]) {
@@ -215,7 +215,7 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
     const double dragged =
         work_of_drag(m, d, trees, t, sign, motion) +
         (step - trees.implicit_time) * form(motion.acceleration, motion.displacement);
-    const double as_inertia = trees.implicit_time * gain(change);
+    const double as_inertia = trees.implicit_time * gained;
     return {dragged + as_inertia, dragged + kept * as_inertia};
   }
   const double mean = form(motion.displacement, mean_change_.data());

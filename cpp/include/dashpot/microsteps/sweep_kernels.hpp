@@ -89,17 +89,8 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   store_lanes(load_lanes(sum) + load_lanes(term), sum);
 }
 
-// out += (damping D + stiffness K) x, of an elastic tree.
-static inline void add_elastic(const IslandTree& of, double damping, double stiffness,
-                               const double* x, double* out) {
-  add_implicit(of.implicit.first, of.implicit.last, of.tree.dof_begin, damping, stiffness,
-               x + of.tree.begin, out + of.tree.begin);
-}
-
-// Finds the drag of a tree, adds it and its moment to those of the rows, and books what it takes by
-// the velocity at the start of the micro-step.
-[[gnu::always_inline]] static inline void add_drag(const IslandTree& of, const IslandMotion& m) {
-  const Tree& t = of.tree;
+// Finds the drag of a tree.
+[[gnu::always_inline]] static inline void find_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     const Lanes slowing =
         m.lag * (load_lanes(m.smooth_acceleration + i) - load_lanes(m.added + i)) -
@@ -108,7 +99,11 @@ static inline void add_elastic(const IslandTree& of, double damping, double stif
     store_lanes(load_lanes(m.damping + i) * slowing, m.drag + i);
   }
   if (t.cross_damped) respond(t, m.cross_damping, m.slowing, m.drag);
-  if (t.elastic) add_elastic(of, 1.0, m.step, m.slowing, m.drag);
+}
+
+// Adds it and its moment to those of the rows, and books what it takes by the velocity at the start
+// of the micro-step.
+[[gnu::always_inline]] static inline void add_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     const Lanes drag = load_lanes(m.drag + i);
     store_lanes(load_lanes(m.braked + i) - 0.5 * m.h * drag * load_lanes(m.velocity + i),
@@ -133,20 +128,35 @@ static inline void add_elastic(const IslandTree& of, double damping, double stif
         m.braked + i);
 }
 
-// Finds the pull of a tree's springs in the middle of the micro-step, adds it and its moment to
-// those of the rows, and goes half of the way.
-[[gnu::always_inline]] static inline void add_pull(const IslandTree& of, const IslandMotion& m) {
-  const Tree& t = of.tree;
+// Goes half of the way, and finds the pull of a tree's springs there.
+[[gnu::always_inline]] static inline void find_pull(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     const Lanes middle = load_lanes(m.way + i) + 0.5 * m.h * load_lanes(m.velocity + i);
     store_lanes(middle, m.way + i);
     store_lanes(-load_lanes(m.stiffness + i) * middle, m.pull + i);
   }
-  if (t.elastic) add_elastic(of, 0.0, -1.0, m.way, m.pull);
+}
+
+// Adds it and its moment to those of the rows.
+[[gnu::always_inline]] static inline void add_pull(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
     const Lanes pull = load_lanes(m.pull + i);
     store_lanes(load_lanes(m.force + i) + pull, m.force + i);
     store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * pull, m.moment + i);
+  }
+}
+
+// Adds the drag and the pull of an elastic tree to what has been found of both.
+[[gnu::always_inline]] static inline void add_elastic(const IslandTree& of, const IslandMotion& m) {
+  const int to_coordinate = of.tree.begin - of.tree.dof_begin;
+  for (const ImplicitEntry& entry : of.implicit) {
+    const int i = entry.row + to_coordinate, j = entry.column + to_coordinate;
+    const double stiffness = entry.stiffness, damping = entry.damping + m.step * stiffness;
+    m.drag[i] += damping * m.slowing[j];
+    m.pull[i] -= stiffness * m.way[j];
+    if (i == j) continue;
+    m.drag[j] += damping * m.slowing[i];
+    m.pull[j] -= stiffness * m.way[i];
   }
 }
 
@@ -188,8 +198,11 @@ template <Sweep kSweep>
   const Tree t = of.tree;
   if constexpr (kSweep == Sweep::kSmoothMotion) {
     if (of.slices) take_slices(of, m.slice_size, m.force_of_slices, m.force);
-    if (t.damped) add_drag(of, m);
-    if (t.sprung) add_pull(of, m);
+    if (t.damped) find_drag(t, m);
+    if (t.sprung) find_pull(t, m);
+    if (t.elastic) add_elastic(of, m);
+    if (t.damped) add_drag(t, m);
+    if (t.sprung) add_pull(t, m);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
       store_lanes(a, m.acceleration + i);
