@@ -22,7 +22,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
   find_light_trees(d, step, motion);
-  couple_trees(memory, rows, motion.tree_count());
+  couple_trees(memory, rows, trees);
   drives_.start(model_, d, motion.start_velocity());
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_left_halves(memory, motion);
@@ -42,13 +42,15 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   load_gravity(d, motion, data);
 }
 
-void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, int tree_count) {
-  find_coupled_trees(rows, tree_count, first_);
+void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, const Trees& trees) {
+  find_coupled_trees(rows, static_cast<int>(trees.tree.size()), first_);
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
   add_held_trees(model_, rows, light_, first_);
   add_freed_trees(model_, memory.held_motion(), first_);
+  for (size_t i = 0; i < first_.size(); ++i)
+    if (first_[i] >= 0 && trees.is_soft(i) && !coupled_[first_[i]].by_equalities) first_[i] = -1;
 }
 
 void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion) {

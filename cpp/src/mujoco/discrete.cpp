@@ -9,20 +9,36 @@
 #include "dashpot/mujoco/trees.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: the metric of
-// `discrete`, and its product with a vector, M left out.
+// `discrete`, which flexes it has as a sparse matrix, and products of a vector with the stiffness
+// and the damping of all flexes.
 extern "C" {
 void mj_effBuild(const mjModel* m, mjData* d, int active, int flg_factor);
-void mj_effMulAdd(const mjModel* m, mjData* d, mjtNum* res, const mjtNum* vec, int flg_contact);
+int mj_flexSimple(const mjModel* m, int flex);
+mjtBool mjd_flexInterpAssemblable(const mjModel* m);
+void mjd_flexBend_mul(const mjModel* m, mjData* d, mjtNum* product, const mjtNum* vector,
+                      mjtNum stiffness, mjtNum damping);
+void mjd_flexStretch_mul(const mjModel* m, mjData* d, mjtNum* product, const mjtNum* vector,
+                         mjtNum stiffness, mjtNum damping);
+void mjd_flexInterp_mul(const mjModel* m, mjData* d, mjtNum* product, const mjtNum* vector,
+                        mjtNum stiffness, mjtNum damping, const mjtNum* rotated);
 }
 
 namespace dashpot::host {
 
 namespace {
 
+// Whether MuJoCo has the stiffness of a flex as a product with vectors alone, as where it hangs on
+// bodies that turn.
+bool is_matrix_free(const mjModel* m, const mjData* d, int flex) {
+  if (m->flex_rigid[flex] || m->flex_dim[flex] < 2) return false;
+  if (m->flex_interp[flex]) return d->nefmK == 0 || !mjd_flexInterpAssemblable(m);
+  return d->nefmK == 0 || !mj_flexSimple(m, flex);
+}
+
 // Collects entries of a metric that is h D + h^2 K.
 class Collector {
  public:
-  Collector(const mjModel* m, const mjData* d, std::vector<ImplicitEntry>& entries)
+  Collector(const mjModel* m, mjData* d, std::vector<ImplicitEntry>& entries)
       : m_(m), d_(d), h_(m->opt.timestep), entries_(entries) {}
 
   // scale * J'J, of which h K has `shift` * J'J.
@@ -63,7 +79,32 @@ class Collector {
     }
   }
 
-  // K of a flex, of which its damping is a multiple.
+  // The trees of those whose stiffness is no matrix, column by column.
+  void probe_flexes() {
+    probed_.assign(m_->ntree, 0);
+    for (int flex = 0; flex < m_->nflex; ++flex) {
+      if (!is_matrix_free(m_, d_, flex)) continue;
+      const auto mark = [&](const int* body, int count) {
+        for (int i = 0; i < count; ++i)
+          if (body[i] >= 0 && m_->body_treeid[body[i]] >= 0) probed_[m_->body_treeid[body[i]]] = 1;
+      };
+      mark(m_->flex_vertbodyid + m_->flex_vertadr[flex], m_->flex_vertnum[flex]);
+      mark(m_->flex_nodebodyid + m_->flex_nodeadr[flex], m_->flex_nodenum[flex]);
+    }
+    std::vector<mjtNum> unit(m_->nv, 0.0), stiffness(m_->nv), damping(m_->nv);
+    const bool springs = !(m_->opt.disableflags & mjDSBL_SPRING);
+    const bool dampers = !(m_->opt.disableflags & mjDSBL_DAMPER);
+    for (int j = 0; j < m_->nv; ++j) {
+      if (!is_probed(j)) continue;
+      unit[j] = 1.0;
+      multiply(unit, springs, 0.0, stiffness);
+      multiply(unit, 0.0, dampers, damping);
+      unit[j] = 0.0;
+      for (int i = j; i < m_->nv; ++i) add(i, j, stiffness[i], damping[i]);
+    }
+  }
+
+  // K of all other flexes, of which their damping is a multiple.
   void add_flexes() {
     if (d_->nefmK == 0) return;
     std::vector<double> stiff(m_->nbody, 1.0);  // part of h^2 K
@@ -79,6 +120,7 @@ class Collector {
       set(m_->flex_nodebodyid + m_->flex_nodeadr[flex], m_->flex_nodenum[flex]);
     }
     for (int i = 0; i < m_->nv; ++i) {
+      if (is_probed(i)) continue;
       const double part = stiff[m_->dof_bodyid[i]];
       const int begin = d_->efm_K_rowadr[i];
       for (int k = begin; k < begin + d_->efm_K_rownnz[i]; ++k)
@@ -89,14 +131,26 @@ class Collector {
   }
 
  private:
+  bool is_probed(int dof) const { return probed_[m_->dof_treeid[dof]]; }
+
+  void multiply(const std::vector<mjtNum>& vector, double stiffness, double damping,
+                std::vector<mjtNum>& product) {
+    std::fill(product.begin(), product.end(), 0.0);
+    mjd_flexBend_mul(m_, d_, product.data(), vector.data(), stiffness, damping);
+    mjd_flexStretch_mul(m_, d_, product.data(), vector.data(), stiffness, damping);
+    mjd_flexInterp_mul(m_, d_, product.data(), vector.data(), -stiffness, -damping,
+                       d_->flexelem_krot);
+  }
+
   void add(int row, int column, double stiffness, double damping) {
     if (stiffness != 0.0 || damping != 0.0) entries_.push_back({row, column, stiffness, damping});
   }
 
   const mjModel* m_;
-  const mjData* d_;
+  mjData* d_;
   double h_;
   std::vector<ImplicitEntry>& entries_;
+  std::vector<char> probed_;  // by tree
 };
 
 bool is_above(const Trees& trees, int tree, int above, int below) {
@@ -132,6 +186,7 @@ void take_metric(const mjModel_* m, mjData_* d, Trees& trees) {
   collector.add_fluid();
   collector.add_tendons();
   collector.add_actuators();
+  collector.probe_flexes();
   collector.add_flexes();
   // Detection takes the memory that it lies in.
   d->efm_active = 0;

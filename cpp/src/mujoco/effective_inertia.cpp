@@ -284,7 +284,7 @@ void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& 
   if (trees.sparse_is_known[tree]) return;
   trees.sparse_is_known[tree] = 1;
   const Tree& t = trees.tree[tree];
-  if (!t.sparse || trees.implicit_of(tree).empty()) return trees.sparse[tree].reset();
+  if (!trees.is_soft(tree)) return trees.sparse[tree].reset();
   const double h = t.elastic ? trees.implicit_time : m->opt.timestep;
   require(factor_coupled(m, d, trees, tree, h), m, t);
 }

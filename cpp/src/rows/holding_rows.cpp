@@ -110,7 +110,7 @@ void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const 
   const auto swings = [&](int i) {
     return stiffness[i] * rows.inverse_mass[c.row + i] * length * length <= 1.0;
   };
-  if (side < 0 || swings(0)) return;
+  if (side < 0 || trees.is_soft(c.tree[side]) || swings(0)) return;
   const Tree& t = trees.tree[c.tree[side]];
   for (int i = 0; i < (sticks ? c.dim : 1); ++i) {
     if (swings(i)) continue;

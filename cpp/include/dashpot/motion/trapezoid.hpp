@@ -18,7 +18,8 @@
 // their change e' - e, unless no s near 1 is left with it, or they jump (drive_changes.hpp).
 //
 // Linear springs of slides and hinges act along in the micro-steps (microstep.hpp): g has their
-// mean force, and p has none of its change.
+// mean force, and p has none of its change. So do all springs of soft trees (trees.hpp), whose
+// bodies feel nothing else that changes: contacts leave them no second half.
 //
 // Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
 // step in which a tree lands those of its middle, and at the end of one in which it leaves those
@@ -128,7 +129,7 @@ class Trapezoid {
   // Finds which trees that contacts may hold have light parts.
   void find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion);
   // Finds which trees have a second half, and which of them share s.
-  void couple_trees(const Memory& memory, const Rows& rows, int tree_count);
+  void couple_trees(const Memory& memory, const Rows& rows, const Trees& trees);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
   void find_potential_forces(const mjData_* d, const TreeMotion& motion);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.

@@ -115,6 +115,8 @@ struct Trees {
     return {implicit.data() + implicit_begin[index], implicit.data() + implicit_begin[index + 1]};
   }
 
+  // Whether it is sparse, and springs couple its bodies.
+  bool is_soft(int index) const { return tree[index].sparse && !implicit_of(index).empty(); }
   bool has_implicit_springs(int index) const {
     const Entries of = implicit_of(index);
     return std::any_of(of.first, of.last, [](const auto& entry) { return entry.stiffness != 0.0; });
