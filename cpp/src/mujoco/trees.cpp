@@ -18,7 +18,7 @@ constexpr double kOrthogonal = 1e-9;  // cosine of the axes of slides
 constexpr int kFreeDofs = 6;
 // Degrees of freedom of trees that are joined to one, up to which inv(H) takes less time than what
 // is sparse.
-constexpr int kMostDense = 48;
+constexpr int kMostDense = 24;
 
 using TreeSet = std::set<int>;
 
@@ -68,7 +68,8 @@ std::vector<TreeSet> trees_of_metric(const mjModel* m) {
     for (int side = 0; side < 2; ++side)
       if (id[side] >= 0) insert_tree_of_body(m, m->site_bodyid[id[side]], trees);
   }
-  for (int flex = 0; flex < m->nflex; ++flex) coupled.push_back(trees_of_flex(m, flex));
+  for (int flex = 0; flex < m->nflex; ++flex)
+    if (m->flex_dim[flex] > 1) coupled.push_back(trees_of_flex(m, flex));
   return coupled;
 }
 
