@@ -407,6 +407,12 @@ def test_callbacks_in_the_stages_of_rk4_with_adhesion():
     engine.step(data)
 
 
+def test_the_complementarity_free_law_in_the_metric_of_discrete():
+    model = mujoco.MjModel.from_xml_string(mjcf(BALL, option='integrator="discrete"'))
+    with pytest.raises(ValueError, match="integrator=discrete"):
+        dashpot.Engine(model, law="comfree")
+
+
 def test_integrator_changed_after_the_engine_was_made(engine):
     data = engine.make_data()
     engine.model.opt.integrator = 5  # MuJoCo 3.17 has none of this number

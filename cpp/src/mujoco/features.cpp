@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "dashpot/mujoco/constraints.hpp"
+#include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/names.hpp"
@@ -89,6 +90,9 @@ void report_options(const mjModel* m, Report& report) {
   if (!is_known_integrator(m))
     report.add("option integrator=" + integrator, Treatment::kRefused,
                "use discrete, Euler, implicitfast, implicit or RK4");
+  else if (report.comfree() && is_discrete(m))
+    report.add("option integrator=" + integrator, Treatment::kRefused,
+               "law comfree goes by the masses of bodies alone; use law kelvin_voigt or Euler");
   else
     report.add("option integrator=" + integrator, Treatment::kHonoured,
                is_runge_kutta(m) ? "trees without contact are stepped by MuJoCo's own integrator; "
@@ -131,8 +135,10 @@ void report_contacts(const mjModel* m, Report& report) {
       report.add(name + " passive", Treatment::kRefused,
                  "its contacts are springs of MuJoCo's, not rows");
     else
-      report.add(name, Treatment::kHonoured,
-                 "contact rows over its vertices; elasticity is MuJoCo's passive force");
+      report.add(
+          name, Treatment::kHonoured,
+          "contact rows over its vertices; elasticity is MuJoCo's passive force, which discrete "
+          "treats implicitly");
     report_solref(report, name, m->flex_solref + mjNREF * flex, m->flex_solimp + mjNIMP * flex);
   }
   for (int geom = 0; geom < m->ngeom; ++geom) {
@@ -229,7 +235,8 @@ void check_options(const mjModel_* m, Law law) {
   if (o.cone != mjCONE_ELLIPTIC)
     throw std::invalid_argument("model.opt.cone is " + std::to_string(o.cone) +
                                 "; the engine's model needs mjCONE_ELLIPTIC");
-  if (!is_known_integrator(m) || o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC))
+  if (!is_known_integrator(m) || (law == Law::kComFree && is_discrete(m)) ||
+      o.enableflags & (mjENBL_OVERRIDE | mjENBL_IPC))
     check_supported(m, law);
 }
 
