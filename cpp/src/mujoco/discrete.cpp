@@ -91,6 +91,7 @@ class Collector {
       mark(m_->flex_vertbodyid + m_->flex_vertadr[flex], m_->flex_vertnum[flex]);
       mark(m_->flex_nodebodyid + m_->flex_nodeadr[flex], m_->flex_nodenum[flex]);
     }
+    if (std::find(probed_.begin(), probed_.end(), 1) == probed_.end()) return;
     std::vector<mjtNum> unit(m_->nv, 0.0), stiffness(m_->nv), damping(m_->nv);
     const bool springs = !(m_->opt.disableflags & mjDSBL_SPRING);
     const bool dampers = !(m_->opt.disableflags & mjDSBL_DAMPER);
