@@ -14,9 +14,10 @@ namespace dashpot {
 // Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
 // equalities, at their rate in the part before, as far as their rows do; returns whether that is
 // earlier.
-bool Stepper::Impl::shorten_for_turns(const mjData_* d, host::StepParts& parts) {
+bool Stepper::Impl::shorten_for_turns(mjData_* d, host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten_for_all(std::min(part_of_smooth_turn(model, d, motion, clock),
+  const double* const held = memory(d).held_motion().length;
+  return shorten_for_all(std::min(part_of_smooth_turn(model, d, motion, held, clock),
                                   part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
                          parts);
 }

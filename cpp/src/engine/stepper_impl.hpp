@@ -59,7 +59,7 @@ struct Stepper::Impl {
   void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
                   host::MocapMotion& mocap);
   bool is_rough(const host::StepParts& parts) const;
-  bool shorten_for_turns(const mjData_* d, host::StepParts& parts);
+  bool shorten_for_turns(mjData_* d, host::StepParts& parts);
   void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void detect(mjData_* d, host::MocapMotion& mocap);
   bool shorten_for_throws(host::StepParts& parts);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
 
@@ -39,7 +40,7 @@ double parts_of_spin(double rest, double whole, const double* velocity,
 }  // namespace
 
 double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
-                           const StepClock& clock) {
+                           const double* held, const StepClock& clock) {
   const double rest = clock.length, whole = clock.whole;
   const double share = followed(m);
   double parts = 1.0;
@@ -61,6 +62,8 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
             parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
                                  motion.smooth_acceleration().data() + dof));
     }
+    if (held && held[index] > 0.0)
+      parts = std::max(parts, rest * host::fastest_carried_axis(m, d, tree) / kPartTurn);
     const double turn = fastest * whole / rest;
     if (turn > kFollowedTurn && !tree.free_body &&
         turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)

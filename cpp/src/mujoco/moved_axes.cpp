@@ -47,6 +47,13 @@ void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, doubl
     add_carried(carrier, time, axis);
 }
 
+double fastest_carried_axis(const mjModel_* m, const mjData_* d, const Tree& tree) {
+  double fastest = 0.0;
+  for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof)
+    fastest = std::max(fastest, mju_norm3(d->cdof_dot + 6 * dof));
+  return fastest;
+}
+
 void twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, double* twist) {
   mju_zero(twist, 6);
   for (int dof = last_dof(m, body); dof >= 0; dof = m->dof_parentid[dof]) {

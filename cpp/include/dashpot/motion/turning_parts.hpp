@@ -32,6 +32,11 @@
 // acceleration lacks what rows do: in flight the same frame would nod about as fast as it spins, so
 // that its velocity hardly changed in its own axes.
 //
+// Of trees that rows hold, what joints hang on carries their axes along, and with them the axes
+// along which weight and contacts cancel. The rows have those of the middle, H and what joints damp
+// those of the start: a chain of ball joints that rolled at 0.15 rad a step buckled. So a step in
+// which an axis is carried on by more than kPartTurn is taken in parts, too.
+//
 // Equalities turn with what they couple, and the velocities at the end of a step, which lack its
 // second half (trapezoid.hpp), have an energy that is off by half the square of the angle. So a
 // step in which the row of one turns by more than kPartTurn, dJ/dt xi H over the speed that the
@@ -60,9 +65,9 @@ inline constexpr double kSteadyAxis = 1e-3;    // rad in a step
 inline constexpr int kMostTurningParts = 64;
 
 // The length (s) of the next part of a step, at most that of the present one, by the smooth motion
-// over that; the same where nothing turns far.
+// over that; the same where nothing turns far. `held`: by tree, HeldMotion::length, or null.
 double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
-                           const StepClock& clock);
+                           const double* held, const StepClock& clock);
 
 // The same by the velocities that rows have given the trees that they `touched` (by tree) in the
 // present part: what a blow throws far within a step turns as far as it will go on to.
