@@ -2,6 +2,7 @@
 
 #include <mujoco/mujoco.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -150,6 +151,30 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
       t.damped = t.cross_damped = true;
     }
   }
+}
+
+// The smooth acceleration of a free body by all of its derivatives: lift and drag of a fluid couple
+// how it goes with how it turns, and not symmetrically. False where they leave it no inertia.
+bool solve_whole(const mjModel* m, const mjData* d, const Tree& t, double* acceleration) {
+  using Matrix = Eigen::Matrix<double, 6, 6>;
+  Matrix inertia = Matrix::Zero();
+  for (int i = 0; i < 6; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
+      const int j = m->M_colind[k] - t.dof_begin;
+      inertia(i, j) = inertia(j, i) = d->M[k];
+    }
+  }
+  for (int i = 0; i < 6; ++i) {
+    const int dof = t.dof_begin + i;
+    for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
+      inertia(i, m->D_colind[k] - t.dof_begin) -= m->opt.timestep * d->qDeriv[k];
+  }
+  const Eigen::PartialPivLU<Matrix> factors(inertia);
+  if (!(factors.determinant() > 0.0)) return false;
+  Eigen::Map<Eigen::Matrix<double, 6, 1>>{acceleration} =
+      factors.solve(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(d->qfrc_smooth + t.dof_begin));
+  return true;
 }
 
 // u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity
@@ -321,6 +346,7 @@ void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int 
     std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
     return;
   }
+  if (takes_derivatives(m) && is_free_body(m, tree) && solve_whole(m, d, t, acceleration)) return;
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
   add_stiffness_shift(m, trees, tree, d->qvel, acceleration - t.dof_begin);
   find_coupled_inertia(m, d, tree, trees);

@@ -67,7 +67,9 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
 // Of a tree with joint dampers, which H has: replaces its factor by that of M, and 1 / sqrt(D) of
 // it, for what goes through M; inv(H) stays.
 void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
-// The smooth generalized acceleration of a tree through the effective inertia.
+// The smooth generalized acceleration of a tree through the effective inertia; that of a free body
+// through all derivatives, of which the effective inertia has what is symmetric and keeps it
+// positive.
 void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,
                          double* acceleration);
 
