@@ -33,6 +33,8 @@ constexpr double kImplicitPart = 0.25;
 // Fraction of a velocity that explicit damping takes in a step. Followed to second order, as Adams
 // and Bashforth do, it is stable up to 1, held over the step up to 2.
 constexpr double kStrongDamping = 0.5;
+// Reciprocal condition of M + h D from which on MuJoCo's own solution is rounding.
+constexpr double kSingularDerivatives = 1e-14;
 constexpr int kTreesAtOnce = 32;  // by a thread
 
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
@@ -153,27 +155,26 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
   }
 }
 
-// The smooth acceleration of a free body by all of its derivatives: lift and drag of a fluid couple
-// how it goes with how it turns, and not symmetrically. False where they leave it no inertia.
+// The smooth acceleration of a tree by all of its derivatives, as MuJoCo finds it. False where they
+// are all but singular.
 bool solve_whole(const mjModel* m, const mjData* d, const Tree& t, double* acceleration) {
-  using Matrix = Eigen::Matrix<double, 6, 6>;
-  Matrix inertia = Matrix::Zero();
-  for (int i = 0; i < 6; ++i) {
+  thread_local Eigen::MatrixXd inertia;  // kept by the thread: a step allocates nothing
+  inertia.setZero(t.dof_count, t.dof_count);
+  for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i;
     for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
       const int j = m->M_colind[k] - t.dof_begin;
-      inertia(i, j) = inertia(j, i) = d->M[k];
+      inertia(i, j) += d->M[k];
+      if (i != j) inertia(j, i) += d->M[k];
     }
-  }
-  for (int i = 0; i < 6; ++i) {
-    const int dof = t.dof_begin + i;
     for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
       inertia(i, m->D_colind[k] - t.dof_begin) -= m->opt.timestep * d->qDeriv[k];
   }
-  const Eigen::PartialPivLU<Matrix> factors(inertia);
-  if (!(factors.determinant() > 0.0)) return false;
-  Eigen::Map<Eigen::Matrix<double, 6, 1>>{acceleration} =
-      factors.solve(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(d->qfrc_smooth + t.dof_begin));
+  const Eigen::PartialPivLU<Eigen::Ref<Eigen::MatrixXd>> factors(inertia);
+  if (!(factors.rcond() > kSingularDerivatives)) return false;
+  using Force = Eigen::Map<const Eigen::VectorXd>;
+  Eigen::Map<Eigen::VectorXd>(acceleration, t.dof_count) =
+      factors.solve(Force(d->qfrc_smooth + t.dof_begin, t.dof_count));
   return true;
 }
 
@@ -292,14 +293,17 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
     if (sleeps(d, index)) return;
     Tree& t = trees.tree[index];
     t.free_body = has_rigid_body_inertia(m, d, trees, index);
-    t.damped = t.elastic = false;
+    t.damped = t.elastic = t.whole = false;
     if (t.free_body) {
       invert_body_inertia(m, d, index, parts_of(m, parts, index), trees.inverse.data() + t.inverse);
       return;
     }
     trees.sparse_is_known[index] = 0;
     double* factor = trees.factor.data() + t.inverse;
-    if (factor_tree(m, d, trees, index, m->opt.timestep, factor)) return;
+    const bool is_definite = factor_tree(m, d, trees, index, m->opt.timestep, factor);
+    if (takes_derivatives(m) && (!is_definite || is_free_body(m, index)))
+      t.whole = solve_whole(m, d, t, trees.whole_acceleration.data() + t.begin);
+    if (is_definite) return;
     if (takes_derivatives(m)) keep_what_damps(m, d, index);
     require(factor_tree(m, d, trees, index, m->opt.timestep, factor), m, t);
   });
@@ -346,7 +350,10 @@ void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int 
     std::copy_n(d->qacc_smooth + t.dof_begin, t.dof_count, acceleration);
     return;
   }
-  if (takes_derivatives(m) && is_free_body(m, tree) && solve_whole(m, d, t, acceleration)) return;
+  if (t.whole) {
+    std::copy_n(trees.whole_acceleration.data() + t.begin, t.dof_count, acceleration);
+    return;
+  }
   std::copy_n(d->qfrc_smooth + t.dof_begin, t.dof_count, acceleration);
   add_stiffness_shift(m, trees, tree, d->qvel, acceleration - t.dof_begin);
   find_coupled_inertia(m, d, tree, trees);

@@ -98,7 +98,7 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   t.inverse = static_cast<int>(inverse.size());
   coordinates += t.count;
   damping.resize(coordinates, 0.0);
-  stiffness.resize(coordinates, 0.0);
+  for (auto* array : {&stiffness, &whole_acceleration}) array->resize(coordinates, 0.0);
   inverse_root.resize(coordinates, 0.0);
   tree.push_back(t);
   above.insert(above.end(), above_dofs, above_dofs + dof_count);

@@ -67,9 +67,9 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
 // Of a tree with joint dampers, which H has: replaces its factor by that of M, and 1 / sqrt(D) of
 // it, for what goes through M; inv(H) stays.
 void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
-// The smooth generalized acceleration of a tree through the effective inertia; that of a free body
-// through all derivatives, of which the effective inertia has what is symmetric and keeps it
-// positive.
+// The smooth generalized acceleration of a tree through the effective inertia. That of a free body,
+// and of trees whose derivatives were changed, goes through all derivatives as they are, as in
+// MuJoCo: lift and drag of a fluid couple how a body goes with how it turns, and not symmetrically.
 void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,
                          double* acceleration);
 

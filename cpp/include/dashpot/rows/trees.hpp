@@ -49,6 +49,7 @@ struct Tree {
   int inverse = 0;            // offset in Trees::inverse
   bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
   bool cross_damped = false;  // and D is more than a diagonal
+  bool whole = false;         // Trees::whole_acceleration has its smooth acceleration
   bool sprung = false;        // its springs act in the micro-steps, too
   bool elastic = false;       // and all of both are those of Trees::implicit
 };
@@ -88,6 +89,8 @@ struct Trees {
   // By motion coordinate of trees that are no free bodies: stiffness of the joint's spring (N/m,
   // N m/rad), which acts in the micro-steps of sprung trees.
   AlignedDoubles stiffness;
+  // By motion coordinate, one after another: the smooth acceleration of trees by all derivatives.
+  AlignedDoubles whole_acceleration;
   // By degree of freedom, what D has of joint dampers at the velocity of the step's start, where it
   // does not come from derivatives.
   std::vector<double> joint_damping;
