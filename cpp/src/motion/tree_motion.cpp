@@ -54,7 +54,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
     inverted_[index] = tree.free_body;
     if (sleeps(index)) return stay(index, data);
-    host::smooth_acceleration(d, trees_, index, acceleration);
+    host::smooth_acceleration(model_, d, trees_, index, acceleration);
     if (host::is_free_body(model_, index)) {
       FreeMotion& motion = free_motion_[index];
       const host::WeldedParts* parts = host::parts_of(model_, parts_, index);

@@ -1,13 +1,10 @@
 // Velocity derivatives with which no inertia is left.
 //
 // Implicit integrators step with M + h D, D = -dF/dv. Forces that grow with velocity, as those of
-// fluids on plates or of drives with the wrong sign, make it indefinite where h is long: it would
-// turn their push round. Then D keeps what damps, and what drives acts as it is at the start:
-//
-//     M + h D = sum_i (1 + h l_i) (M x_i) (M x_i)',   D x_i = l_i M x_i,   x_i' M x_i = 1,
-//
-// with 0 for those l_i with 1 + h l_i < 1/2. In trees with branches, whose M has zeros, D becomes
-// diagonal instead: of each row the sum of the sizes of its entries, no less than D.
+// fluids on plates or of drives with the wrong sign, make it indefinite where h is long. The smooth
+// motion goes through it all the same, as in MuJoCo (effective_inertia.hpp). Rows need what is
+// positive definite: for them D becomes diagonal, of each row the sum of the sizes of its entries,
+// which is no less than D.
 
 #pragma once
 
