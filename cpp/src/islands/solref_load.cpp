@@ -24,6 +24,7 @@ constexpr double kBearable = 2.0;
 // By how many times a limit or equality may grow stiffer and count as even: MuJoCo's default does
 // so by 2.2 within a millimetre, which steps seldom resolve.
 constexpr double kEven = 2.5;
+constexpr int kOfPoint = 3;  // rows of a connect
 // Of the width: the shortest way over which stiffness is found.
 constexpr double kShortestWay = 1e-3;
 
@@ -74,7 +75,7 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
     c.solref.load = at_start * std::abs(position[i]);
     const double turn = at_start * step.length * step.length * rows.inverse_mass[c.row] * mass[i];
     double kappa = std::max(at_start, work / square);
-    if (c.is_unilateral() && stored > 0.0)
+    if ((c.is_unilateral() || input.together > kOfPoint) && stored > 0.0)
       kappa += std::min(1.0, turn) *
                std::max(0.0, 0.5 * at_start * at_start * start * start / stored - kappa);
     given.normalised_stiffness = kappa;

@@ -55,12 +55,11 @@ struct Source {
 };
 
 // Whether row `index` of an object has the impedance of the one before it, since that goes by the
-// norm of the positions of both. MuJoCo takes the norm of metres and radians of a weld, which no
-// potential has: here those have one each.
+// norm of the positions of both; of welds, as in MuJoCo, metres and radians together.
 bool has_one_impedance(const mjModel* m, const mjData* d, int row, int index) {
   if (d->efc_type[row] != mjCNSTR_EQUALITY) return false;
   const int type = m->eq_type[d->efc_id[row]];
-  return type == mjEQ_CONNECT || (type == mjEQ_WELD && index != 3);
+  return index > 0 && (type == mjEQ_CONNECT || type == mjEQ_WELD);
 }
 
 // Whether a row of a limit is that of its upper side: the one whose gap it has, and, where both
@@ -147,7 +146,7 @@ void read_constraints(const mjModel_* m, const mjData_* d,
     const int type = d->efc_type[row], id = d->efc_id[row];
     const bool goes_on = row > 0 && d->efc_type[row - 1] == type && d->efc_id[row - 1] == id;
     index = goes_on ? index + 1 : 0;
-    if (!has_one_impedance(m, d, row, index) || index == 0) first = constraints.size();
+    if (!has_one_impedance(m, d, row, index)) first = constraints.size();
     ConstraintInput input;
     input.tree = trees_of_row(m, d, row);
     if (input.tree[0] < 0) continue;

@@ -164,7 +164,7 @@ double part_of_places(const StepView& step, const Rows& rows, size_t first, doub
     remembered += 0.5 * old.stiffness * old.deformation * old.deformation + old.beyond;
   }
   credit = std::min(credit, std::max(0.0, remembered)) + remembered - stored;
-  if (credit >= 0.0) return 1.0;
+  if (credit >= 0.0 || stored <= 0.0) return 1.0;
   const double left = std::max(0.0, stored + credit);
   credit = std::min(0.0, stored + credit);
   return std::sqrt(left / stored);
