@@ -207,6 +207,21 @@ void take_metric(const mjModel_* m, mjData_* d, Trees& trees) {
     trees.implicit_begin[i + 1] += trees.implicit_begin[i];
 }
 
+bool factor_coupled(const mjModel_* m, const mjData_* d, Trees& trees, int tree, double h) {
+  const Tree& t = trees.tree[tree];
+  const int begin = t.dof_begin;
+  thread_local std::vector<SparseInertia::Entry> entries;  // a step allocates nothing
+  entries.clear();
+  for (int dof = begin; dof < begin + t.dof_count; ++dof)
+    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k)
+      entries.push_back({dof - begin, m->M_colind[k] - begin, d->M[k]});
+  for (const ImplicitEntry& e : trees.implicit_of(tree))
+    entries.push_back(
+        {e.row - begin, e.column - begin, h * (e.damping + m->opt.timestep * e.stiffness)});
+  if (!trees.sparse[tree]) trees.sparse[tree] = std::make_shared<SparseInertia>();
+  return trees.sparse[tree]->factor(t.dof_count, entries);
+}
+
 void add_stiffness_shift(const mjModel_* m, const Trees& trees, int tree, const double* v,
                          double* force) {
   const int begin = trees.tree[tree].dof_begin;

@@ -109,22 +109,6 @@ bool factor_tree(const mjModel* m, const mjData* d, const Trees& trees, int tree
   return factor_inertia(trees, tree, factor);
 }
 
-// Factors M + h (D + T K) of a sparse tree whose springs couple its bodies, T the time step.
-bool factor_coupled(const mjModel* m, const mjData* d, Trees& trees, int tree, double h) {
-  const Tree& t = trees.tree[tree];
-  const int begin = t.dof_begin;
-  thread_local std::vector<SparseInertia::Entry> entries;  // a step allocates nothing
-  entries.clear();
-  for (int dof = begin; dof < begin + t.dof_count; ++dof)
-    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k)
-      entries.push_back({dof - begin, m->M_colind[k] - begin, d->M[k]});
-  for (const ImplicitEntry& e : trees.implicit_of(tree))
-    entries.push_back(
-        {e.row - begin, e.column - begin, h * (e.damping + m->opt.timestep * e.stiffness)});
-  if (!trees.sparse[tree]) trees.sparse[tree] = std::make_shared<SparseInertia>();
-  return trees.sparse[tree]->factor(t.dof_count, entries);
-}
-
 void require(bool is_definite, const mjModel* m, const Tree& tree) {
   if (is_definite) return;
   throw DivergenceError("the inertia of the tree of joint " +
@@ -231,9 +215,8 @@ double damping_form(const mjModel_* m, const mjData_* d, const Trees& trees, con
   for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
     sum += trees.joint_damping[i] * u[i] * v[i];
   for (const ImplicitEntry& e : trees.implicit_of(static_cast<int>(&t - trees.tree.data()))) {
-    const double damping = e.damping + m->opt.timestep * e.stiffness;
-    sum += damping * u[e.row] * v[e.column];
-    if (e.row != e.column) sum += damping * u[e.column] * v[e.row];
+    const double both = e.row == e.column ? 0.0 : u[e.column] * v[e.row];
+    sum += (e.damping + m->opt.timestep * e.stiffness) * (u[e.row] * v[e.column] + both);
   }
   return sum;
 }

@@ -101,15 +101,13 @@ template <Sweep kSweep, typename Jacobian, typename Law>
   if (t.cross_damped) respond(t, m.cross_damping, m.slowing, m.drag);
 }
 
-// Adds it and its moment to those of the rows, and books what it takes by the velocity at the start
-// of the micro-step.
-[[gnu::always_inline]] static inline void add_drag(const Tree& t, const IslandMotion& m) {
+// Adds a force and its moment to those of the rows.
+[[gnu::always_inline]] static inline void add_to_rows(const Tree& t, const IslandMotion& m,
+                                                      const double* force) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes drag = load_lanes(m.drag + i);
-    store_lanes(load_lanes(m.braked + i) - 0.5 * m.h * drag * load_lanes(m.velocity + i),
-                m.braked + i);
-    store_lanes(load_lanes(m.force + i) + drag, m.force + i);
-    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * drag, m.moment + i);
+    const Lanes of = load_lanes(force + i);
+    store_lanes(load_lanes(m.force + i) + of, m.force + i);
+    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * of, m.moment + i);
   }
 }
 
@@ -120,7 +118,7 @@ template <Sweep kSweep, typename Jacobian, typename Law>
     store_lanes(load_lanes(m.impulse + i) + m.h * load_lanes(m.drag + i), m.impulse + i);
 }
 
-// Books what the drag takes by the velocity at the end of the micro-step.
+// Books what the drag takes by the velocity at one end of the micro-step.
 [[gnu::always_inline]] static inline void account_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes)
     store_lanes(
@@ -134,15 +132,6 @@ template <Sweep kSweep, typename Jacobian, typename Law>
     const Lanes middle = load_lanes(m.way + i) + 0.5 * m.h * load_lanes(m.velocity + i);
     store_lanes(middle, m.way + i);
     store_lanes(-load_lanes(m.stiffness + i) * middle, m.pull + i);
-  }
-}
-
-// Adds it and its moment to those of the rows.
-[[gnu::always_inline]] static inline void add_pull(const Tree& t, const IslandMotion& m) {
-  for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes pull = load_lanes(m.pull + i);
-    store_lanes(load_lanes(m.force + i) + pull, m.force + i);
-    store_lanes(load_lanes(m.moment + i) + 0.5 * m.h * m.h * pull, m.moment + i);
   }
 }
 
@@ -201,8 +190,9 @@ template <Sweep kSweep>
     if (t.damped) find_drag(t, m);
     if (t.sprung) find_pull(t, m);
     if (t.elastic) add_elastic(of, m);
-    if (t.damped) add_drag(t, m);
-    if (t.sprung) add_pull(t, m);
+    if (t.damped) account_drag(t, m);
+    if (t.damped) add_to_rows(t, m, m.drag);
+    if (t.sprung) add_to_rows(t, m, m.pull);
     for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
       const Lanes a = load_lanes(m.smooth_acceleration + i), v = load_lanes(m.velocity + i);
       store_lanes(a, m.acceleration + i);
