@@ -116,15 +116,16 @@ def test_a_box_slips_on_a_tray_that_accelerates_beyond_friction(timestep):
     assert end.work - start.work == pytest.approx(0.5 * force * acceleration * seconds**2, rel=1e-3)
 
 
+@pytest.mark.parametrize("timeconst", [0.0, 0.02])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_what_stands_on_a_plate_that_shakes_below_gravity_keeps_contact(
-    timestep, shape, integrator
+    timestep, shape, integrator, timeconst
 ):
     """N = m g (1 - Gamma sin(w t)). At Gamma 0.8 16 to 19 % of the steps had no force."""
     frequency, ratio = 10.0, 0.8
-    engine, data = tray(timestep, shape=shape, integrator=integrator)
+    engine, data = tray(timestep, shape=shape, integrator=integrator, mocap_timeconst=timeconst)
     times, force, _ = shaken(engine, data, sine(ratio, frequency), axis=2, seconds=0.5)
     exact = 1.0 + ratio * np.cos(2.0 * np.pi * frequency * times)
     late = times > 0.1
@@ -133,21 +134,6 @@ def test_what_stands_on_a_plate_that_shakes_below_gravity_keeps_contact(
     # of the way, which is w^2 times its acceleration.
     turn = 2.0 * np.pi * frequency * timestep
     assert np.abs(force - exact)[late].max() < 0.25 * ratio * turn**2
-
-
-@pytest.mark.parametrize("timestep", TIMESTEPS)
-def test_a_slow_follower_shakes_as_its_response_says(timestep):
-    """With the default time constant T: gain and phase of 1 / (1 + i w T)^2."""
-    timeconst, frequency, ratio = 0.02, 5.0, 0.8
-    engine, data = tray(timestep, mocap_timeconst=timeconst)
-    turn = 2.0 * np.pi * frequency
-    times, force, _ = shaken(engine, data, sine(ratio, frequency), axis=2, seconds=1.0)
-    # Of poses that are held over each step from its start on, which have its end: the held
-    # sine leads by half a step.
-    response = np.exp(0.5j * turn * timestep) / (1.0 + 1j * turn * timeconst) ** 2
-    exact = 1.0 + ratio * (response * np.exp(1j * turn * times)).real
-    late = times > 0.4
-    assert np.abs(force - exact)[late].max() < 0.25 * ratio * (turn * timestep) ** 2
 
 
 @pytest.mark.parametrize("timestep", TIMESTEPS)

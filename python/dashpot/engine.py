@@ -103,19 +103,22 @@ class Engine(ReadableOptions):
         m/s or rad/s, without throwing what they join; with a ``solref`` of their own they begin
         as springs that are stretched so far, up to a hundred weights.
     mocap_timeconst
-        Time constant T in s, >= 0, with which mocap bodies follow the poses that users set: a
-        critically damped follower, x'' = -2 x' / T - x / T^2, whose velocity contacts (friction
-        too), welds, connects and tendons see, of the bodies and of what hangs on them by joints
-        (whose inertia does not feel it, as in MuJoCo). 20 ms is the time constant of MuJoCo's
-        default ``solref``, with which a mocap weld moves there. With 0 the body goes straight to
-        the pose within the step: exact for poses set in every step, jerky for others. A velocity
-        that goes on changing from step to step changes evenly within them too, which contacts feel
-        as an acceleration; where motion starts, stops or turns back at once, it jumps. ``cvel``
-        has its mean over the step, or its last part. A jump of more than 0.1 m or 0.5 rad in one
-        step, and the first pose, takes the body there without any motion; not so, where T > 0, a
-        jump that leaves behind what a weld or connect holds to it.
-        During a step mocap bodies are where they are, not yet where they are told to be; ``xpos``
-        and sensors say so.
+        Time constant T in s, >= 0, of mocap bodies, and of bodies without joints whose parent is
+        the world, which edits of ``body_pos`` and ``body_quat`` move. They go to the poses that
+        users set with a velocity. Contacts (friction too), welds, connects and tendons see it, of
+        the bodies and of what hangs on them by joints (whose inertia does not feel it, as in
+        MuJoCo). Told in every step a body is there at the end of the step. Told every n-th step it
+        goes at a constant velocity, and is there when the next pose is due, up to 5 T after the
+        last one. A single pose is reached at 0.25 m/s, or within T where that is shorter.
+        A mocap body to which a weld or connect holds something follows its poses as MuJoCo's weld
+        does, critically damped: x'' = -2 x' / T - x / T^2. 20 ms is the time constant of MuJoCo's
+        default ``solref``. With 0 all bodies go straight to their poses within the step, which is
+        jerky for poses that are not set in every step.
+        A velocity that goes on changing from step to step changes evenly within them too, which
+        contacts feel as an acceleration; where motion starts, stops or turns back at once, it
+        jumps. ``cvel`` has its mean over the step, or its last part. A jump of more than 0.1 m or
+        0.5 rad in one step, and the first pose, takes the body there without any motion; not so,
+        where T > 0, a jump that leaves behind what a weld or connect holds to it.
     impact
         ``"cut"`` ends a part of the step where a fast, thin or small geom meets another, so that
         contact starts at the surface, or its margin, with the right normal and nothing passes

@@ -137,7 +137,7 @@ class ReadableOptions:
 
     @property
     def mocap_timeconst(self) -> float:
-        """Time constant in s with which mocap bodies follow the poses that users set."""
+        """Time constant in s of mocap bodies, which follow the poses that users set."""
         return self._options.mocap_timeconst
 
     @property

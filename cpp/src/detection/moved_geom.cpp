@@ -10,7 +10,7 @@ void velocity_at(const mjModel* m, const mjData* d, int body, const mjtNum* poin
                  mjtNum* linear) {
   point_velocity(m, d, body, point, linear);
   mju_copy3(angular, d->cvel + 6 * body);
-  const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
+  const mjtNum* carrier = is_fixed(m, body) ? nullptr : mocap_twist(m, d, body);
   if (carrier) mju_addTo3(angular, carrier);
 }
 

@@ -89,7 +89,8 @@ double relative_speed(const mjModel* m, const mjData* d, int geom1, int geom2,
 
 bool moves_and_collides(const mjModel* m, int geom) {
   const int body = m->geom_bodyid[geom];
-  return (m->body_treeid[body] >= 0 || is_mocap(m, body)) && may_collide(m, geom);
+  const bool moves = !is_fixed(m, body) || m->body_mocapid[m->body_rootid[body]] >= 0;
+  return moves && may_collide(m, geom);
 }
 
 void ReachBuffers::forget_least() {
@@ -124,7 +125,8 @@ WidenedReach::WidenedReach(mjModel_* m, const mjData_* d, const std::vector<doub
   buffers.start_reach.assign(m->ngeom, 0.0);
   // All that may throw is done: where a constructor does, no destructor puts the model right.
   for (int geom = 0; geom < m->ngeom; ++geom) {
-    if (!moves_and_collides(m, geom)) continue;
+    const bool is_edited = is_moving(now.data() + 6 * m->geom_bodyid[geom]) && may_collide(m, geom);
+    if (!moves_and_collides(m, geom) && !is_edited) continue;
     buffers.start_reach[geom] = h * geom_speed(m, d, geom, now.data());
     reach[geom] = std::max({buffers.start_reach[geom], h * geom_speed(m, d, geom, later.data()),
                             buffers.least_reach[geom]});

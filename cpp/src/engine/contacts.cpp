@@ -49,7 +49,7 @@ MemoryLayout memory_layout(const mjModel_* m, int contact_capacity) {
     layout.held_dofs = host::dof_count(m);
     layout.held_coordinates = trees.coordinates;
   }
-  layout.mocap_bodies = host::mocap_count(m);
+  layout.driven_bodies = host::driven_count(m);
   return layout;
 }
 

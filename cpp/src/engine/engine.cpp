@@ -74,11 +74,11 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);
-  MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
-  forget_moved_by_hand(d, at_start.before);
   const bool moves_mocap = parameters.options.law != Law::kComFree;
   host::MocapMotion mocap(model, d, moves_mocap, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
+  MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
+  forget_moved_by_hand(d, at_start.before);
   host::StepParts parts(model, d);
   host::SleepAtStart sleep(model, d, sleeping.at_start());
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
@@ -206,12 +206,13 @@ void Stepper::Impl::fall_asleep(mjData_* d, const host::MocapMotion& mocap) {
 void Stepper::Impl::forget_moved_by_hand(mjData_* d, std::vector<double>& before) {
   Memory view = memory(d);
   thread_local std::vector<char> dof;
-  if (differentiable || view.starts() || !host::find_moved_by_hand(model, d, view.position(), dof))
-    return;
+  if (differentiable || view.starts()) return;
+  const bool any = host::find_moved_by_hand(model, d, view.position(), dof);
+  if (!any && mocap_buffers.jumped.empty()) return;
   const double* storage = host::memory(model, d, memory_layout.size());
   before.assign(storage, storage + memory_layout.size());
   MarkedRows moved;
-  host::mark_rows(model, dof, moved);
+  host::mark_rows(model, dof, mocap_buffers.jumped, moved);
   view.forget(moved);
   for (int index = 0; index < motion.tree_count(); ++index) {
     const Tree& tree = motion.trees().tree[index];

@@ -183,9 +183,10 @@ void report_mocap(const mjModel* m, Report& report) {
     if (report.comfree())
       report.add(name, Treatment::kHonoured, "is where its pose says, without velocity");
     else
-      report.add(name, Treatment::kMapped,
-                 "follows its pose within mocap_timeconst, and what it touches or holds sees its "
-                 "velocity");
+      report.add(
+          name, Treatment::kMapped,
+          "moves to its pose, and what it touches or holds sees its velocity; where it holds "
+          "something it follows within mocap_timeconst");
   }
 }
 

@@ -17,12 +17,14 @@ namespace {
 // Displacement (m, rad) beyond rounding and differences that derivatives are found by.
 constexpr double kMoved = 2e-6;
 
-// By body: a joint of it, or of one that it hangs on, is marked.
-std::vector<char> mark_bodies(const mjModel* m, const std::vector<char>& dof) {
+// By body: it, a joint of it, or what it hangs on is marked.
+std::vector<char> mark_bodies(const mjModel* m, const std::vector<char>& dof,
+                              const std::vector<int>& bodies) {
   std::vector<char> body(m->nbody, 0);
+  for (int id : bodies) body[id] = 1;
   for (int id = 1; id < m->nbody; ++id) {
     const auto first = dof.begin() + std::max(0, m->body_dofadr[id]);
-    body[id] = body[m->body_parentid[id]] ||
+    body[id] = body[id] || body[m->body_parentid[id]] ||
                std::any_of(first, first + m->body_dofnum[id], [](char own) { return own; });
   }
   return body;
@@ -41,16 +43,17 @@ bool marks_flex(const mjModel* m, const std::vector<char>& body, int flex) {
 
 }  // namespace
 
-void mark_rows(const mjModel_* m, const std::vector<char>& dof, MarkedRows& rows) {
-  const std::vector<char> body = mark_bodies(m, dof);
+void mark_rows(const mjModel_* m, const std::vector<char>& dof, const std::vector<int>& bodies,
+               MarkedRows& rows) {
+  const std::vector<char> body = mark_bodies(m, dof, bodies);
   std::vector<char> tree(m->ntree, 0);
   for (int i = 0; i < m->nv; ++i) tree[m->dof_treeid[i]] |= dof[i];
   rows.geom.resize(m->ngeom);
   for (int geom = 0; geom < m->ngeom; ++geom) {
     const int id = m->geom_bodyid[geom];
-    rows.geom[geom] = m->body_treeid[id] < 0 ? GeomMark::kOfNoTree
-                      : body[id]             ? GeomMark::kMarked
-                                             : GeomMark::kOther;
+    rows.geom[geom] = body[id]                 ? GeomMark::kMarked
+                      : m->body_treeid[id] < 0 ? GeomMark::kOfNoTree
+                                               : GeomMark::kOther;
   }
   rows.flex.resize(m->nflex);
   for (int flex = 0; flex < m->nflex; ++flex) rows.flex[flex] = marks_flex(m, body, flex);
@@ -88,11 +91,11 @@ void mark_rows(const mjModel_* m, const std::vector<char>& dof, MarkedRows& rows
 
 bool find_moved_by_hand(const mjModel_* m, const mjData_* d, const double* remembered,
                         std::vector<char>& dof) {
+  dof.assign(m->nv, 0);
   if (std::equal(remembered, remembered + m->nq, d->qpos)) return false;
   const double least = kMoved * metre(m);
   std::vector<double> way(m->nv);
   mj_differentiatePos(m, way.data(), 1.0, remembered, d->qpos);
-  dof.assign(m->nv, 0);
   bool any = false;
   for (int i = 0; i < m->nv; ++i) {
     if (std::abs(way[i]) <= least) continue;

@@ -39,17 +39,28 @@ std::array<double, 7> pose_where_met(const mjModel_* m, const mjData_* d, int mo
   return pose;
 }
 
-bool is_mocap(const mjModel_* m, int body) { return mocap_of(m, body) >= 0; }
+std::vector<int> driven_bodies(const mjModel_* m) {
+  std::vector<int> bodies(m->nmocap);
+  for (int id = 1; id < m->nbody; ++id) {
+    if (const int mocap = m->body_mocapid[id]; mocap >= 0)
+      bodies[mocap] = id;
+    else if (m->body_parentid[id] == 0 && is_fixed(m, id))
+      bodies.push_back(id);
+  }
+  return bodies;
+}
+
+bool is_fixed(const mjModel_* m, int body) { return m->body_treeid[body] < 0; }
 
 const double* mocap_twist(const mjModel_* m, const mjData_* d, int body) {
   const int root = m->body_rootid[body];
-  return m->body_mocapid[root] >= 0 ? d->cvel + 6 * root : nullptr;
+  return root > 0 && is_fixed(m, root) ? d->cvel + 6 * root : nullptr;
 }
 
 bool is_held_by_mocap(const mjModel_* m, int equality) {
   if (m->nmocap == 0) return false;
   const std::array<int, 2> body = joined_bodies(m, equality);
-  return is_mocap(m, body[0]) || is_mocap(m, body[1]);
+  return mocap_of(m, body[0]) >= 0 || mocap_of(m, body[1]) >= 0;
 }
 
 }  // namespace dashpot::host

@@ -2,6 +2,8 @@
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
+
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
@@ -15,11 +17,27 @@ constexpr double kJumpTurn = 0.5;  // rad
 // Beyond these a mocap body has left behind what it holds: at MuJoCo's default solref a weld is
 // stretched by 2 cm under a hundred weights, which is what springs bear without memory.
 constexpr double kApart = 0.02;     // m
+constexpr double kLong = 1e6;       // s, for which what nothing is known of has been told its pose
 constexpr double kApartTurn = 0.1;  // rad
+
+constexpr double kArm = 0.1;  // m
+// Speed (m/s) at which a body goes to a pose, or so much faster than it was told to go before, or
+// up to a speed that no motion before has to bear out.
+constexpr double kSlow = 0.25, kPursuit = 1.25, kQuick = 1.0;
+// Poses have a rhythm where so many time constants, at most, go by between them.
+constexpr double kRhythm = 5.0;
+// An interval that is shorter than the rhythm by no more than this factor shortens it slowly.
+constexpr double kUneven = 1.5, kFading = 0.9;
+constexpr double kSliver = 1e-9;  // of a time, by which sums of steps are off
 
 // Whether poses are farther from each other than `length` (m) or `angle` (rad).
 bool are_apart(const MocapPose& a, const MocapPose& b, double length, double angle) {
   return mju_norm3(offset(a, b).data()) > length || mju_norm3(turn(a, b).data()) > angle;
+}
+
+// How far a way goes (m), with what it turns points a tenth of a metre away by.
+double size_of(const mjModel* m, const MocapVector& way, const MocapVector& angle) {
+  return std::max(mju_norm3(way.data()), kArm * metre(m) * mju_norm3(angle.data()));
 }
 
 // The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.
@@ -45,7 +63,31 @@ bool is_far(const mjModel* m, const MocapPose& from, const MocapPose& to) {
 RememberedMocap at_rest(const MocapPose& command) {
   RememberedMocap mocap{};
   mocap.command = mocap.pose = command;
+  mocap.told = kLong;
   return mocap;
+}
+
+void tell(const mjModel* m, const MocapPose& command, bool follows, double time_constant,
+          RememberedMocap& now) {
+  const double step = m->opt.timestep, unit = metre(m), told = now.told;
+  const double way = size_of(m, offset(now.command, command), turn(now.command, command));
+  const double rest = size_of(m, offset(now.pose, command), turn(now.pose, command));
+  now.command = command;
+  now.told = now.left = 0.0;
+  if (follows) return;
+  if (time_constant == 0.0) {
+    now.left = step;
+  } else if (told > (1.0 + kSliver) * kRhythm * time_constant) {
+    now.left = std::clamp(rest / (kSlow * unit), step, std::max(step, time_constant));
+    now.rhythm = now.speed = 0.0;
+  } else {
+    const bool even = told <= now.rhythm && now.rhythm <= kUneven * told;
+    now.rhythm = even ? told + kFading * (now.rhythm - told) : told;
+    const double interval = std::max(step, now.rhythm), speed = way / interval;
+    const double borne_out = std::min(speed, std::max(kQuick * unit, now.speed));
+    now.left = std::max(interval, rest / std::max(kSlow * unit, kPursuit * borne_out));
+    now.speed = speed;
+  }
 }
 
 // It is one unless what it holds has been taken along: no farther from the new pose than from the

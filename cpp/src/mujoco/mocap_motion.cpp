@@ -11,10 +11,13 @@
 #include "dashpot/mujoco/mocap_acceleration.hpp"
 #include "dashpot/mujoco/mocap_jumps.hpp"
 #include "dashpot/mujoco/properties.hpp"
+#include "dashpot/mujoco/sleep.hpp"
 
 namespace dashpot::host {
 
 namespace {
+
+constexpr double kSliver = 1e-9;  // of a part, by which sums of lengths are off
 
 MocapVector times(double factor, const MocapVector& v) {
   return {factor * v[0], factor * v[1], factor * v[2]};
@@ -30,7 +33,7 @@ MocapVector way(double time, double length, const MocapVector& mean,
 bool all_zero(const MocapVector& v) { return v == MocapVector{}; }
 
 bool has_finite_rates(const RememberedMocap& mocap) {
-  double sum = mocap.length;
+  double sum = mocap.length + mocap.told + mocap.rhythm + mocap.speed + mocap.left;
   for (const MocapVector* rate :
        {&mocap.velocity, &mocap.angular, &mocap.mean.velocity, &mocap.mean.change,
         &mocap.mean.growth, &mocap.mean_angular.velocity, &mocap.mean_angular.change,
@@ -50,6 +53,18 @@ bool has_arrived(const RememberedMocap& mocap) {
 
 }  // namespace
 
+const std::vector<int>& MocapBuffers::find_bodies(const mjModel_* m) {
+  if (of_body.empty()) {
+    id = driven_bodies(m);
+    of_body.assign(m->nbody, -1);
+    for (int i = 1; i < m->nbody; ++i) {
+      const auto found = std::find(id.begin(), id.end(), m->body_rootid[i]);
+      if (found != id.end()) of_body[i] = static_cast<int>(found - id.begin());
+    }
+  }
+  return id;
+}
+
 MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_constant,
                          const Memory& memory, MocapBuffers& buffers)
     : model_(m),
@@ -57,12 +72,12 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
       moves_(moves),
       time_constant_(time_constant),
       buffers_(buffers),
-      places_(m, d, buffers.place) {
-  buffers.body.resize(m->nmocap);
-  for (int id = 0; m->nmocap > 0 && id < m->nbody; ++id) {
-    const int index = m->body_mocapid[id];
-    if (index < 0) continue;
-    MocapBody& body = buffers.body[index];
+      places_(m, d, buffers.find_bodies(m), buffers.place) {
+  buffers.body.resize(buffers.id.size());
+  buffers.jumped.clear();
+  for (size_t i = 0; i < buffers.id.size(); ++i) {
+    const int index = static_cast<int>(i);
+    MocapBody& body = buffers.body[i];
     body.now = memory.mocap(index);
     MocapPose command = places_.given(index);
     mju_normalize4(command.data() + 3);
@@ -72,8 +87,9 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
     body.jumps = far && may_follow;
     body.starts = !knows && may_follow;
+    if (far && !body.jumps) buffers.jumped.push_back(buffers.id[i]);
     if (!knows || (far && !body.jumps)) body.now = at_rest(command);
-    body.now.command = command;
+    if (body.now.command != command) tell(m, command, may_follow, time_constant, body.now);
   }
 }
 
@@ -83,7 +99,7 @@ bool MocapMotion::anything_moves() const {
 
 bool MocapMotion::moves(int geom) const {
   if (geom < 0 || buffers_.body.empty()) return false;
-  const int index = model_->body_mocapid[model_->body_rootid[model_->geom_bodyid[geom]]];
+  const int index = buffers_.of_body[model_->geom_bodyid[geom]];
   return index >= 0 && is_in_motion(buffers_.body[index]);
 }
 
@@ -110,6 +126,12 @@ void MocapMotion::find_mean_velocity(double length, MocapBody& body) const {
   const RememberedMocap& now = body.now;
   body.velocity = body.angular = {};
   if (has_arrived(now)) return;
+  if (now.left > 0.0) {
+    const double rate = 1.0 / std::max(length, now.left);
+    body.velocity = times(rate, offset(now.pose, now.command));
+    body.angular = times(rate, turn(now.pose, now.command));
+    return;
+  }
   MocapVector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
   MocapVector rate = now.velocity, angular_rate = now.angular;
   follow(time_constant_, length, x, rate);
@@ -154,6 +176,7 @@ void MocapMotion::show(double time) {
            way(time, length_, body.angular, body.angular_acceleration));
     places_.put(i, pose);
   }
+  if (may_sleep(model_)) places_.update_fixed_bodies();
 }
 
 // The positions of all constraints with the mocap bodies at the end of their way and all others
@@ -174,9 +197,9 @@ void MocapMotion::find_constraints(double length) {
 void MocapMotion::write_velocities() const {
   if (!anything_moves()) return;
   for (int id = 0; id < model_->nbody; ++id) {
-    if (!is_mocap(model_, id)) continue;
+    if (buffers_.of_body[id] < 0 || !is_fixed(model_, id)) continue;
     const int root = model_->body_rootid[id];
-    const MocapBody& body = buffers_.body[model_->body_mocapid[root]];
+    const MocapBody& body = buffers_.body[buffers_.of_body[id]];
     mjtNum arm[3], around[3];
     mju_sub3(arm, data_->subtree_com + 3 * root, data_->xpos + 3 * root);
     mju_cross(around, body.angular.data(), arm);
@@ -211,9 +234,9 @@ void MocapMotion::drive(std::vector<ContactInput>& contacts) const {
 // Adds the acceleration of a point of a geom, times `sign`, with which a mocap body takes it along.
 void MocapMotion::add_acceleration(int geom, const MocapVector& position, double sign,
                                    MocapVector& acceleration) const {
-  const int root = model_->body_rootid[model_->geom_bodyid[geom]];
-  if (model_->body_mocapid[root] < 0) return;
-  const MocapBody& body = buffers_.body[model_->body_mocapid[root]];
+  const int id = model_->geom_bodyid[geom], root = model_->body_rootid[id];
+  if (buffers_.of_body[id] < 0) return;
+  const MocapBody& body = buffers_.body[buffers_.of_body[id]];
   mjtNum arm[3], around[3];
   mju_sub3(arm, position.data(), data_->xpos + 3 * root);
   mju_cross(around, body.angular_acceleration.data(), arm);
@@ -224,16 +247,16 @@ void MocapMotion::add_acceleration(int geom, const MocapVector& position, double
 double MocapMotion::work_against_gravity(double length) const {
   double work = 0.0;
   if (!anything_moves() || model_->opt.disableflags & mjDSBL_GRAVITY) return work;
-  for (int id = 0; id < model_->nbody; ++id) {
-    if (model_->body_mocapid[id] < 0) continue;
-    const MocapBody& body = buffers_.body[model_->body_mocapid[id]];
+  for (size_t i = 0; i < buffers_.id.size(); ++i) {
+    const int id = buffers_.id[i];
+    const MocapBody& body = buffers_.body[i];
     mjtNum arm[3], turned[3], turn[4] = {1, 0, 0, 0};
     mju_sub3(arm, data_->subtree_com + 3 * id, data_->xpos + 3 * id);
     rotate(turn, times(length, body.angular));
     mju_rotVecQuat(turned, arm, turn);
-    for (int i = 0; i < 3; ++i)
-      work -= model_->body_subtreemass[id] * model_->opt.gravity[i] *
-              (length * body.velocity[i] + turned[i] - arm[i]);
+    for (int axis = 0; axis < 3; ++axis)
+      work -= model_->body_subtreemass[id] * model_->opt.gravity[axis] *
+              (length * body.velocity[axis] + turned[axis] - arm[axis]);
   }
   return work;
 }
@@ -241,7 +264,19 @@ double MocapMotion::work_against_gravity(double length) const {
 void MocapMotion::advance(double length) {
   for (MocapBody& body : buffers_.body) {
     RememberedMocap& now = body.now;
+    now.told += length;
     if (has_arrived(now) && !is_in_motion(body)) continue;
+    if (now.left > 0.0) {
+      move(now.pose, times(length, body.velocity), times(length, body.angular));
+      now.velocity = body.velocity;
+      now.angular = body.angular;
+      now.left -= length;
+      if (now.left > kSliver * length) continue;
+      now.pose = now.command;
+      now.velocity = now.angular = {};
+      now.left = 0.0;
+      continue;
+    }
     MocapVector x = offset(now.command, now.pose), angle = turn(now.command, now.pose);
     follow(time_constant_, length, x, now.velocity);
     follow(time_constant_, length, angle, now.angular);

@@ -6,24 +6,27 @@
 
 namespace dashpot::host {
 
-namespace {
-
-MocapPose pose_in(const mjData* d, size_t index) {
-  MocapPose pose;
-  std::copy_n(d->mocap_pos + 3 * index, 3, pose.begin());
-  std::copy_n(d->mocap_quat + 4 * index, 4, pose.begin() + 3);
-  return pose;
-}
-
-}  // namespace
-
-MocapPlaces::MocapPlaces(const mjModel* m, mjData* d, std::vector<MocapPlace>& place)
-    : data_(d), place_(place) {
-  place.resize(m->nmocap);
+MocapPlaces::MocapPlaces(const mjModel* m, mjData* d, const std::vector<int>& body,
+                         std::vector<MocapPlace>& place)
+    : model_(const_cast<mjModel*>(m)), data_(d), body_(body), place_(place) {
+  place.resize(body.size());
   for (size_t i = 0; i < place.size(); ++i) {
-    place[i].given = pose_in(d, i);
+    place[i].given = numbers(i).pose();
     place[i].placed = place[i].left = place[i].given;
   }
+}
+
+MocapPlaces::Numbers MocapPlaces::numbers(size_t index) const {
+  if (index < static_cast<size_t>(model_->nmocap))
+    return {data_->mocap_pos + 3 * index, data_->mocap_quat + 4 * index};
+  return {model_->body_pos + 3 * body_[index], model_->body_quat + 4 * body_[index]};
+}
+
+MocapPose MocapPlaces::Numbers::pose() const {
+  MocapPose pose;
+  std::copy_n(position, 3, pose.begin());
+  std::copy_n(quaternion, 4, pose.begin() + 3);
+  return pose;
 }
 
 MocapPlaces::~MocapPlaces() {
@@ -36,14 +39,33 @@ MocapPlaces::~MocapPlaces() {
 // Keeps the pose that a callback has set since the body was placed.
 void MocapPlaces::keep_what_was_set(size_t index) {
   MocapPlace& place = place_[index];
-  if (const MocapPose now = pose_in(data_, index); now != place.placed) place.left = now;
+  if (const MocapPose now = numbers(index).pose(); now != place.placed) place.left = now;
 }
 
 void MocapPlaces::put(size_t index, const MocapPose& pose) {
   keep_what_was_set(index);
   place_[index].placed = pose;
-  std::copy_n(pose.begin(), 3, data_->mocap_pos + 3 * index);
-  std::copy_n(pose.begin() + 3, 4, data_->mocap_quat + 4 * index);
+  const Numbers to = numbers(index);
+  std::copy_n(pose.begin(), 3, to.position);
+  std::copy_n(pose.begin() + 3, 4, to.quaternion);
+}
+
+void MocapPlaces::update_fixed_bodies() {
+  bool moved = false;
+  for (size_t i = model_->nmocap; i < body_.size(); ++i) {
+    mjtNum quaternion[4];
+    mju_copy4(quaternion, model_->body_quat + 4 * body_[i]);
+    mju_normalize4(quaternion);
+    const mjtNum* position = model_->body_pos + 3 * body_[i];
+    moved = moved || !std::equal(position, position + 3, data_->xpos + 3 * body_[i]) ||
+            !std::equal(quaternion, quaternion + 4, data_->xquat + 4 * body_[i]);
+  }
+  if (!moved) return;
+  const int flags = model_->opt.enableflags;
+  model_->opt.enableflags &= ~mjENBL_SLEEP;
+  mj_kinematics(model_, data_);
+  mj_comPos(model_, data_);
+  model_->opt.enableflags = flags;
 }
 
 }  // namespace dashpot::host

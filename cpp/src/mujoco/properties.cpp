@@ -22,7 +22,7 @@ int geom_count(const mjModel_* m) { return static_cast<int>(m->ngeom); }
 int dof_count(const mjModel_* m) { return static_cast<int>(m->nv); }
 int position_count(const mjModel_* m) { return static_cast<int>(m->nq); }
 int flex_count(const mjModel_* m) { return static_cast<int>(m->nflex); }
-int mocap_count(const mjModel_* m) { return static_cast<int>(m->nmocap); }
+int driven_count(const mjModel_* m) { return static_cast<int>(driven_bodies(m).size()); }
 bool has_equalities(const mjModel_* m) { return m->neq > 0; }
 
 bool has_adhesion(const mjModel_* m) {
@@ -166,7 +166,7 @@ int contact_capacity(const mjModel_* m) {
     const int body = m->geom_bodyid[geom];
     if (!m->geom_contype[geom] && !m->geom_conaffinity[geom] && !is_in_pair(m, geom))
       count += kCapacityUnseen;
-    else if (m->body_treeid[body] < 0 && !is_mocap(m, body))
+    else if (is_fixed(m, body) && m->body_mocapid[m->body_rootid[body]] < 0)
       count += kCapacityStatic;
     else
       count += on_terrain ? kMostOfGeom : capacity_of(m->geom_type[geom]);

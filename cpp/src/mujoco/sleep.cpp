@@ -8,6 +8,8 @@
 #include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/equality_sides.hpp"
 #include "dashpot/mujoco/marked_rows.hpp"
+#include "dashpot/mujoco/mocap_bodies.hpp"
+#include "dashpot/mujoco/velocities.hpp"
 
 // Exported by the pinned MuJoCo library though not declared in its public headers: what follows
 // from mjData.tree_asleep.
@@ -88,7 +90,9 @@ bool rest_asleep(const mjModel_* m, const mjData_* d, const std::array<int, 2>& 
   bool any = false;
   for (int geom : geoms) {
     const int body = m->geom_bodyid[geom], tree = m->body_treeid[body];
-    if (tree < 0 ? m->body_mocapid[m->body_rootid[body]] >= 0 : !sleeps(d, tree)) return false;
+    const mjtNum* twist = tree < 0 ? mocap_twist(m, d, body) : nullptr;
+    const bool moves = m->body_mocapid[m->body_rootid[body]] >= 0 || (twist && is_moving(twist));
+    if (tree < 0 ? moves : !sleeps(d, tree)) return false;
     any = any || tree >= 0;
   }
   return any;
@@ -167,7 +171,7 @@ void find_sleeping_rows(const mjModel_* m, const mjData_* d, MarkedRows& sleepin
   if (!any_sleeps(m, d)) return;
   std::vector<char> dof(m->nv);
   for (int i = 0; i < m->nv; ++i) dof[i] = sleeps(d, m->dof_treeid[i]);
-  mark_rows(m, dof, sleeping);
+  mark_rows(m, dof, {}, sleeping);
 }
 
 void find_sleeping_dofs(const mjModel_* m, const mjData_* d, std::vector<int>& dofs) {

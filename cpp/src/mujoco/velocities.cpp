@@ -14,9 +14,9 @@ void body_velocities(const mjModel_* m, const mjData_* d, const double* qvel,
   velocity.assign(6 * m->nbody, 0.0);
   for (int body = 1; body < m->nbody; ++body) {
     std::array<double, 6> sum;
-    std::copy_n(m->body_mocapid[body] >= 0 ? d->cvel + 6 * body
-                                           : velocity.data() + 6 * m->body_parentid[body],
-                6, sum.begin());
+    std::copy_n(
+        is_fixed(m, body) ? d->cvel + 6 * body : velocity.data() + 6 * m->body_parentid[body], 6,
+        sum.begin());
     const int end = m->body_dofadr[body] + m->body_dofnum[body];
     for (int j = m->body_dofadr[body]; j < end; ++j)
       for (int i = 0; i < 6; ++i) sum[i] += d->cdof[6 * j + i] * qvel[j];
@@ -35,8 +35,8 @@ void velocity_of_point(const mjModel_* m, const mjData_* d, int body, const doub
 void point_velocity(const mjModel_* m, const mjData_* d, int body, const double* point,
                     double* velocity) {
   velocity_of_point(m, d, body, d->cvel + 6 * body, point, velocity);
-  // A mocap body's own is in cvel, that of what hangs on it relative to it.
-  const mjtNum* carrier = is_mocap(m, body) ? nullptr : mocap_twist(m, d, body);
+  // What a fixed body has of its own is in cvel, that of what hangs on it relative to it.
+  const mjtNum* carrier = is_fixed(m, body) ? nullptr : mocap_twist(m, d, body);
   if (!carrier) return;
   mjtNum carried[3];
   velocity_of_point(m, d, body, carrier, point, carried);

@@ -51,7 +51,7 @@ int MemoryLayout::held_size() const {
 
 int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
 
-int MemoryLayout::mocap_size() const { return kMocap * mocap_bodies; }
+int MemoryLayout::mocap_size() const { return kMocap * driven_bodies; }
 
 int MemoryLayout::size() const {
   return kHeader + positions + held_size() + lead_size() + mocap_size() +

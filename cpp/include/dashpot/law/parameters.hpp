@@ -20,7 +20,7 @@ struct Options {
   int microsteps = 0;           // fixed number per step, >= 1; 0: chosen per island ("auto")
   int max_microsteps = 64;      // >= 1; stiffness beyond what they resolve is lowered
   double recovery_speed = 0.1;  // m/s, >= 0, may be infinite: how fast unstressed overlap recovers
-  double mocap_timeconst = 0.02;  // s, >= 0: of mocap bodies, see mocap_motion.hpp
+  double mocap_timeconst = 0.02;  // s, >= 0: of bodies that users move, mocap_motion.hpp
   Impact impact = Impact::kNone;
   CombinationRules rules;
   // Of Law::kComFree alone, as the options above are of Law::kKelvinVoigt; see comfree.hpp.

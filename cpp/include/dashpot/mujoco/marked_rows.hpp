@@ -11,8 +11,9 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// The rows of marked degrees of freedom, and of all that hangs on them.
-void mark_rows(const mjModel_* m, const std::vector<char>& dof, MarkedRows& rows);
+// The rows of marked degrees of freedom, of some bodies, and of all that hangs on them.
+void mark_rows(const mjModel_* m, const std::vector<char>& dof, const std::vector<int>& bodies,
+               MarkedRows& rows);
 
 // Marks the degrees of freedom of bodies whose positions differ by more than 2 um or urad from
 // those remembered (nq); returns whether there are any.

@@ -1,17 +1,22 @@
-// Which bodies are mocap bodies, and what they hold.
+// Which bodies users alone move, and what they hold: mocap bodies, and bodies that are fixed to the
+// world, which edits of the model move.
 
 #pragma once
 
 #include <array>
+#include <vector>
 
 struct mjModel_;
 struct mjData_;
 
 namespace dashpot::host {
 
-// Whether a body is a mocap body or fixed to one.
-bool is_mocap(const mjModel_* m, int body);
-// Rotation and translation (6, as in cvel and about the same point) by which a mocap body takes a
+// Their numbers: mocap bodies in their order, then those whose parent is the world and that have no
+// joint.
+std::vector<int> driven_bodies(const mjModel_* m);
+// Whether a body is fixed to the world, or to one of these.
+bool is_fixed(const mjModel_* m, int body);
+// Rotation and translation (6, as in cvel and about the same point) by which one of these takes a
 // body along that is fixed to it or hangs on it by joints; null for all others.
 const double* mocap_twist(const mjModel_* m, const mjData_* d, int body);
 // Whether a connect or weld holds something to a mocap body. What it pulls at may not be able to

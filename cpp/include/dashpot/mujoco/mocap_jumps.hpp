@@ -1,4 +1,11 @@
-// Jumps of the poses of mocap bodies: which of them are motions.
+// Poses that users set in jumps: when a body is to be there, and which jumps are motions.
+//
+// Poses that follow on one another within 0.1 s (five time constants) have a rhythm: a body goes at
+// a constant velocity to be where it is told when the next pose comes. Told in every step it is
+// there at the end of the step, and what is seen then is what contacts saw. A single pose, as the
+// first of many, is reached at 0.25 m/s, or within a time constant where that is shorter. So no
+// jump is a blow: a body that is behind goes at most 1.25 times as fast as it is told to, beyond
+// 1 m/s as it was told before too. What a body turns counts as the way of a point 0.1 m away.
 //
 // A jump that no motion is meant by takes the body there without any (at_rest): one of more than
 // 0.1 m or 0.5 rad, unless the body follows slowly (mocap_motion.hpp) and leaves behind what a
@@ -17,6 +24,9 @@ struct mjData_;
 
 namespace dashpot::host {
 
+// Tells a body where to be. One that `follows` has no time to be there.
+void tell(const mjModel_* m, const MocapPose& command, bool follows, double time_constant,
+          RememberedMocap& now);
 // Whether a body goes farther in one step than motions do.
 bool is_far(const mjModel_* m, const MocapPose& from, const MocapPose& to);
 // Of a body at rest where it is told to be.

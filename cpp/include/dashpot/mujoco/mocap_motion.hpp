@@ -1,18 +1,19 @@
-// Motion of mocap bodies.
+// Motion of the bodies that users alone move (mocap_bodies.hpp): mocap bodies, and static ones that
+// are fixed to the world, by edits of the model.
 //
-// Users set the poses of mocap bodies, in jumps: every step, or now and then. MuJoCo gives these
-// bodies no velocity; its soft rows turn the violation that a jump leaves into motion within their
-// time constant. Here rows are rigid, so the body itself moves: during a step it goes, with a
-// velocity that its contacts, welds and tendons see, from where it is to where a critically damped
-// follower of the commanded pose will be,
+// Users set their poses in jumps: every step, or now and then. MuJoCo gives these bodies no
+// velocity; its soft rows turn the violation that a jump leaves into motion within their time
+// constant. Here rows are rigid, so the body itself moves: during a step it goes, with a velocity
+// that its contacts, welds and tendons see, to where it is told to be or, until the time that
+// mocap_jumps.hpp gives it is over, a part of the way. A mocap body that holds something goes to
+// where a critically damped follower of the commanded pose will be,
 //
 //     x'' = -2 x' / T - x / T^2 ,    c = x' + x / T ,
 //     x(h) = (x + c h) exp(-h/T) ,   x'(h) = (x' - c h / T) exp(-h/T) ,
 //
 // with x the offset from the commanded pose: three numbers of translation, three
 // of rotation. T is 20 ms by default, MuJoCo's time constant, so that a weld that nothing loads
-// moves as MuJoCo's does. T = 0 has the body arrive at the end of the step. What of its jumps is
-// motion says mocap_jumps.hpp.
+// moves as MuJoCo's does. T = 0 has every body arrive at the end of the step.
 //
 // Within a step its velocity is linear about the mean v_n, with the acceleration a_n of
 // mocap_acceleration.hpp.
@@ -48,6 +49,10 @@ struct MocapBody {
 };
 // Kept from step to step: a step allocates nothing.
 struct MocapBuffers {
+  const std::vector<int>& find_bodies(const mjModel_* m);
+
+  std::vector<int> id, of_body;  // driven_bodies(), and which of them carries a body, -1 for none
+  std::vector<int> jumped;       // those that are elsewhere, without motion
   std::vector<MocapBody> body;
   std::vector<MocapPlace> place;
   std::vector<double> end_position;  // of constraints, by memory; NaN for none
@@ -55,8 +60,7 @@ struct MocapBuffers {
   std::vector<ConstraintInput> constraints;
 };
 
-// The mocap bodies of `d` during a step, at whose end they are where they were told to be
-// (mocap_places.hpp).
+// These bodies during a step, at whose end they are where they were told to be (mocap_places.hpp).
 class MocapMotion {
  public:
   // `moves` false: bodies are at once where they are told to be, without motion, as in MuJoCo.

@@ -1,5 +1,5 @@
-// Where mocap bodies are put in mjData during a step, whose end leaves them where users told them
-// to be.
+// Where driven bodies (mocap_bodies.hpp) are put during a step, whose end leaves them where users
+// told them to be: mocap bodies in mjData, those that edits of the model move in the model.
 
 #pragma once
 
@@ -13,29 +13,41 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// Poses that mjData had, has meanwhile, and gets in the end.
+// Poses that a body had, has meanwhile, and gets in the end.
 struct MocapPlace {
   MocapPose given{}, placed{}, left{};
 };
 
-// At its end, also where the step throws, `d` has the poses that it began with again, or what a
+// At its end, also where the step throws, bodies have the poses that it began with again, or what a
 // callback has set since a body was last placed.
 class MocapPlaces {
  public:
-  // `place`: kept from step to step, as a step allocates nothing.
-  MocapPlaces(const mjModel_* m, mjData_* d, std::vector<MocapPlace>& place);
+  // `body`: driven_bodies(); `place`: kept from step to step, as a step allocates nothing. Changes
+  // poses in `m` meanwhile.
+  MocapPlaces(const mjModel_* m, mjData_* d, const std::vector<int>& body,
+              std::vector<MocapPlace>& place);
   ~MocapPlaces();
   MocapPlaces(const MocapPlaces&) = delete;
   MocapPlaces& operator=(const MocapPlaces&) = delete;
 
-  // The pose that mjData had at the start of the step, its quaternion as it was given.
+  // The pose that it had at the start of the step, its quaternion as it was given.
   const MocapPose& given(size_t index) const { return place_[index].given; }
   void put(size_t index, const MocapPose& pose);
+  // Takes fixed bodies to where they are put, which MuJoCo's kinematics leave where they were if
+  // trees may sleep.
+  void update_fixed_bodies();
 
  private:
+  struct Numbers {
+    double *position, *quaternion;
+    MocapPose pose() const;
+  };
+  Numbers numbers(size_t index) const;
   void keep_what_was_set(size_t index);
 
+  mjModel_* model_;
   mjData_* data_;
+  const std::vector<int>& body_;
   std::vector<MocapPlace>& place_;
 };
 

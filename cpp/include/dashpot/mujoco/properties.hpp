@@ -14,7 +14,7 @@ int geom_count(const mjModel_* m);
 int dof_count(const mjModel_* m);
 int position_count(const mjModel_* m);
 int flex_count(const mjModel_* m);
-int mocap_count(const mjModel_* m);
+int driven_count(const mjModel_* m);
 bool has_equalities(const mjModel_* m);
 bool has_adhesion(const mjModel_* m);     // of actuators or of geoms
 double gravity(const mjModel_* m);        // m/s^2; 0 if it is disabled

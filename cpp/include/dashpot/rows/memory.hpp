@@ -91,10 +91,13 @@ struct MeanRate {
   std::array<double, 3> velocity, change, growth;
 };
 
-// What is remembered of a mocap body, see mocap_motion.hpp. Zeros: nothing yet.
+// What is remembered of a body that users move, see mocap_motion.hpp. Zeros: nothing yet.
 struct RememberedMocap {
   std::array<double, 7> command, pose;      // position (m) and quaternion
   std::array<double, 3> velocity, angular;  // of the follower, m/s and rad/s, world
+  double told;                              // for how long it is told where to be, s
+  double rhythm, speed;                     // how long it had been before, and how fast that was
+  double left;                              // until it is there, s; 0: it is, or follows
   double length;                            // of the last step, s
   MeanRate mean, mean_angular;              // over that step
 };
@@ -108,7 +111,7 @@ struct MemoryLayout {
   int geoms = 0, flexes = 0;
   int constraints = 0;
   int held_trees = 0, held_dofs = 0, held_coordinates = 0;
-  int mocap_bodies = 0;
+  int driven_bodies = 0;
   int size() const;  // doubles
   int held_size() const;
   int lead_size() const;
