@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/properties.hpp"
@@ -17,7 +18,7 @@ constexpr double kJumpTurn = 0.5;  // rad
 // Beyond these a mocap body has left behind what it holds: at MuJoCo's default solref a weld is
 // stretched by 2 cm under a hundred weights, which is what springs bear without memory.
 constexpr double kApart = 0.02;     // m
-constexpr double kLong = 1e6;       // s, for which what nothing is known of has been told its pose
+constexpr double kLongAgo = -1e6;   // s, when what nothing is known of was told its pose
 constexpr double kApartTurn = 0.1;  // rad
 
 constexpr double kArm = 0.1;  // m
@@ -28,7 +29,7 @@ constexpr double kSlow = 0.25, kPursuit = 1.25, kQuick = 1.0;
 constexpr double kRhythm = 5.0;
 // An interval that is shorter than the rhythm by no more than this factor shortens it slowly.
 constexpr double kUneven = 1.5, kFading = 0.9;
-constexpr double kSliver = 1e-9;  // of a time, by which sums of steps are off
+constexpr double kSliver = 1e-9;  // of a time, by which sums of steps are off at most
 
 // Whether poses are farther from each other than `length` (m) or `angle` (rad).
 bool are_apart(const MocapPose& a, const MocapPose& b, double length, double angle) {
@@ -63,21 +64,23 @@ bool is_far(const mjModel* m, const MocapPose& from, const MocapPose& to) {
 RememberedMocap at_rest(const MocapPose& command) {
   RememberedMocap mocap{};
   mocap.command = mocap.pose = command;
-  mocap.told = kLong;
+  mocap.told_at = kLongAgo;
   return mocap;
 }
 
-void tell(const mjModel* m, const MocapPose& command, bool follows, double time_constant,
-          RememberedMocap& now) {
-  const double step = m->opt.timestep, unit = metre(m), told = now.told;
+void tell(const mjModel* m, double time, const MocapPose& command, bool follows,
+          double time_constant, RememberedMocap& now) {
+  const double step = m->opt.timestep, unit = metre(m), since = time - now.told_at;
+  const double told = std::abs(since - step) <= kSliver * step ? step : since;  // of sums of steps
   const double way = size_of(m, offset(now.command, command), turn(now.command, command));
   const double rest = size_of(m, offset(now.pose, command), turn(now.pose, command));
   now.command = command;
-  now.told = now.left = 0.0;
+  now.told_at = time;
+  now.left = 0.0;
   if (follows) return;
   if (time_constant == 0.0) {
     now.left = step;
-  } else if (told > (1.0 + kSliver) * kRhythm * time_constant) {
+  } else if (!(told >= 0.0 && told <= (1.0 + kSliver) * kRhythm * time_constant)) {
     now.left = std::clamp(rest / (kSlow * unit), step, std::max(step, time_constant));
     now.rhythm = now.speed = 0.0;
   } else {

@@ -33,7 +33,7 @@ MocapVector way(double time, double length, const MocapVector& mean,
 bool all_zero(const MocapVector& v) { return v == MocapVector{}; }
 
 bool has_finite_rates(const RememberedMocap& mocap) {
-  double sum = mocap.length + mocap.told + mocap.rhythm + mocap.speed + mocap.left;
+  double sum = mocap.length + mocap.told_at + mocap.rhythm + mocap.speed + mocap.left;
   for (const MocapVector* rate :
        {&mocap.velocity, &mocap.angular, &mocap.mean.velocity, &mocap.mean.change,
         &mocap.mean.growth, &mocap.mean_angular.velocity, &mocap.mean_angular.change,
@@ -49,6 +49,12 @@ bool is_in_motion(const MocapBody& body) {
 
 bool has_arrived(const RememberedMocap& mocap) {
   return mocap.pose == mocap.command && all_zero(mocap.velocity) && all_zero(mocap.angular);
+}
+
+bool rests(const RememberedMocap& mocap) {
+  return has_arrived(mocap) && all_zero(mocap.mean.velocity) && all_zero(mocap.mean.change) &&
+         all_zero(mocap.mean.growth) && all_zero(mocap.mean_angular.velocity) &&
+         all_zero(mocap.mean_angular.change) && all_zero(mocap.mean_angular.growth);
 }
 
 }  // namespace
@@ -72,14 +78,21 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
       moves_(moves),
       time_constant_(time_constant),
       buffers_(buffers),
-      places_(m, d, buffers.find_bodies(m), buffers.place) {
+      places_(m, d, buffers.find_bodies(m), buffers.active, buffers.place) {
   buffers.body.resize(buffers.id.size());
+  buffers.active.clear();
   buffers.jumped.clear();
-  for (size_t i = 0; i < buffers.id.size(); ++i) {
+  const size_t count = moves ? buffers.id.size() : m->nmocap;
+  for (size_t i = 0; i < count; ++i) {
     const int index = static_cast<int>(i);
+    const RememberedMocap remembered = memory.mocap(index);
     MocapBody& body = buffers.body[i];
-    body.now = memory.mocap(index);
-    MocapPose command = places_.given(index);
+    MocapPose command = places_.pose(i);
+    body.rests = moves && remembered.command == command && rests(remembered);
+    if (body.rests) continue;
+    body = {remembered};
+    buffers.active.push_back(i);
+    places_.start(i);
     mju_normalize4(command.data() + 3);
     const bool knows =
         moves && is_pose(body.now.command) && is_pose(body.now.pose) && has_finite_rates(body.now);
@@ -89,29 +102,36 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     body.starts = !knows && may_follow;
     if (far && !body.jumps) buffers.jumped.push_back(buffers.id[i]);
     if (!knows || (far && !body.jumps)) body.now = at_rest(command);
-    if (body.now.command != command) tell(m, command, may_follow, time_constant, body.now);
+    if (body.now.command != command) tell(m, d->time, command, may_follow, time_constant, body.now);
   }
 }
 
 bool MocapMotion::anything_moves() const {
-  return std::any_of(buffers_.body.begin(), buffers_.body.end(), is_in_motion);
+  return std::any_of(buffers_.active.begin(), buffers_.active.end(),
+                     [&](size_t i) { return is_in_motion(buffers_.body[i]); });
 }
 
 bool MocapMotion::moves(int geom) const {
-  if (geom < 0 || buffers_.body.empty()) return false;
-  const int index = buffers_.of_body[model_->geom_bodyid[geom]];
-  return index >= 0 && is_in_motion(buffers_.body[index]);
+  if (geom < 0 || buffers_.active.empty()) return false;
+  const MocapBody* body = carrier_of(model_->geom_bodyid[geom]);
+  return body && is_in_motion(*body);
+}
+
+// Null of what nothing carries that is not at rest.
+const MocapBody* MocapMotion::carrier_of(int id) const {
+  const int index = buffers_.of_body[id];
+  return index < 0 || buffers_.body[index].rests ? nullptr : &buffers_.body[index];
 }
 
 void MocapMotion::begin(double length) {
   searched_ = length_ = length;
-  for (size_t i = 0; i < buffers_.body.size(); ++i) {
+  for (size_t i : buffers_.active) {
     MocapBody& body = buffers_.body[i];
     if (body.jumps) settle_jump(model_, data_, i, places_, body.now);
     if (body.starts) settle_start(model_, data_, i, places_, body.now);
     body.jumps = body.starts = false;
   }
-  for (size_t i = 0; i < buffers_.body.size(); ++i) {
+  for (size_t i : buffers_.active) {
     find_mean_velocity(length, buffers_.body[i]);
     if (first_part_) find_acceleration(length, i);
   }
@@ -158,17 +178,17 @@ void MocapMotion::find_acceleration(double length, size_t index) {
 void MocapMotion::shorten(double length) {
   if (length == length_) return;
   const double earlier = 0.5 * (length - length_);
-  for (MocapBody& body : buffers_.body)
-    for (int i = 0; i < 3; ++i) {
-      body.velocity[i] += earlier * body.acceleration[i];
-      body.angular[i] += earlier * body.angular_acceleration[i];
-    }
+  for (size_t index : buffers_.active) {
+    MocapBody& body = buffers_.body[index];
+    mju_addToScl3(body.velocity.data(), body.acceleration.data(), earlier);
+    mju_addToScl3(body.angular.data(), body.angular_acceleration.data(), earlier);
+  }
   length_ = length;
   write_velocities();
 }
 
 void MocapMotion::show(double time) {
-  for (size_t i = 0; i < buffers_.body.size(); ++i) {
+  for (size_t i : buffers_.active) {
     const MocapBody& body = buffers_.body[i];
     MocapPose pose = has_arrived(body.now) ? places_.given(i) : body.now.pose;
     if (time > 0.0 && is_in_motion(body))
@@ -197,9 +217,10 @@ void MocapMotion::find_constraints(double length) {
 void MocapMotion::write_velocities() const {
   if (!anything_moves()) return;
   for (int id = 0; id < model_->nbody; ++id) {
-    if (buffers_.of_body[id] < 0 || !is_fixed(model_, id)) continue;
+    const MocapBody* carrier = is_fixed(model_, id) ? carrier_of(id) : nullptr;
+    if (!carrier) continue;
+    const MocapBody& body = *carrier;
     const int root = model_->body_rootid[id];
-    const MocapBody& body = buffers_.body[buffers_.of_body[id]];
     mjtNum arm[3], around[3];
     mju_sub3(arm, data_->subtree_com + 3 * root, data_->xpos + 3 * root);
     mju_cross(around, body.angular.data(), arm);
@@ -221,11 +242,10 @@ void MocapMotion::drive(std::vector<ConstraintInput>& constraints) {
 }
 
 void MocapMotion::drive(std::vector<ContactInput>& contacts) const {
-  if (buffers_.body.empty()) return;
   for (ContactInput& contact : contacts) {
     contact.surface_acceleration = {};
     for (int side = 0; side < 2; ++side)
-      if (contact.geom[side] >= 0)
+      if (contact.geom[side] >= 0 && !buffers_.active.empty())
         add_acceleration(contact.geom[side], contact.position, side ? 1.0 : -1.0,
                          contact.surface_acceleration);
   }
@@ -234,20 +254,20 @@ void MocapMotion::drive(std::vector<ContactInput>& contacts) const {
 // Adds the acceleration of a point of a geom, times `sign`, with which a mocap body takes it along.
 void MocapMotion::add_acceleration(int geom, const MocapVector& position, double sign,
                                    MocapVector& acceleration) const {
-  const int id = model_->geom_bodyid[geom], root = model_->body_rootid[id];
-  if (buffers_.of_body[id] < 0) return;
-  const MocapBody& body = buffers_.body[buffers_.of_body[id]];
+  const int id = model_->geom_bodyid[geom];
+  const MocapBody* body = carrier_of(id);
+  if (!body) return;
   mjtNum arm[3], around[3];
-  mju_sub3(arm, position.data(), data_->xpos + 3 * root);
-  mju_cross(around, body.angular_acceleration.data(), arm);
-  mju_addTo3(around, body.acceleration.data());
+  mju_sub3(arm, position.data(), data_->xpos + 3 * model_->body_rootid[id]);
+  mju_cross(around, body->angular_acceleration.data(), arm);
+  mju_addTo3(around, body->acceleration.data());
   mju_addToScl3(acceleration.data(), around, sign);
 }
 
 double MocapMotion::work_against_gravity(double length) const {
   double work = 0.0;
   if (!anything_moves() || model_->opt.disableflags & mjDSBL_GRAVITY) return work;
-  for (size_t i = 0; i < buffers_.id.size(); ++i) {
+  for (size_t i : buffers_.active) {
     const int id = buffers_.id[i];
     const MocapBody& body = buffers_.body[i];
     mjtNum arm[3], turned[3], turn[4] = {1, 0, 0, 0};
@@ -262,9 +282,9 @@ double MocapMotion::work_against_gravity(double length) const {
 }
 
 void MocapMotion::advance(double length) {
-  for (MocapBody& body : buffers_.body) {
-    RememberedMocap& now = body.now;
-    now.told += length;
+  for (size_t i : buffers_.active) {
+    const MocapBody& body = buffers_.body[i];
+    RememberedMocap& now = buffers_.body[i].now;
     if (has_arrived(now) && !is_in_motion(body)) continue;
     if (now.left > 0.0) {
       move(now.pose, times(length, body.velocity), times(length, body.angular));
@@ -286,7 +306,7 @@ void MocapMotion::advance(double length) {
 }
 
 void MocapMotion::remember(Memory& memory) const {
-  for (size_t i = 0; i < buffers_.body.size(); ++i)
+  for (size_t i : buffers_.active)
     memory.set_mocap(static_cast<int>(i), moves_ ? buffers_.body[i].now : RememberedMocap{});
 }
 

@@ -7,13 +7,14 @@
 namespace dashpot::host {
 
 MocapPlaces::MocapPlaces(const mjModel* m, mjData* d, const std::vector<int>& body,
-                         std::vector<MocapPlace>& place)
-    : model_(const_cast<mjModel*>(m)), data_(d), body_(body), place_(place) {
+                         const std::vector<size_t>& started, std::vector<MocapPlace>& place)
+    : model_(const_cast<mjModel*>(m)), data_(d), body_(body), started_(started), place_(place) {
   place.resize(body.size());
-  for (size_t i = 0; i < place.size(); ++i) {
-    place[i].given = numbers(i).pose();
-    place[i].placed = place[i].left = place[i].given;
-  }
+}
+
+void MocapPlaces::start(size_t index) {
+  MocapPlace& place = place_[index];
+  place.given = place.placed = place.left = pose(index);
 }
 
 MocapPlaces::Numbers MocapPlaces::numbers(size_t index) const {
@@ -22,15 +23,16 @@ MocapPlaces::Numbers MocapPlaces::numbers(size_t index) const {
   return {model_->body_pos + 3 * body_[index], model_->body_quat + 4 * body_[index]};
 }
 
-MocapPose MocapPlaces::Numbers::pose() const {
+MocapPose MocapPlaces::pose(size_t index) const {
+  const Numbers from = numbers(index);
   MocapPose pose;
-  std::copy_n(position, 3, pose.begin());
-  std::copy_n(quaternion, 4, pose.begin() + 3);
+  std::copy_n(from.position, 3, pose.begin());
+  std::copy_n(from.quaternion, 4, pose.begin() + 3);
   return pose;
 }
 
 MocapPlaces::~MocapPlaces() {
-  for (size_t i = 0; i < place_.size(); ++i) {
+  for (size_t i : started_) {
     keep_what_was_set(i);
     put(i, place_[i].left);
   }
@@ -39,7 +41,7 @@ MocapPlaces::~MocapPlaces() {
 // Keeps the pose that a callback has set since the body was placed.
 void MocapPlaces::keep_what_was_set(size_t index) {
   MocapPlace& place = place_[index];
-  if (const MocapPose now = numbers(index).pose(); now != place.placed) place.left = now;
+  if (const MocapPose now = pose(index); now != place.placed) place.left = now;
 }
 
 void MocapPlaces::put(size_t index, const MocapPose& pose) {

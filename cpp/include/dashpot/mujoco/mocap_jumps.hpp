@@ -24,9 +24,9 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// Tells a body where to be. One that `follows` has no time to be there.
-void tell(const mjModel_* m, const MocapPose& command, bool follows, double time_constant,
-          RememberedMocap& now);
+// Tells a body where to be, at a time (s). One that `follows` has none to be there.
+void tell(const mjModel_* m, double time, const MocapPose& command, bool follows,
+          double time_constant, RememberedMocap& now);
 // Whether a body goes farther in one step than motions do.
 bool is_far(const mjModel_* m, const MocapPose& from, const MocapPose& to);
 // Of a body at rest where it is told to be.

@@ -41,6 +41,7 @@ namespace dashpot::host {
 
 struct MocapBody {
   RememberedMocap now{};
+  bool rests = false;   // is where it is told to be, and was before
   bool jumps = false;   // far, and nobody has looked yet whether that is a motion
   bool starts = false;  // nothing is remembered, and nobody has looked yet where what it holds is
   // Mean velocity during the part, and the acceleration within it; world.
@@ -52,7 +53,8 @@ struct MocapBuffers {
   const std::vector<int>& find_bodies(const mjModel_* m);
 
   std::vector<int> id, of_body;  // driven_bodies(), and which of them carries a body, -1 for none
-  std::vector<int> jumped;       // those that are elsewhere, without motion
+  std::vector<size_t> active;    // those that do not rest
+  std::vector<int> jumped;       // bodies that are elsewhere, without motion
   std::vector<MocapBody> body;
   std::vector<MocapPlace> place;
   std::vector<double> end_position;  // of constraints, by memory; NaN for none
@@ -93,6 +95,7 @@ class MocapMotion {
 
  private:
   bool anything_moves() const;
+  const MocapBody* carrier_of(int id) const;
   void find_mean_velocity(double length, MocapBody& body) const;
   void find_acceleration(double length, size_t index);
   void add_acceleration(int geom, const MocapVector& position, double sign,

@@ -22,14 +22,17 @@ struct MocapPlace {
 // callback has set since a body was last placed.
 class MocapPlaces {
  public:
-  // `body`: driven_bodies(); `place`: kept from step to step, as a step allocates nothing. Changes
-  // poses in `m` meanwhile.
+  // `body`: driven_bodies(); `started`: the indices of those for which start() is called; `place`:
+  // kept from step to step, as a step allocates nothing. Changes poses in `m` meanwhile.
   MocapPlaces(const mjModel_* m, mjData_* d, const std::vector<int>& body,
-              std::vector<MocapPlace>& place);
+              const std::vector<size_t>& started, std::vector<MocapPlace>& place);
   ~MocapPlaces();
   MocapPlaces(const MocapPlaces&) = delete;
   MocapPlaces& operator=(const MocapPlaces&) = delete;
 
+  // The pose of a body, of any; the others are for those that are started.
+  MocapPose pose(size_t index) const;
+  void start(size_t index);
   // The pose that it had at the start of the step, its quaternion as it was given.
   const MocapPose& given(size_t index) const { return place_[index].given; }
   void put(size_t index, const MocapPose& pose);
@@ -40,7 +43,6 @@ class MocapPlaces {
  private:
   struct Numbers {
     double *position, *quaternion;
-    MocapPose pose() const;
   };
   Numbers numbers(size_t index) const;
   void keep_what_was_set(size_t index);
@@ -48,6 +50,7 @@ class MocapPlaces {
   mjModel_* model_;
   mjData_* data_;
   const std::vector<int>& body_;
+  const std::vector<size_t>& started_;
   std::vector<MocapPlace>& place_;
 };
 

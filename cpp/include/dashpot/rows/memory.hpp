@@ -95,7 +95,7 @@ struct MeanRate {
 struct RememberedMocap {
   std::array<double, 7> command, pose;      // position (m) and quaternion
   std::array<double, 3> velocity, angular;  // of the follower, m/s and rad/s, world
-  double told;                              // for how long it is told where to be, s
+  double told_at;                           // when it was told where to be, s
   double rhythm, speed;                     // how long it had been before, and how fast that was
   double left;                              // until it is there, s; 0: it is, or follows
   double length;                            // of the last step, s
