@@ -1,5 +1,7 @@
 """What rollouts go on from: states with contact memory, kept without their zeros."""
 
+import pickle
+
 import mujoco
 import numpy as np
 import pytest
@@ -197,3 +199,19 @@ def test_final_states_that_do_not_fit_are_named(final, message):
     initial = np.tile(get_state(engine, engine.make_data(), FULL_PHYSICS), (2, 1))
     with pytest.raises(ValueError, match=message):
         dashpot.rollout(engine, initial, final_state=final)
+
+
+def test_sparse_states_do_not_depend_on_threads_and_are_those_of_each_engine():
+    engines = [make_engine(BOX) for _ in range(4)]
+    for index, engine in enumerate(engines):
+        engine.model.opt.gravity[0] = 0.5 * index
+    initial = get_state(engines[0], engines[0].make_data(), INTEGRATION)
+    one, _ = dashpot.rollout(engines, initial, nstep=STEPS, nthread=1, with_memory=True)
+    three, _ = dashpot.rollout(engines, initial, nstep=STEPS, nthread=3, with_memory=True)
+    assert np.asarray(one).tobytes() == np.asarray(three).tobytes()
+    assert one.nbytes == three.nbytes
+    for index, engine in enumerate(engines):
+        alone, _ = dashpot.rollout(engine, initial, nstep=STEPS, with_memory=True)
+        np.testing.assert_array_equal(alone[0], one[index])
+    copied = pickle.loads(pickle.dumps(one))
+    assert np.asarray(copied).tobytes() == np.asarray(one).tobytes()

@@ -1,7 +1,6 @@
 #include "dashpot/microsteps/comfree.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 namespace dashpot {
@@ -16,35 +15,35 @@ double spring_damper(const ComFree& law, double mass, double gap, double rate, d
   return mass * (-law.damping * rate - law.stiffness * (gap + step * rate)) / step;
 }
 
-// sum_j |A_ij| over rows that push both ways, by group.
+// z = |inv(H)| y over the coordinates of one tree.
+void add_magnitudes(const Trees& trees, const Tree& tree, const double* y, double* z) {
+  const double* inverse = trees.inverse.data() + tree.inverse;
+  const int first = tree.free_body ? 4 : 0, stride = tree.free_body ? 4 : tree.count;
+  const int size = tree.free_body ? 3 : tree.dof_count;
+  for (int i = 0; i < first; ++i) z[i] += inverse[i] * y[i];
+  for (int j = 0; j < size; ++j)
+    for (int i = 0; i < size; ++i)
+      z[first + i] += std::abs(inverse[first + stride * j + i]) * y[first + j];
+}
+
+// S of comfree.hpp, by group.
 void find_couplings(const Rows& rows, const Trees& trees, std::vector<double>& sums) {
-  thread_local std::vector<int> groups;
-  thread_local std::vector<double> unit, response;
-  groups.clear();
-  sums.assign(rows.group.size(), 0.0);
-  for (size_t i = 0; i < rows.group.size(); ++i)
-    if (!rows.group[i].is_unilateral()) groups.push_back(static_cast<int>(i));
-  unit.assign(trees.coordinates, 0.0);
+  thread_local std::vector<double> sum_of_rows, response;
+  sum_of_rows.assign(trees.coordinates, 0.0);
   response.assign(trees.coordinates, 0.0);
-  const double one = 1.0, minus_one = -1.0;
-  for (const int i : groups) {
-    const RowGroup& c = rows.group[i];
-    scatter(rows, c, &one, unit.data());
-    for (const int tree : c.tree) {
-      if (tree < 0) continue;
-      const int begin = trees.tree[tree].begin;
-      add_response(trees, tree, unit.data() + begin, response.data() + begin);
-      for (const int j : groups) {
-        const std::array<int, 2>& others = rows.group[j].tree;
-        if (others[0] != tree && others[1] != tree) continue;
-        double coupling;
-        gather(rows, rows.group[j], response.data(), &coupling);
-        sums[i] += std::abs(coupling);
-      }
-      std::fill_n(response.begin() + begin, trees.tree[tree].count, 0.0);
+  sums.assign(rows.group.size(), 0.0);
+  const auto for_each_number = [&](auto&& visit) {
+    for (size_t index = 0; index < rows.group.size(); ++index) {
+      const RowGroup& c = rows.group[index];
+      for (int i = 0; !c.is_unilateral() && i < c.width(); ++i)
+        visit(index, rows.column[c.column + i], std::abs(rows.value[c.value + i]));
     }
-    scatter(rows, c, &minus_one, unit.data());
-  }
+  };
+  for_each_number([&](size_t, int column, double size) { sum_of_rows[column] += size; });
+  for (const Tree& tree : trees.tree)
+    add_magnitudes(trees, tree, sum_of_rows.data() + tree.begin, response.data() + tree.begin);
+  for_each_number(
+      [&](size_t index, int column, double size) { sums[index] += size * response[column]; });
 }
 
 }  // namespace

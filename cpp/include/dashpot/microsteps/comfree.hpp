@@ -42,7 +42,7 @@
 // the damper that stops its row within the step, d_user = 1 and m = 1 / W, up to its limit L,
 //
 //     f_i = clamp(-v_p / (dt W_i), -L_i, L_i),    W_i = max(w_i, s S_i),  s = 0.55,
-//     S_i = sum_j |A_ij|                          over all that push both ways.
+//     S_i = sum_j |J_i| |inv(H)| |J_j|' >= sum_j |A_ij|,      j being all that push both ways.
 //
 // So a row alone holds whatever smooth force is below L. Dry friction that is coupled takes energy,
 // never gives it: p' v_p >= sum W_i p_i^2 with p = dt f, and by Gershgorin
