@@ -206,6 +206,17 @@ def test_rows_that_edits_of_the_model_bring_act():
     assert abs(data.qvel[0]) < 1e-12
 
 
+def test_dry_friction_of_what_cannot_move_is_none():
+    engine = make_engine(
+        SLIDE.format("") + '<site name="a"/><site name="b" pos="1 0 0"/>',
+        '<tendon><spatial frictionloss="1"><site site="a"/><site site="b"/></spatial></tendon>',
+    )
+    data = engine.make_data()
+    data.qvel[0] = 0.5
+    engine.step(data, nstep=100)
+    assert data.qvel[0] == 0.5
+
+
 def test_the_report_refuses_none_of_them():
     engine = make_engine(
         SLIDE.format('frictionloss="1" range="-1 1"'),

@@ -89,7 +89,8 @@ void update_complementarity_free(const ComFree& law, const Rows& rows, const Tre
     gather(rows, c, data.velocity.data(), rate);
     if (c.kind == RowKind::kSlider) {
       const double limit = rows.friction[c.row];
-      const double inverse = std::max(rows.inverse_mass[c.row], kOfCoupling * couplings[index]);
+      const double inverse =
+          std::max({kMinimumValue, rows.inverse_mass[c.row], kOfCoupling * couplings[index]});
       force[0] = std::clamp(-rate[0] / (step * inverse), -limit, limit);
     } else if (c.kind == RowKind::kBilateral) {
       const double stable = std::min(mass[index], 1.0 / (gain * couplings[index]));
