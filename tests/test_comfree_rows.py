@@ -215,6 +215,7 @@ def test_dry_friction_of_what_cannot_move_is_none():
     data.qvel[0] = 0.5
     engine.step(data, nstep=100)
     assert data.qvel[0] == 0.5
+    assert engine.energy(data).dissipated == 0.0
 
 
 def test_the_report_refuses_none_of_them():
