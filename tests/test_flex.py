@@ -183,7 +183,7 @@ def test_a_cloth_of_many_trees_rolls_out_copies_and_saves_as_it_steps(side, tmp_
     assert engine.model.ntree == side**2
     state = np.zeros(mujoco.mj_stateSize(engine.model, INTEGRATION))
     mujoco.mj_getState(engine.model, data, state, INTEGRATION)
-    rolled, _ = dashpot.rollout(engine, state, nstep=200, nthread=1)
+    rolled, _ = dashpot.rollout(engine, state, nstep=200, nthread=1, with_memory=True)
     other = copy.copy(engine)
     copied = other.make_data()
     other.step(copied, 200)

@@ -194,7 +194,7 @@ def test_pairs_that_nothing_moves_against_each_other_are_no_contacts(stiffness):
         assert stats.contacts <= 3  # with the floor, each ball once
     assert engine.step(together, nstep=200).contacts == stats.contacts == 3
     initial = get_state(engine.model, start)
-    rolled, _ = dashpot.rollout(engine, initial, nstep=200)
+    rolled, _ = dashpot.rollout(engine, initial, nstep=200, with_memory=True)
     final = get_state(engine.model, apart)
     assert np.array_equal(get_state(engine.model, together), final)
     assert np.array_equal(rolled[0, -1], final)
