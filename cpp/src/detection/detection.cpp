@@ -156,6 +156,7 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
   drop_contacts_at_seams(m, d, detection.buffers.start_reach, detection.faces, detection.seams,
                          contacts);
   read_constraints(m, d, constraints);
+  append_dampers(m, d, detection.dampers, constraints);
   d->nisland = 0;  // as where MuJoCo's islands are disabled; they are for its own solvers
   mj_referenceConstraint(m, d);
 }

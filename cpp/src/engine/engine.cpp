@@ -79,6 +79,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
                           mocap_buffers);
   MemoryAtStart at_start{host::memory(model, d, memory_layout.size()), {}};
   forget_moved_by_hand(d, at_start.before);
+  const host::DampersInRows dampers(model, moves_mocap && in_touch(d), detection.dampers);
   host::StepParts parts(model, d);
   host::SleepAtStart sleep(model, d, sleeping.at_start());
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
@@ -106,6 +107,12 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   total.cuts = clock.cuts;
   total.parts = taken;
   return total;
+}
+
+// Whether rows acted in the last step, or, before the first one, equalities may.
+bool Stepper::Impl::in_touch(mjData_* d) const {
+  const Memory of_last = memory(d);
+  return of_last.starts() ? host::has_equalities(model) : of_last.has_rows();
 }
 
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {

@@ -107,6 +107,7 @@ void assemble_rows(const mjModel_* model, const mjData_* data, const Parameters&
     const ConstraintInput& input = constraints[i];
     RowGroup& c = rows.append(input.kind, static_cast<int>(i), 1, input.tree);
     rows.friction[c.row] = input.limit;
+    c.is_damper = input.damping > 0.0;
     rows.typical_inverse_mass[c.row] = host::typical_inverse_mass(model, data, input);
     materials[i] = material_of(input);
     host::append_jacobian(model, data, input, trees, turns, rows);

@@ -55,6 +55,7 @@ struct Stepper::Impl {
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   void complete_last_step(mjData_* d);
+  bool in_touch(mjData_* d) const;
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
                   host::MocapMotion& mocap);

@@ -93,6 +93,14 @@ GroupMaterial material_of(const mjModel_* model, const Parameters& parameters,
 }
 
 GroupMaterial material_of(const ConstraintInput& input) {
+  if (input.damping > 0.0) {
+    GroupMaterial damper;
+    damper.material.rigid = false;
+    damper.material.stiffness = 0.0;
+    damper.material.form = DampingForm::kDamping;
+    damper.material.damping = input.damping;
+    return damper;
+  }
   return from_solref(input, std::numeric_limits<double>::infinity());
 }
 

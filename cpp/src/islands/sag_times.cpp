@@ -21,7 +21,7 @@ constexpr int kGroupsAtOnce = 128;  // by a thread
 void SagTimes::find_dry_friction(const Rows& rows) {
   dry_friction_.clear();
   for (const RowGroup& c : rows.group) {
-    if (c.kind != RowKind::kSlider || !c.is_of_one_coordinate(0)) continue;
+    if (c.kind != RowKind::kSlider || c.is_damper || !c.is_of_one_coordinate(0)) continue;
     const int coordinate = rows.column[c.column];
     if (static_cast<int>(dry_friction_.size()) <= coordinate) dry_friction_.resize(coordinate + 1);
     dry_friction_[coordinate] += rows.friction[c.row] * std::sqrt(rows.inverse_mass[c.row]);

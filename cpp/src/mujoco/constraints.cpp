@@ -10,6 +10,7 @@
 #include "dashpot/mujoco/jacobians.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/names.hpp"
+#include "dashpot/mujoco/row_dampers.hpp"
 #include "dashpot/mujoco/row_turns.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/mujoco/welded_parts.hpp"
@@ -31,10 +32,14 @@ Range dofs_of_row(const mjModel* m, const mjData* d, int row) {
   return {first, first + (m->jnt_type[id] == mjJNT_BALL ? 3 : 1)};
 }
 
-// Calls visit(dof, value) for every nonzero of a row of efc_J.
+// Calls visit(dof, value) for every nonzero of a row of efc_J, or of a damper.
 template <typename Visit>
 void for_each_nonzero(const mjModel* m, const mjData* d, int row, Visit visit) {
-  if (mj_isSparse(m)) {
+  if (row < 0) {
+    const SparseRow damper = damper_row(m, d, row);
+    for (int k = 0; k < damper.count; ++k)
+      if (damper.value[k] != 0.0) visit(damper.dof[k], damper.value[k]);
+  } else if (mj_isSparse(m)) {
     const int address = d->efc_J_rowadr[row];
     for (int k = address; k < address + d->efc_J_rownnz[row]; ++k)
       if (d->efc_J[k] != 0.0) visit(d->efc_J_colind[k], d->efc_J[k]);
@@ -251,6 +256,7 @@ void append_jacobian(const mjModel_* m, const mjData_* d, const ConstraintInput&
 }
 
 double typical_inverse_mass(const mjModel_* m, const mjData_* d, const ConstraintInput& input) {
+  if (input.source < 0) return damper_inverse_mass(m, input.source);
   const double of_mujoco = d->efc_diagA[input.source];
   // MuJoCo adds the inverse masses of both objects whatever the slope: of a screw, metres by
   // radians, thousands of times what moves. What the model's own solref stands for goes by that.

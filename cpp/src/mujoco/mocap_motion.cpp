@@ -235,10 +235,11 @@ void MocapMotion::drive(std::vector<ConstraintInput>& constraints) {
   if (buffers_.drive.empty()) {
     buffers_.drive.assign(buffers_.end_position.size(), 0.0);
     for (const ConstraintInput& c : constraints)
-      if (const double end = buffers_.end_position[c.memory]; !std::isnan(end))
+      if (const double end = c.memory < 0 ? NAN : buffers_.end_position[c.memory]; !std::isnan(end))
         buffers_.drive[c.memory] = (end - c.position) / searched_;
   }
-  for (ConstraintInput& c : constraints) c.drive = buffers_.drive[c.memory];
+  for (ConstraintInput& c : constraints)
+    if (c.memory >= 0) c.drive = buffers_.drive[c.memory];
 }
 
 void MocapMotion::drive(std::vector<ContactInput>& contacts) const {

@@ -12,6 +12,7 @@ void book_rows(const RowData& data, const EnergyShares& before, const EnergyShar
   ledger.dissipated_friction -= data.work.friction + (after.friction - before.friction);
   ledger.dissipated_constraint += data.recovery_input.constraint - data.work.constraint -
                                   (after.constraint - before.constraint);
+  ledger.dissipated_damping -= data.work.damping;
   ledger.elastic = after.sum();
 }
 
@@ -41,6 +42,7 @@ void book_left_to_rows(const Rows& rows, const RowData& data, const std::vector<
     ledger.dissipated_normal += part * given[index].normal;
     ledger.dissipated_friction += part * given[index].friction;
     ledger.dissipated_constraint += part * given[index].constraint;
+    ledger.dissipated_damping += part * given[index].damping;
   }
 }
 

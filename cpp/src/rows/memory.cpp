@@ -121,6 +121,12 @@ double* Memory::equality(int constraint) const {
 
 bool Memory::starts() const { return storage_[kStepped] == 0.0; }
 
+bool Memory::has_rows() const {
+  bool any = contact_count() > 0;
+  for (int i = 0; i < layout_.constraints && !any; ++i) any = constraint(i).stiffness != 0.0;
+  return any;
+}
+
 void Memory::check() const {
   if (!is_integer(storage_[0], 0, layout_.contacts))
     refuse("its number of contacts", storage_[0], 0, layout_.contacts);
@@ -210,6 +216,7 @@ void Memory::remember(const std::vector<ContactInput>& contacts,
 
 void Memory::remember(const ConstraintInput& input, const Rows& rows, int index,
                       const RowData& data) {
+  if (input.memory < 0) return;
   const RowGroup& c = rows.group[index];
   RememberedConstraint slot{};
   const bool separated = c.kind == RowKind::kUnilateral && data.deformation[c.row] >= 0.0;

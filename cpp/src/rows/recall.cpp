@@ -203,6 +203,7 @@ void recall_constraints(const StepView& step, const Rows& rows, double recovery_
     const RowGroup& c = rows.group[index];
     if (c.kind == RowKind::kContact) continue;
     const ConstraintInput& input = step.constraints[c.input];
+    if (input.memory < 0) continue;
     const RememberedConstraint old = step.memory.constraint(input.memory);
     data.credit[index] = old.credit;
     const auto rescaled = [&](double deformation) {

@@ -31,7 +31,7 @@ bool is_hit_on(const Rows& rows, const RowData& data, const RowGroup& c) {
 }  // namespace
 
 double& share(EnergyShares& shares, const RowGroup& c, int i) {
-  if (c.kind != RowKind::kContact) return shares.constraint;
+  if (c.kind != RowKind::kContact) return c.is_damper ? shares.damping : shares.constraint;
   return i == 0 ? shares.normal : shares.friction;
 }
 

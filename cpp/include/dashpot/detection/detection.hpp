@@ -11,6 +11,7 @@
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/detection/seams.hpp"
 #include "dashpot/detection/workplaces.hpp"
+#include "dashpot/mujoco/row_dampers.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/threads/team.hpp"
 
@@ -35,6 +36,7 @@ struct Detection {
   SeamBuffers seams;
   Workplaces workplaces;
   std::vector<char> may_be_loaded;  // by contact found
+  std::vector<RowDamper> dampers;   // that act as rows
 };
 
 // Whether anything may read MuJoCo's rows of contacts within a step: sensors, plugins, and the

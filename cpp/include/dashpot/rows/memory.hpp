@@ -127,7 +127,8 @@ class Memory {
   // contacts that it has room for, or contacts of geoms that are none of the model's.
   void check() const;
 
-  bool starts() const;  // no step was taken yet
+  bool starts() const;    // no step was taken yet
+  bool has_rows() const;  // it had a contact that was compressed, or a constraint
   // At the end of the last step, as in mjData.qpos. What differs was moved by hand.
   double* position() const;
   int contact_count() const;

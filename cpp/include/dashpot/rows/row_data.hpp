@@ -12,12 +12,13 @@ namespace dashpot {
 
 // Energies (J) of contact normals, of friction, and of limits, equalities and dry friction loss.
 struct EnergyShares {
-  double normal = 0.0, friction = 0.0, constraint = 0.0;
-  double sum() const { return normal + friction + constraint; }
+  double normal = 0.0, friction = 0.0, constraint = 0.0, damping = 0.0;
+  double sum() const { return normal + friction + constraint + damping; }
   EnergyShares& operator+=(const EnergyShares& other) {
     normal += other.normal;
     friction += other.friction;
     constraint += other.constraint;
+    damping += other.damping;
     return *this;
   }
 };

@@ -87,18 +87,19 @@ enum class RowKind {
   kContact,     // unilateral normal, friction rows limited by it
   kUnilateral,  // frictionless: joint and tendon limits
   kBilateral,   // spring-damper of either sign: equalities
-  kSlider       // spring-damper in series with a slider of fixed limit: dry friction loss
+  kSlider       // spring-damper in series with a slider of fixed limit: dry friction, dampers
 };
 
 // One scalar constraint as MuJoCo instantiates it.
 struct ConstraintInput {
   RowKind kind = RowKind::kUnilateral;
-  int source = 0;                   // row in mjData.efc_*
-  int memory = 0;                   // index of its memory, fixed by the model
+  int source = 0;                   // row in mjData.efc_*, below 0 of dampers (row_dampers.hpp)
+  int memory = 0;                   // index of its memory, fixed by the model; -1 for none
   std::array<int, 2> tree{-1, -1};  // the second one is -1 where there is but one
   double position = 0.0;            // gap of a limit, error of an equality; m or rad
   double drive = 0.0;               // rate at which mocap bodies change the position, m/s or rad/s
   double limit = 0.0;               // of a slider, N or N m
+  double damping = 0.0;             // of a damper, N s/m or N m s/rad
   std::array<double, 2> solref{};
   std::array<double, 5> solimp{};
   bool has_solref = false;   // the model sets solref or solimp itself
@@ -170,6 +171,7 @@ struct RowGroup {
   // The limit of one end of a joint's range; that of the other is a group too, and one at most of
   // them is pressed.
   bool is_end_of_range = false;
+  bool is_damper = false;  // row_dampers.hpp
 
   // False of a contact apart that nothing can close, since no joint moves its bodies along the
   // normal: it belongs to no island.
