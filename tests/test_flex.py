@@ -158,7 +158,7 @@ def test_a_box_comes_to_rest_on_a_cloth_pinned_at_its_corners():
     # A small part of what it falls with, over the 45 mm between them.
     assert np.mean(kinetic) < 0.03 * 0.5 * 9.81 * 0.045
     # The box, the first side, presses on the cloth by its weight, in the mean of a second.
-    assert np.mean(carried) == pytest.approx(-0.5 * 9.81, rel=1e-3)
+    assert np.mean(carried) == pytest.approx(-0.5 * 9.81, rel=3e-3)
 
 
 def test_a_ball_on_a_cloth_on_the_floor_is_carried_by_the_cloth():

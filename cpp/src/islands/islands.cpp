@@ -199,8 +199,9 @@ void Islands::add_sides(int tree, const Rows& rows, const Trees& trees,
     if (!is_given) {
       double unit[kMaxRows];
       for (int i = 0; i < c.dim; ++i) {
-        const double w = i == 0 && c.pair_inverse_mass > 0.0 ? c.pair_inverse_mass
-                                                             : rows.inverse_mass[c.row + i];
+        // No less than 1 / w, so that what is left of the bound without 1 is all coupling.
+        double w = rows.inverse_mass[c.row + i];
+        if (i == 0 && c.pair_inverse_mass > 0.0) w = std::min(w, c.pair_inverse_mass);
         unit[i] = w > 0.0 ? 1.0 / w : 0.0;
       }
       weigh(unit);

@@ -225,7 +225,7 @@ double stiffest_rigid(double bound) {
 
 void fill_given_rows(Rows& rows, const RowGroup& c, const Material& material) {
   const int n = c.row;
-  const double w_normal = c.pair_inverse_mass;
+  const double w_normal = c.pair_inverse_mass > 0.0 ? c.pair_inverse_mass : rows.inverse_mass[n];
   rows.stiffness[n] = material.stiffness;
   const double damping =
       w_normal > 0.0 ? damping_of(material, material.stiffness, w_normal * c.pressed * c.tied)

@@ -63,7 +63,7 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
                                  motion.smooth_acceleration().data() + dof));
     }
     if (held && held[index] > 0.0)
-      parts = std::max(parts, rest * host::fastest_carried_axis(m, d, tree) / kPartTurn);
+      parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);
     const double turn = fastest * whole / rest;
     if (turn > kFollowedTurn && !tree.free_body &&
         turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)

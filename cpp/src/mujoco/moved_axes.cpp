@@ -47,7 +47,7 @@ void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, doubl
     add_carried(carrier, time, axis);
 }
 
-double fastest_carried_axis(const mjModel_* m, const mjData_* d, const Tree& tree) {
+double fastest_carried_axis(const mjData_* d, const Tree& tree) {
   double fastest = 0.0;
   for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof)
     fastest = std::max(fastest, mju_norm3(d->cdof_dot + 6 * dof));

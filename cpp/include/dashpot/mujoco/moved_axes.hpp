@@ -18,7 +18,7 @@ namespace dashpot::host {
 // Axis (6) of a degree of freedom, `time` (s) ahead.
 void axis_ahead(const mjModel_* m, const mjData_* d, int dof, double time, double* axis);
 // How fast (rad/s) what the joints of a tree hang on turns the axis of one of them, at most.
-double fastest_carried_axis(const mjModel_* m, const mjData_* d, const Tree& tree);
+double fastest_carried_axis(const mjData_* d, const Tree& tree);
 // Velocity (6) of a body there, its joints going on at the rates of the start.
 void twist_ahead(const mjModel_* m, const mjData_* d, int body, double time, double* twist);
 // What of it a mocap body adds to a body that is fixed to it or hangs on it; zero for all others.
