@@ -101,12 +101,14 @@ bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d&
   local_up.cwiseAbs().minCoeff(&axis);
   const Vector3d x = (Vector3d::Unit(axis) - local_up[axis] * local_up).normalized();
   const Vector3d y = x.cross(local_up);  // counterclockwise seen from outside
-  std::array<Vector3d, kMostCorners> direction, farthest;
+  std::array<double, kMostCorners> cosine, sine;
+  std::array<Vector3d, kMostCorners> farthest;
   std::array<double, kMostCorners> reach;
   reach.fill(-std::numeric_limits<double>::infinity());
   for (int k = 0; k < kMostCorners; ++k) {
     const double angle = 2.0 * EIGEN_PI * k / kMostCorners;
-    direction[k] = std::cos(angle) * x + std::sin(angle) * y;
+    cosine[k] = std::cos(angle);
+    sine[k] = std::sin(angle);
   }
   const double shallow = std::cos(kShallow), steep = std::cos(kSteep);
   plane_.clear();
@@ -133,8 +135,9 @@ bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d&
         lowest = height;
         outline_.origin = corner_.back().position;
       }
+      const double along_x = corner.dot(x), along_y = corner.dot(y);
       for (int k = 0; k < kMostCorners; ++k) {
-        const double along = corner.dot(direction[k]);
+        const double along = cosine[k] * along_x + sine[k] * along_y;
         if (along <= reach[k]) continue;
         reach[k] = along;
         farthest[k] = corner;
@@ -253,9 +256,10 @@ FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const 
     const double distance = height_over(place);
     return FacePoint{place + 0.5 * distance * up, distance};
   };
-  const auto add = [&](const FacePoint& point, int place) {
-    if (point.distance <= margin && !has_point_over(point.position))
-      point_.push_back({point, place});
+  const auto add_over = [&](const Vector3d& over, int place) {
+    if (has_point_over(over)) return;
+    const FacePoint point = point_over(over);
+    if (point.distance <= margin) point_.push_back({point, place});
   };
   point_.clear();
   for (const Corner& corner : corner_) {
@@ -263,19 +267,19 @@ FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const 
     if (distance <= margin && is_over(face, corner.position))
       point_.push_back({{corner.position - 0.5 * distance * up, distance}, corner.place});
   }
-  for (int i = 0; i < outline.count; ++i)
-    add(point_over(on_face(outline.point[i].position)), kFirst);
+  for (int i = 0; i < outline.count; ++i) add_over(on_face(outline.point[i].position), kFirst);
   for (int side = 0; side < face.count; ++side) {
     const std::vector<Vector3d>& crossing =
         cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin);
     const int count = static_cast<int>(crossing.size());
-    for (int i = 0; i < count; ++i) add(point_over(crossing[i]), spread_place(i, count));
+    for (int i = 0; i < count; ++i) add_over(crossing[i], spread_place(i, count));
   }
   const FacePoint found = point_over(on_face(nearest));
-  if (std::all_of(point_.begin(), point_.end(), [&](const Point& point) {
-        return found.distance < point.at.distance - tolerance;
-      }))
-    add(found, kFirst);
+  if (std::all_of(
+          point_.begin(), point_.end(),
+          [&](const Point& point) { return found.distance < point.at.distance - tolerance; }) &&
+      found.distance <= margin && !has_point_over(found.position))
+    point_.push_back({found, kFirst});
   take_points(manifold);
   return manifold;
 }
