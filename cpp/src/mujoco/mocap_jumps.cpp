@@ -57,6 +57,16 @@ double violation(const mjModel* m, mjData* d, size_t index, MocapPlaces& places,
 
 }  // namespace
 
+bool is_known(const RememberedMocap& mocap) {
+  double sum = mocap.length + mocap.told_at + mocap.rhythm + mocap.speed + mocap.left;
+  for (const MocapVector* rate :
+       {&mocap.velocity, &mocap.angular, &mocap.mean.velocity, &mocap.mean.change,
+        &mocap.mean.growth, &mocap.mean_angular.velocity, &mocap.mean_angular.change,
+        &mocap.mean_angular.growth})
+    sum += mju_norm3(rate->data());
+  return is_pose(mocap.command) && is_pose(mocap.pose) && std::isfinite(sum);
+}
+
 bool is_far(const mjModel* m, const MocapPose& from, const MocapPose& to) {
   return are_apart(from, to, kJump * metre(m), kJumpTurn);
 }

@@ -32,16 +32,6 @@ MocapVector way(double time, double length, const MocapVector& mean,
 }
 bool all_zero(const MocapVector& v) { return v == MocapVector{}; }
 
-bool has_finite_rates(const RememberedMocap& mocap) {
-  double sum = mocap.length + mocap.told_at + mocap.rhythm + mocap.speed + mocap.left;
-  for (const MocapVector* rate :
-       {&mocap.velocity, &mocap.angular, &mocap.mean.velocity, &mocap.mean.change,
-        &mocap.mean.growth, &mocap.mean_angular.velocity, &mocap.mean_angular.change,
-        &mocap.mean_angular.growth})
-    sum += mju_norm3(rate->data());
-  return std::isfinite(sum);
-}
-
 bool is_in_motion(const MocapBody& body) {
   return !all_zero(body.velocity) || !all_zero(body.angular) || !all_zero(body.acceleration) ||
          !all_zero(body.angular_acceleration);
@@ -62,11 +52,9 @@ bool rests(const RememberedMocap& mocap) {
 const std::vector<int>& MocapBuffers::find_bodies(const mjModel_* m) {
   if (of_body.empty()) {
     id = driven_bodies(m);
-    of_body.assign(m->nbody, -1);
-    for (int i = 1; i < m->nbody; ++i) {
-      const auto found = std::find(id.begin(), id.end(), m->body_rootid[i]);
-      if (found != id.end()) of_body[i] = static_cast<int>(found - id.begin());
-    }
+    std::vector<int> of_root(m->nbody, -1);
+    for (size_t i = 0; i < id.size(); ++i) of_root[id[i]] = static_cast<int>(i);
+    for (int i = 0; i < m->nbody; ++i) of_body.push_back(of_root[m->body_rootid[i]]);
   }
   return id;
 }
@@ -94,8 +82,7 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     buffers.active.push_back(i);
     places_.start(i);
     mju_normalize4(command.data() + 3);
-    const bool knows =
-        moves && is_pose(body.now.command) && is_pose(body.now.pose) && has_finite_rates(body.now);
+    const bool knows = moves && is_known(body.now);
     const bool far = knows && is_far(m, body.now.command, command);
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
     body.jumps = far && may_follow;

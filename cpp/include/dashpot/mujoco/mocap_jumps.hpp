@@ -27,6 +27,8 @@ namespace dashpot::host {
 // Tells a body where to be, at a time (s). One that `follows` has none to be there.
 void tell(const mjModel_* m, double time, const MocapPose& command, bool follows,
           double time_constant, RememberedMocap& now);
+// Whether what memory has of a body is a motion: not before the first step, nor of other storage.
+bool is_known(const RememberedMocap& mocap);
 // Whether a body goes farther in one step than motions do.
 bool is_far(const mjModel_* m, const MocapPose& from, const MocapPose& to);
 // Of a body at rest where it is told to be.
