@@ -203,7 +203,8 @@ def test_a_hand_that_shakes_a_round_cup_keeps_what_it_holds():
 
     shake(1000)
     places = shake(9000)
-    # Rigid contacts give by some 0.1 um under the pressure, and by parts of it as it moves over the rim.
+    # Rigid contacts give by some 0.1 um under the pressure, and by parts of it as it moves over
+    # the rim.
     assert np.ptp(places, axis=0).max() < 1.5e-6
 
 
