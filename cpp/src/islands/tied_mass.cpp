@@ -97,7 +97,8 @@ double TiedMass::tied(const Scene& scene, const Rows& rows, double speed) {
   if (!(free > 0.0)) return 1.0;
   held_ = equality_;
   const bool by_limits = rows.group[hit_[0]].kind == RowKind::kContact;
-  for (int index : by_limits ? limit_ : std::vector<int>()) {
+  for (int index : limit_) {
+    if (!by_limits) break;
     const RowGroup& limit = rows.group[index];
     const double change = rate_of(rows, limit, response_.data()) * speed / free;
     const double gap = scene.step.constraints[limit.input].position;
