@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from test_integrators import SMOOTH, engine_of, pendulum, state_of
+from test_integrators import engine_of, pendulum
 
 GRAVITY = 9.81
 PRESSED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/><body pos="0 0 .3">
@@ -24,25 +24,6 @@ JOINED = """<mujoco><worldbody><geom type="plane" size="1 1 .1"/>
     <geom type="box" size=".1 .1 .1" mass="2"/><site name="high"/></body></worldbody>
   <tendon><spatial stiffness="{stiffness}" damping="20" springlength=".4">
     <site site="low"/><site site="high"/></spatial></tendon></mujoco>"""
-
-
-@pytest.mark.parametrize("scene", [name for name in SMOOTH if name != "ball joints"])
-def test_without_rows_every_step_is_mujocos_to_the_bit(scene):
-    engine, ours = engine_of(SMOOTH[scene], "discrete")
-    model = mujoco.MjModel.from_xml_string(SMOOTH[scene])
-    model.opt.integrator = engine.model.opt.integrator
-    model.opt.timestep = engine.model.opt.timestep
-    theirs = mujoco.MjData(model)
-    rng = np.random.default_rng(1)
-    for data in (ours, theirs):
-        data.qvel[:] = np.linspace(-4.0, 5.0, model.nv)
-    for _ in range(40):
-        control, push = rng.normal(size=model.nu), rng.normal(size=6)
-        for data in (ours, theirs):
-            data.ctrl[:], data.xfrc_applied[1] = control, push
-        engine.step(ours, nstep=5)
-        mujoco.mj_step(model, theirs, nstep=5)
-        assert state_of(model, ours) == state_of(model, theirs)
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.004, 0.01])

@@ -157,7 +157,8 @@ def test_a_box_comes_to_rest_on_a_cloth_pinned_at_its_corners():
         carried.append(total_force(on_box)[2])
     # A small part of what it falls with, over the 45 mm between them.
     assert np.mean(kinetic) < 0.03 * 0.5 * 9.81 * 0.045
-    # The box, the first side, presses on the cloth by its weight, in the mean of a second.
+    # The box, the first side, presses on the cloth by its weight, in the mean of a second: but for
+    # 15 mm/s that it may still swing by.
     assert np.mean(carried) == pytest.approx(-0.5 * 9.81, rel=3e-3)
 
 

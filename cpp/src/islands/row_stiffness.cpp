@@ -12,7 +12,8 @@ namespace {
 // 1 / (4 z^2) of the speed, 0.03 and 1e-4. Rigid contacts have less, for theirs makes them soft.
 constexpr double kRigidInelastic = 3;
 constexpr double kInelastic = 50;
-// Least fraction of a rigid stiffness that a hit keeps which rows tie to other bodies.
+// Least fraction of a rigid stiffness that a hit keeps which rows tie to other bodies. With all of
+// it an elastic ball welded to 4 kg left with 0.70 of its speed, with this part with 0.98.
 constexpr double kSoftestTied = 0.08;
 // Largest theta / (c - 1) of a rigid hit with restitution 0. The bound c of three rows differs with
 // their heading, by which what was left of a hit differed by up to 5 %; in nearly all this is less.

@@ -10,9 +10,10 @@ namespace dashpot {
 
 namespace {
 
-constexpr int kMostGroups = 128;  // of an island whose hits are looked at
-constexpr int kMostSteps = 24;    // of conjugate gradients
-constexpr double kConverged = 1e-6;
+constexpr int kMostGroups = 128;     // of an island whose hits are looked at
+constexpr int kMostSteps = 24;       // of conjugate gradients: four welds in a row are exact
+constexpr double kConverged = 1e-6;  // of the rates, a hundredth of what a restitution shows
+// A rigid hit sinks in by some 1 / w_tied: with less, light feet would go through thin floors.
 constexpr double kLeastTied = 0.01;
 // How many times the load of smooth forces the spring of what is thrown back bears.
 constexpr double kThrown = 1.25;
@@ -57,7 +58,7 @@ void TiedMass::find(const StepView& step, const std::vector<GroupMaterial>& mate
       if (kind == RowKind::kUnilateral) limit_.push_back(index);
     }
     if (!equality_.empty() || !limit_.empty())
-      find_in({step, trees, island, compression, data}, rows);
+      find_in({step, materials, trees, island, compression, data}, rows);
   }
 }
 
@@ -73,6 +74,7 @@ void TiedMass::find_in(const Scene& scene, Rows& rows) {
       const RowGroup& c = rows.group[*at];
       const double w = rows.inverse_mass[c.row];
       if (!c.is_unilateral() || w == 0.0 || scene.compression[*at] == 0.0) continue;
+      if (scene.materials[*at].from_solref) continue;
       hit_.push_back(*at);
       weight_.push_back(scene.compression[*at]);
       const double rate = std::abs(rate_of(rows, c, scene.data.velocity.data()));

@@ -8,6 +8,8 @@
 
 #pragma once
 
+#include "dashpot/rows/trees.hpp"
+
 struct mjModel_;
 struct mjData_;
 
@@ -15,5 +17,9 @@ namespace dashpot::host {
 
 // Changes the derivatives of a tree so that M + h D, h the time step, is positive definite if M is.
 void keep_what_damps(const mjModel_* m, mjData_* d, int tree);
+
+// The smooth acceleration of a tree by all of its derivatives, as MuJoCo finds it. False where they
+// are all but singular.
+bool solve_whole(const mjModel_* m, const mjData_* d, const Tree& t, double* acceleration);
 
 }  // namespace dashpot::host

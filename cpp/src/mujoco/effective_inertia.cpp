@@ -2,7 +2,6 @@
 
 #include <mujoco/mujoco.h>
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -33,8 +32,6 @@ constexpr double kImplicitPart = 0.25;
 // Fraction of a velocity that explicit damping takes in a step. Followed to second order, as Adams
 // and Bashforth do, it is stable up to 1, held over the step up to 2.
 constexpr double kStrongDamping = 0.5;
-// Reciprocal condition of M + h D from which on MuJoCo's own solution is rounding.
-constexpr double kSingularDerivatives = 1e-14;
 constexpr int kTreesAtOnce = 32;  // by a thread
 
 // Whether the effective inertia of a tree is that of a rigid body alone: a free body without
@@ -137,29 +134,6 @@ void find_damping(const mjModel* m, const mjData* d, Tree& t, Trees& trees) {
       t.damped = t.cross_damped = true;
     }
   }
-}
-
-// The smooth acceleration of a tree by all of its derivatives, as MuJoCo finds it. False where they
-// are all but singular.
-bool solve_whole(const mjModel* m, const mjData* d, const Tree& t, double* acceleration) {
-  thread_local Eigen::MatrixXd inertia;  // kept by the thread: a step allocates nothing
-  inertia.setZero(t.dof_count, t.dof_count);
-  for (int i = 0; i < t.dof_count; ++i) {
-    const int dof = t.dof_begin + i;
-    for (int k = m->M_rowadr[dof]; k < m->M_rowadr[dof] + m->M_rownnz[dof]; ++k) {
-      const int j = m->M_colind[k] - t.dof_begin;
-      inertia(i, j) += d->M[k];
-      if (i != j) inertia(j, i) += d->M[k];
-    }
-    for (int k = m->D_rowadr[dof]; k < m->D_rowadr[dof] + m->D_rownnz[dof]; ++k)
-      inertia(i, m->D_colind[k] - t.dof_begin) -= m->opt.timestep * d->qDeriv[k];
-  }
-  const Eigen::PartialPivLU<Eigen::Ref<Eigen::MatrixXd>> factors(inertia);
-  if (!(factors.rcond() > kSingularDerivatives)) return false;
-  using Force = Eigen::Map<const Eigen::VectorXd>;
-  Eigen::Map<Eigen::VectorXd>(acceleration, t.dof_count) =
-      factors.solve(Force(d->qfrc_smooth + t.dof_begin, t.dof_count));
-  return true;
 }
 
 // u' D v over the degrees of freedom of a tree with D = -qDeriv, whose lower triangle M's sparsity

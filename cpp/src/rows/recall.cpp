@@ -7,6 +7,7 @@
 #include "dashpot/law/constants.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
+#include "dashpot/rows/spring_places.hpp"
 
 namespace dashpot {
 
@@ -24,7 +25,6 @@ constexpr double kSteadyTurning = 0.4;
 // its deformation. What rows and position differ by has either sign: where the smaller counted, a
 // weld at 22 rad/s lost 2 % of its energy in 5 s at 1 ms. Stiffer ones would take it for force.
 constexpr double kSoftEquality = 1.0;
-constexpr double kRounding = 1e-9;  // relative, of stiffness by inverse mass
 
 // Component of `local` (frame of geom 1) along a world direction.
 double along(const double* local, const std::array<double, 9>& rotation, const double* direction) {
@@ -127,49 +127,6 @@ void recall_friction(const RememberedContact& old, const ContactInput& input, co
   if (c.dim > 4) recall_tangents(old.roll, old.roll_stiffness, 4);
 }
 
-// Whether a limit or equality of which nothing is remembered, and whose solref the model sets,
-// begins with what its spring bears: an equality, which users switch on, in any step, a limit in
-// the first of all.
-bool begins_stretched(const Memory& memory, const ConstraintInput& input, const RowGroup& c) {
-  return input.has_solref && (c.kind == RowKind::kBilateral || memory.starts());
-}
-
-// Where the spring of a limit or equality is by its position (m or rad), and the energy (J) that
-// this stands for.
-struct SpringPlace {
-  double position, stored;
-};
-
-// There, or where one as stiff as the row bears the load that belongs to the position
-// (solref_load.hpp). One that steps do not resolve has a load of its own.
-SpringPlace place_of_spring(const ConstraintInput& input, const Rows& rows, const RowGroup& c) {
-  const double x = input.position, k = rows.stiffness[c.row];
-  const double bears = c.solref.load / (rows.typical_inverse_mass[c.row] * k);
-  const bool resolved = c.solref.load > 0.0 && bears <= (1.0 + kRounding) * std::abs(x);
-  return {resolved ? std::copysign(bears, x) : x, resolved ? c.stored : 0.5 * k * x * x};
-}
-
-// Of rows that have one impedance and grow stiffer on their way, from group `first` on: what part
-// of their places they may be deformed by. They store what they took from bodies, and what they had
-// lost before, `credit` (J), but no more: where steps do not resolve how they grow stiffer nothing
-// is gained.
-double part_of_places(const StepView& step, const Rows& rows, size_t first, double& credit) {
-  double stored = 0.0, remembered = 0.0;
-  for (int i = 0; i < step.constraints[rows.group[first].input].together; ++i) {
-    const RowGroup& c = rows.group[first + i];
-    const ConstraintInput& input = step.constraints[c.input];
-    const RememberedConstraint old = step.memory.constraint(input.memory);
-    if (old.stiffness == 0.0 && begins_stretched(step.memory, input, c)) return 1.0;
-    stored += place_of_spring(input, rows, c).stored;
-    remembered += 0.5 * old.stiffness * old.deformation * old.deformation + old.beyond;
-  }
-  credit = std::min(credit, std::max(0.0, remembered)) + remembered - stored;
-  if (credit >= 0.0 || stored <= 0.0) return 1.0;
-  const double left = std::max(0.0, stored + credit);
-  credit = std::min(0.0, stored + credit);
-  return std::sqrt(left / stored);
-}
-
 // Position (m or rad) of a limit or equality, no more than what its spring bears or remembers.
 double borne_position(const ConstraintInput& input, double remembered, const Rows& rows,
                       const RowGroup& c) {
@@ -187,13 +144,6 @@ bool is_soft_equality(const ConstraintInput& input, const Rows& rows, const RowG
   const double square = rows.stiffness[c.row] * rows.typical_inverse_mass[c.row] * length * length;
   return c.kind == RowKind::kBilateral && input.has_solref && !input.is_of_mocap &&
          square <= kSoftEquality;
-}
-
-// Whether rows that have one impedance, from group `first` on, grow stiffer on their way.
-bool grows_stiffer(const StepView& step, const Rows& rows, size_t first) {
-  const auto begin = rows.group.begin() + first;
-  return std::any_of(begin, begin + step.constraints[begin->input].together,
-                     [](const RowGroup& c) { return c.solref.load > 0.0; });
 }
 
 void recall_constraints(const StepView& step, const Rows& rows, double recovery_speed,

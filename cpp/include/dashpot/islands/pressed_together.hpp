@@ -1,4 +1,9 @@
-// How contacts of one pair of geoms are damped that are pressed together.
+// How contacts between the same two bodies share a load, and how they are damped.
+//
+// Rigid ones have one stiffness, k = kappa / w with the mean w of those that do not stay open.
+// Statics leaves open how feet of one body share its weight. By a w of their own those near the
+// centre of mass would bear most of it, and wheels turn about their inner rims. Parts of a flex are
+// bodies of their own.
 //
 // A damping ratio, and the restitution that follows from it, belongs to a vibration. That of one
 // contact alone has the square frequency w k. A body that lands flat vibrates on all of its
@@ -25,13 +30,16 @@
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 
+struct mjModel_;
+
 namespace dashpot {
 
 // Keeps its arrays from step to step.
 class PressedTogether {
  public:
-  // Fills RowGroup::pressed of contacts whose material gives a damping ratio (rigid ones: a
-  // restitution), for a step of `length` (s) from the velocities in `data`.
+  // Fills RowGroup::pair_inverse_mass and first_of_pair of contacts that are on no solref, and
+  // RowGroup::pressed of those whose material gives a damping ratio (rigid ones: a restitution),
+  // for a step of `length` (s) from the velocities in `data`.
   void find(const mjModel_* model, const std::vector<GroupMaterial>& materials,
             const std::vector<ContactInput>& contacts, const Trees& trees,
             const std::vector<char>& stays_open, const RowData& data, double length, Rows& rows);
@@ -46,7 +54,7 @@ class PressedTogether {
   double square_frequency(const Rows& rows, const Trees& trees, size_t first, size_t last,
                           bool rigid);
 
-  std::vector<double> approach_;     // of the contacts of a pair
+  std::vector<double> approach_;     // of the contacts of two bodies
   std::vector<double> compression_;  // by group
   AlignedDoubles force_, response_;
 };

@@ -14,16 +14,16 @@
 // finds the spring of the weight.
 //
 // Limits and equalities go by their position x, as in MuJoCo: those of a connect or weld by the
-// norm of all. Over a step their spring is linear, with the load kappa(x) x of its start and the
-// slope of the chord to where its rate leads,
+// norm of all. Over a step their spring is linear. It has the load kappa(x) x of its start, and the
+// slope of the chord to where its rate leads:
 //
 //     k = (load(x_1) - load(x_0)) (x_1 - x_0) / (x_1 - x_0)^2 ,
 //
-// so that what it takes on the way out it gives back on the way in. Where steps do not resolve how
-// it grows stiffer, recall.hpp has it give back no more than it took; and that of a limit, which
-// may open within the step, and of a weld, whose metres and radians have no potential together, is
-// no softer than what gives back all that is stored. One that grows stiffer by less than MuJoCo's
-// default does is even: it has the impedance of its full width.
+// What it takes on the way out it gives back on the way in. Where steps do not resolve how it grows
+// stiffer, it gives back no more than it took (rows/spring_places.hpp). A limit may open within the
+// step, and metres and radians of a weld have no potential together: these are no softer than what
+// gives back all that is stored. One that grows stiffer by less than MuJoCo's default does is even:
+// it has the impedance of its full width.
 
 #pragma once
 

@@ -2,13 +2,13 @@
 //
 // What a contact or limit is damped by, and so its restitution, goes by the inverse masses of its
 // rows, which see one tree on each side. Equalities between trees, and limits that the hit presses,
-// tie more to them. With the rows E of these, and the push f = J' x of the contacts of a pair that
-// are compressed by x,
+// tie more to them. E are the rows of these, and f = J' x is the push of the contacts between two
+// bodies that are compressed by x. The inverse masses without and with what is tied are
 //
 //     w = f' inv(H) f,      w_tied = w - a' inv(E inv(H) E') a,      a = E inv(H) f
 //
-// are the inverse masses without and with what is tied (Gauss's principle). Conjugate gradients
-// solve the system: after k steps they know what is up to k rows away, and w_tied is no less.
+// by Gauss's principle. Conjugate gradients solve the system. After k steps they know what is up to
+// k rows away, and their w_tied is an upper bound.
 
 #pragma once
 
@@ -27,7 +27,8 @@ namespace dashpot {
 class TiedMass {
  public:
   // Fills RowGroup::tied of the contacts and limits that move as fast as hits do, or are thrown
-  // back, from the velocities in `data`. `compression`: x, by group (pressed_together.hpp).
+  // back, from the velocities in `data`; not of those on a model's own solref, which has a damping
+  // of its own. `compression`: x, by group (pressed_together.hpp).
   void find(const StepView& step, const std::vector<GroupMaterial>& materials, const Trees& trees,
             const std::vector<Island>& islands, const std::vector<double>& compression,
             const RowData& data, Rows& rows);
@@ -36,6 +37,7 @@ class TiedMass {
   // What one step and one of its islands are.
   struct Scene {
     const StepView& step;
+    const std::vector<GroupMaterial>& materials;
     const Trees& trees;
     const Island& island;
     const std::vector<double>& compression;

@@ -36,9 +36,9 @@
 // (N m / M) (d_user + k_user dt) < 2, which few of the values of k_user and d_user far above the
 // defaults satisfy. Nothing lowers them.
 //
-// Other rows have the same form, one row each. Limits are facets. Equalities push both ways, so
-// that the maximum is left out, and g is their error; w_0 knows nothing of arms, and where m would
-// throw them apart it is lowered to 1 / (S_i (d_user + k_user dt)). Dry friction has no gap: it is
+// Other rows have the same form, one row each. Limits are facets. Equalities push both ways: the
+// maximum is left out, and g is their error. w_0 knows nothing of arms. Where m would throw an
+// equality apart, it is lowered to 1 / (S_i (d_user + k_user dt)). Dry friction has no gap: it is
 // the damper that stops its row within the step, d_user = 1 and m = 1 / W, up to its limit L,
 //
 //     f_i = clamp(-v_p / (dt W_i), -L_i, L_i),    W_i = max(w_i, s S_i),  s = 0.55,

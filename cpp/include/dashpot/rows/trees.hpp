@@ -11,8 +11,8 @@
 //
 // Of sparse trees, which are many small ones that rows couple, as the vertices of a flex, inv(H)
 // would be large. What acts on them is solved for instead. Their factor is that of H where only
-// degrees of freedom of one path are coupled; where springs couple others it is that of M, which H
-// is not less than. So the apparent inverse masses of rows and all that bounds them are those of
+// degrees of freedom of one path are coupled. Where springs couple others it is that of M, which is
+// not greater than H. So the apparent inverse masses of rows and all that bounds them are those of
 // each body alone, on the safe side, while responses and statics are those of H.
 //
 // The first coordinates belong to the ground, which what is applied to it does not move: eight for
