@@ -12,7 +12,7 @@ import pytest
 import dashpot
 from ball_throws import BALL, SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit, twin
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.residuals.objective import Objective
 
 
 @pytest.fixture(scope="module")

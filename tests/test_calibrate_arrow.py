@@ -6,11 +6,11 @@ from scipy import optimize
 
 from ball_throws import ball_engine, ball_parameters, observe
 from dashpot.calibrate import Problem, fit
-from dashpot.calibrate.arrow import ArrowInverse, ArrowMatrix
-from dashpot.calibrate.intervals import covariance
-from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.trust_region import minimise
+from dashpot.calibrate.inference.intervals import covariance
+from dashpot.calibrate.residuals.arrow import ArrowInverse, ArrowMatrix
+from dashpot.calibrate.residuals.losses import Loss
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.search.trust_region import minimise
 
 # Trajectories of different lengths, three parameters, two unknowns of each initial state.
 OFFSETS = np.array([0, 7, 12, 30, 41])

@@ -8,7 +8,7 @@ import pytest
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.transforms import Transform
+from dashpot.calibrate.problem.transforms import Transform
 
 
 def restitution_engine(restitution):

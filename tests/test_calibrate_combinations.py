@@ -8,7 +8,7 @@ import pytest
 
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.combinations import combinations
+from dashpot.calibrate.inference.combinations import combinations
 
 
 @pytest.mark.parametrize("correlation", [0.9, -0.9])

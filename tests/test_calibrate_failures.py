@@ -9,8 +9,8 @@ import pytest
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, make_trajectory, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.candidates import SimulationError
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.residuals.candidates import SimulationError
+from dashpot.calibrate.residuals.objective import Objective
 
 SPINNER = """<mujoco><option timestep=".005" gravity="0 0 0"/><worldbody>
   <body name="body"><freejoint/><geom size=".1" contype="0" conaffinity="0"/>

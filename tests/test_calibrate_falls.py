@@ -6,8 +6,8 @@ import pytest
 
 from ball_throws import BALL, FALL, IDENTITY, SIDEWAYS, ball_engine, make_trajectory, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.clock import falls_up, in_millimetres
-from dashpot.calibrate.data_warnings import strange_falls
+from dashpot.calibrate.data.clock import falls_up, in_millimetres
+from dashpot.calibrate.problem.data_warnings import strange_falls
 
 UP = np.array([1.0, 1.0, -1.0])
 

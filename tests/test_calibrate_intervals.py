@@ -12,9 +12,9 @@ from scipy import stats
 import dashpot
 from ball_throws import FALL, IDENTITY, SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.at_bounds import leaders
-from dashpot.calibrate.identifiability import Evidence, judge
-from dashpot.calibrate.intervals import covariance
+from dashpot.calibrate.inference.at_bounds import leaders
+from dashpot.calibrate.inference.identifiability import Evidence, judge
+from dashpot.calibrate.inference.intervals import covariance
 
 
 def test_covariance_of_a_straight_line_is_the_closed_form():

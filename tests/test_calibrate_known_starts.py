@@ -10,7 +10,7 @@ import pytest
 import dashpot
 from ball_throws import IDENTITY, ball_engine, ball_parameters, make_trajectory
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit, predict
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.residuals.objective import Objective
 from dashpot.cli.recordings import read_npz
 
 STEP, FRAMES, NOISE = 0.01, 41, 1e-3  # s, m

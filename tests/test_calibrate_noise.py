@@ -11,12 +11,12 @@ from scipy import integrate, optimize, stats
 import dashpot
 from ball_throws import FALL, IDENTITY, SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.intervals import covariance, residual_variance
-from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.search import Search
-from dashpot.calibrate.stated_noise import noise_explains
+from dashpot.calibrate.inference.intervals import covariance, residual_variance
+from dashpot.calibrate.inference.stated_noise import noise_explains
+from dashpot.calibrate.residuals.losses import Loss
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.search.budget import Budget
+from dashpot.calibrate.search.search import Search
 
 ROBUST = ("soft_l1", "huber", "cauchy", "arctan")
 LOSSES = ("linear", *ROBUST)

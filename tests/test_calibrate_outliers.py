@@ -9,10 +9,10 @@ from scipy import stats
 
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Problem, fit, predict
-from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.search import Search
+from dashpot.calibrate.residuals.losses import Loss
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.search.budget import Budget
+from dashpot.calibrate.search.search import Search
 
 TRUTH = {"stiffness": 1e4, "damping": 20.0, "sliding_friction": 0.3}
 VELOCITIES = (SIDEWAYS, np.array([0.7, -0.3, -0.5, 1.0, -2.0, 0.5]))

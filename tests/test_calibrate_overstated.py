@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.layout import Layout
-from dashpot.calibrate.whiteness import whiteness
+from dashpot.calibrate.problem.layout import Layout
+from dashpot.calibrate.residuals.whiteness import whiteness
 from spinning_throws import BOUNDS, TRUTH, ball, observed
 
 START = {"stiffness": 2e3, "restitution": 0.4, "sliding_friction": 0.5}

@@ -12,9 +12,9 @@ import pytest
 import dashpot
 from ball_throws import BALL, IDENTITY, ball_engine, ball_parameters, make_trajectory
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.clock import in_milliseconds
-from dashpot.calibrate.data_warnings import strange_falls
-from dashpot.calibrate.transforms import Transform
+from dashpot.calibrate.data.clock import in_milliseconds
+from dashpot.calibrate.problem.data_warnings import strange_falls
+from dashpot.calibrate.problem.transforms import Transform
 
 
 def test_a_window_is_a_number():

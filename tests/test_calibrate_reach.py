@@ -9,8 +9,8 @@ from scipy import stats
 
 import dashpot
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.profiles import Place, reach
+from dashpot.calibrate.inference.profiles import Place, reach
+from dashpot.calibrate.residuals.objective import Objective
 
 BALL = """
 <mujoco>

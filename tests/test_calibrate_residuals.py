@@ -16,7 +16,7 @@ from ball_throws import (
     observe,
 )
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.residuals.objective import Objective
 
 
 def test_residuals_against_stepping_and_scipy_rotations():

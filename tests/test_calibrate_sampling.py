@@ -7,8 +7,8 @@ from scipy import special
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.estimate import Estimate
-from dashpot.calibrate.sampling import draw
+from dashpot.calibrate.inference.estimate import Estimate
+from dashpot.calibrate.inference.sampling import draw
 
 COUNT = 20_000
 # Standard error of a share of COUNT draws is at most 0.0035, of a correlation 0.007: four of them.

@@ -10,7 +10,7 @@ import pytest
 import dashpot
 from ball_throws import IDENTITY, make_trajectory
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
-from dashpot.calibrate.objective import Objective
+from dashpot.calibrate.residuals.objective import Objective
 
 CART = """
 <mujoco>

@@ -11,10 +11,11 @@ import pytest
 
 import dashpot
 from ball_throws import SIDEWAYS, ball_engine, ball_parameters, observe
-from dashpot.calibrate import Parameter, Problem, Trajectory, fit, strategy
-from dashpot.calibrate.automatic import growing_windows
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.starts import sobol_points
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.search import strategy
+from dashpot.calibrate.search.automatic import growing_windows
+from dashpot.calibrate.search.starts import sobol_points
 
 TRUTH = {"stiffness": 1e4, "damping": 20.0, "sliding_friction": 0.3}
 # Off by a factor of ten or more each: least squares from here ends where other bounces than those

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from dashpot.calibrate.arrow import ArrowMatrix
-from dashpot.calibrate.intervals import covariance
-from dashpot.calibrate.statistical_linearization import linearize, over_its_region
+from dashpot.calibrate.inference.intervals import covariance
+from dashpot.calibrate.inference.statistical_linearization import linearize, over_its_region
+from dashpot.calibrate.residuals.arrow import ArrowMatrix
 
 
 class Residuals:

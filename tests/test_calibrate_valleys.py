@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dashpot.calibrate import Parameter, Problem, fit, settlement
-from dashpot.calibrate.arrow import ArrowMatrix
-from dashpot.calibrate.losses import Loss
-from dashpot.calibrate.profiles import Place, Profiles, beyond_a_hill
+from dashpot.calibrate import Parameter, Problem, fit
+from dashpot.calibrate.inference import settlement
+from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill
+from dashpot.calibrate.residuals.arrow import ArrowMatrix
+from dashpot.calibrate.residuals.losses import Loss
 from spinning_throws import BOUNDS, TRUTH, ball, observed
 
 POSITION_NOISE, ROTATION_NOISE = 2e-3, 2e-2

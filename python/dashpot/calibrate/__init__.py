@@ -28,14 +28,14 @@ which four are fitted and one is predicted::
     print(prediction.position_error, prediction.rotation_error)
 """
 
-from dashpot.calibrate.combinations import Combination
-from dashpot.calibrate.estimate import Estimate
+from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.fit import fit
-from dashpot.calibrate.parameters import Parameter
+from dashpot.calibrate.inference.combinations import Combination
+from dashpot.calibrate.inference.estimate import Estimate
 from dashpot.calibrate.prediction import Prediction, predict
-from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.trajectory import Trajectory
 
 __all__ = [
     "Combination",

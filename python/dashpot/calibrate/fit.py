@@ -9,21 +9,21 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.at_bounds import leaders
-from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
-from dashpot.calibrate.identifiability import Evidence, judge
-from dashpot.calibrate.intervals import check_count
-from dashpot.calibrate.losses import Loss, LossName
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.problem import Problem
-from dashpot.calibrate.progress import ProgressBar
+from dashpot.calibrate.inference.at_bounds import leaders
+from dashpot.calibrate.inference.identifiability import Evidence, judge
+from dashpot.calibrate.inference.intervals import check_count
+from dashpot.calibrate.inference.settlement import End, settle
+from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
+from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.report.progress import ProgressBar
+from dashpot.calibrate.residuals.losses import Loss, LossName
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.residuals.whiteness import whiteness
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.search import Search
-from dashpot.calibrate.settlement import End, settle
-from dashpot.calibrate.stated_noise import noise_explains, noise_overstated
-from dashpot.calibrate.strategy import Method, run_automatic, run_searches
-from dashpot.calibrate.whiteness import whiteness
+from dashpot.calibrate.search.budget import Budget
+from dashpot.calibrate.search.search import Search
+from dashpot.calibrate.search.strategy import Method, run_automatic, run_searches
 from dashpot.checks import (
     flag,
     number,
@@ -71,7 +71,7 @@ def fit(
     better ones; ``starts=0`` saves that.
     What noise explains may be a bad valley yet: the cost is then followed along each parameter to
     its bounds, all other unknowns refitted, and the search goes on from where it is lower, if
-    anywhere (see `dashpot.calibrate.settlement`).
+    anywhere (see `dashpot.calibrate.inference.settlement`).
     On rough ground, as of blocks that slide from the first frame on, a search ends where the cost
     changes by a small part of what one standard error does.
 
@@ -87,10 +87,10 @@ def fit(
     Noise that is so itself, as of a tracker that smooths, counts as such a misfit; of every third
     frame alone it may be white.
 
-    Intervals are those of a linear model over their own width, and contain what it leaves over (see
-    `dashpot.calibrate.statistical_linearization`), and go on to where the cost itself has risen by
-    as much as their confidence asks for; around the end of a search that has not converged they
-    are rougher, and no parameter counts as identified.
+    Intervals are those of a linear model over their own width, and contain what it leaves over
+    (see `dashpot.calibrate.inference.statistical_linearization`). They go on to where the cost
+    itself has risen by as much as their confidence asks for; around the end of a search that has
+    not converged they are rougher, and no parameter counts as identified.
 
     Parameters
     ----------

@@ -11,15 +11,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.budget import Budget
-from dashpot.calibrate.data_warnings import warn_of_noisy_starts
-from dashpot.calibrate.intervals import check_count
-from dashpot.calibrate.least_squares import least_squares
-from dashpot.calibrate.losses import Loss, LossName
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.problem import Problem
-from dashpot.calibrate.search import Search
-from dashpot.calibrate.trajectory import Trajectory
+from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.inference.intervals import check_count
+from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.residuals.losses import Loss, LossName
+from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.search.budget import Budget
+from dashpot.calibrate.search.least_squares import least_squares
+from dashpot.calibrate.search.search import Search
 from dashpot.checks import number, positive_number, thread_count
 
 Array = NDArray[np.float64]
@@ -163,8 +163,8 @@ def predictions(
 ) -> tuple[Prediction, ...]:
     """Return what `values` predict of a problem's trajectories, from unknowns of their `states`.
 
-    These are as in points of the search (`dashpot.calibrate.objective`): velocity and displacement
-    by trajectory, none where they are given.
+    These are as in points of the search (`dashpot.calibrate.residuals.objective`): velocity and
+    displacement by trajectory, none where they are given.
     """
     objective = Objective(problem.with_window(None), nthread=nthread, held=values)
     qpos, qvel = objective.initial_states(states)

@@ -11,16 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from dashpot.calibrate.combinations import Combination, combinations
-from dashpot.calibrate.estimate import Estimate
-from dashpot.calibrate.fit_report import fit_dict, fit_table
-from dashpot.calibrate.losses import LossName
-from dashpot.calibrate.metrics import root_mean_squares
+from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.inference.combinations import Combination, combinations
+from dashpot.calibrate.inference.estimate import Estimate
+from dashpot.calibrate.inference.metrics import root_mean_squares
+from dashpot.calibrate.inference.sampling import draw
+from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.prediction import Prediction, predict, predictions
-from dashpot.calibrate.problem import Problem
-from dashpot.calibrate.sampling import draw
-from dashpot.calibrate.stated_noise import noise_explains, noise_overstated
-from dashpot.calibrate.trajectory import Trajectory
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.residuals.losses import LossName
 from dashpot.checks import positive_count, thread_count, whole_number
 from dashpot.tables import table_html, table_text
 
@@ -158,7 +157,7 @@ class Fit:
 
         Each parameter has the distribution of which its interval is that of the confidence, and
         together they have the `correlation`; what the data say nothing of is spread over its range
-        (`dashpot.calibrate.sampling`). They hold where the intervals do.
+        (`dashpot.calibrate.inference.sampling`). They hold where the intervals do.
 
         Parameters
         ----------
@@ -291,6 +290,8 @@ class Fit:
         ValueError
             Where `truth` lacks a parameter, naming it.
         """
+        from dashpot.calibrate.report.fit_report import fit_table
+
         return fit_table(self, truth)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure:
@@ -304,7 +305,7 @@ class Fit:
         path
             Where to write the figure too, in the format of its suffix.
         """
-        from dashpot.calibrate.plots import plot_fit
+        from dashpot.calibrate.report.plots import plot_fit
 
         figure = plot_fit(self)
         if path is not None:
@@ -313,4 +314,6 @@ class Fit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but problem and residuals as plain types, for JSON; inf is None."""
+        from dashpot.calibrate.report.fit_report import fit_dict
+
         return fit_dict(self)

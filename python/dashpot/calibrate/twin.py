@@ -13,11 +13,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.fit import fit
-from dashpot.calibrate.parameters import MaterialField, Parameter
-from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.problem.parameters import MaterialField, Parameter
+from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.trajectory import Trajectory
 from dashpot.engine import Engine
 from dashpot.materials import Material
 

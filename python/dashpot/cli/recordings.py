@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from dashpot.calibrate.observables import find_sensor
+from dashpot.calibrate.problem.observables import find_sensor
 from dashpot.data.archive import ArrayArchive
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.tosses.cube import BODY, CORNERS, Cube
-from dashpot.calibrate.trajectory import Trajectory
 from dashpot.data.cube_tosses import GRAVITY, CubeTosses
 
 Array = NDArray[np.float64]

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.parameters import Parameter
-from dashpot.calibrate.problem import Problem
-from dashpot.calibrate.setters import System
+from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.tosses.cube import Cube
 from dashpot.calibrate.tosses.flight import (
     LENGTH_SCALE,

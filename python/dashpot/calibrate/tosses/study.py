@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.fit import fit
-from dashpot.calibrate.objective import Objective
-from dashpot.calibrate.problem import Problem
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.result import Fit
-from dashpot.calibrate.strategy import Method
+from dashpot.calibrate.search.strategy import Method
 from dashpot.calibrate.tosses.cube import Cube
 from dashpot.calibrate.tosses.flight import LENGTH_SCALE, Toss, flight_frames
 from dashpot.calibrate.tosses.problems import toss_problem, weighed

@@ -1,0 +1,1 @@
+"""Trajectories as they were recorded: frames, channels, time, noise."""

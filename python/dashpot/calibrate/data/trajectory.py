@@ -1,0 +1,306 @@
+"""Reference trajectories: observed poses of bodies, checked."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dashpot.calibrate.data.frame_grid import check_grid, frame_numbers
+from dashpot.calibrate.data.noise import initial_deviations
+from dashpot.calibrate.data.trajectory_fields import (
+    finite_field,
+    frozen,
+    poses_field,
+    readings_field,
+)
+from dashpot.checks import number
+
+Array = NDArray[np.float64]
+T = TypeVar("T", np.float64, np.bool_)
+
+# A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
+UNIT_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Observed poses of bodies, and readings of sensors, at times of an even grid.
+
+    Frames of it may be lost.
+
+    Arrays are copied, so the caller's data stay as they are and later edits do not reach in. They
+    hold integers or floats; text, times with a date, complex numbers and True are refused. Where
+    NaN stands for what was not measured, so do the masked entries of ``numpy.ma`` and None.
+
+    Parameters
+    ----------
+    name
+        Names the trajectory in every message.
+    time
+        (n,) times in s, strictly increasing, n >= 2, and evenly spaced: at most 15 % of a spacing
+        off the even grid that fits them best, so that those rounded to milliseconds pass to 240 Hz.
+        The frames count as being on that grid. Lost frames may be left out, more than half of them
+        too: intervals of several spacings are gaps, through which the simulation goes on.
+    position
+        (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m. NaN: not
+        measured in that frame.
+    quaternion
+        (n, bodies, 4) or (n, 4): orientation body to world, scalar first, unit. Stored normalised.
+        Four NaN: not measured in that frame.
+    bodies
+        Names of the observed bodies in the order of the arrays.
+    initial_qpos
+        (nq,) full position of the model at ``time[0]``, its quaternions unit. None: observed bodies
+        with a free joint start at their first observed pose and every other joint at the model's
+        ``qpos0``. That pose is as noisy as the others: where it is measured, estimate the start
+        with ``Problem(initial_state="pose_and_velocity")``. What is estimated starts from what is
+        given: of robots, whose joints no pose tells, give the first readings of encoders.
+    initial_qvel
+        (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
+        in the body frame). None is allowed where the problem estimates it; the search then starts
+        from the first five frames (with a robust loss from as many as fly freely, outliers aside).
+    initial_qpos_sigma, initial_qvel_sigma
+        (nv,), or one number for all degrees of freedom: how well `initial_qpos` and `initial_qvel`
+        are known, as standard deviations, m, rad, m/s and rad/s (rotations of free joints about the
+        axes of the body). 0: exactly, so that the degree of freedom stays as it is given; inf: not
+        at all, and the given is where the search starts. What lies between counts as a reading of
+        it beside those of the motion. None: not at all. They act where the problem estimates the
+        start, else it counts as known. Hold with 0 what nothing observes, as a body at rest in a
+        place that is known: free, it is moved and turned at will to make up for parameters.
+    control
+        (n - 1, nu) controls held constant between successive frames, through gaps too. None: zero.
+    sensors
+        Readings of sensors of the model by name, (n, size) or, of one number, (n,), in the unit of
+        the sensor: joint encoders (``jointpos``), accelerometers, force plates (``touch``,
+        ``force``), positions of markers (``framepos`` of a site, in the frame of a camera, too).
+        What positions and velocities make is compared at the times of the frames; what needs
+        accelerations or forces as the mean over the spacing before the frame, so that there is none
+        at the first. NaN: not measured. `of_sensors` makes trajectories of sensors alone.
+
+    Raises
+    ------
+    ValueError
+        Naming the trajectory, the field and the first offending index.
+    """
+
+    name: str
+    time: Array
+    position: Array
+    quaternion: Array
+    bodies: tuple[str, ...]
+    initial_qpos: Array | None = None
+    initial_qvel: Array | None = None
+    control: Array | None = None
+    sensors: Mapping[str, Array] = field(default_factory=dict)
+    initial_qpos_sigma: Array | None = None
+    initial_qvel_sigma: Array | None = None
+    _frame_number: NDArray[np.intp] = field(init=False, repr=False)
+    _spacing: float = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            name: str,
+            time: ArrayLike,
+            position: ArrayLike,
+            quaternion: ArrayLike,
+            bodies: str | Sequence[str],
+            initial_qpos: ArrayLike | None = None,
+            initial_qvel: ArrayLike | None = None,
+            control: ArrayLike | None = None,
+            sensors: Mapping[str, ArrayLike] = ...,
+            initial_qpos_sigma: ArrayLike | None = None,
+            initial_qvel_sigma: ArrayLike | None = None,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise TypeError(f"a trajectory's name must be a string, got {self.name!r}")
+        if not isinstance(self.bodies, Iterable):
+            raise TypeError(
+                f"{self._label}: bodies must be a name or a sequence of names, got {self.bodies!r}"
+            )
+        bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
+        if not all(isinstance(body, str) for body in bodies):
+            raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
+        if not isinstance(self.sensors, Mapping):
+            raise TypeError(
+                f"{self._label}: sensors must be a mapping from names to readings, "
+                f"got {self.sensors!r}"
+            )
+        if not (bodies or self.sensors) or len(set(bodies)) != len(bodies):
+            raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
+        time = finite_field(f"{self._label}: time", self.time)
+        if time.ndim != 1 or time.size < 2:
+            raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
+        try:
+            frame = frame_numbers(time)
+            spacing = check_grid(time, frame)
+        except ValueError as error:
+            raise ValueError(f"{self._label}: {error}") from None
+        frame.flags.writeable = False
+        object.__setattr__(self, "_frame_number", frame)
+        object.__setattr__(self, "_spacing", spacing)
+        n, b = time.size, len(bodies)
+        position = poses_field(f"{self._label}: position", self.position, (n, b, 3))
+        quaternion = poses_field(f"{self._label}: quaternion", self.quaternion, (n, b, 4))
+        missing = np.isnan(quaternion)
+        partly = np.argwhere(missing.any(axis=-1) & ~missing.all(axis=-1))
+        if partly.size:
+            frame, body = partly[0]
+            raise ValueError(
+                f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
+            )
+        self._check_measured(position, quaternion)
+        sensors = {
+            name: readings_field(self._label, name, value, n)
+            for name, value in self.sensors.items()
+        }
+        object.__setattr__(self, "sensors", sensors)
+        norm = np.linalg.norm(quaternion, axis=-1)
+        off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
+        if off.size:
+            frame, body = off[0]
+            raise ValueError(
+                f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' has norm "
+                f"{norm[frame, body]:.6g}; unit quaternions are needed"
+            )
+        object.__setattr__(self, "bodies", bodies)
+        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "position", frozen(position))
+        object.__setattr__(self, "quaternion", frozen(quaternion / norm[..., None]))
+        for name, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
+            value = getattr(self, name)
+            if value is None:
+                continue
+            array = finite_field(f"{self._label}: {name}", value)
+            if array.ndim != ndim:
+                raise ValueError(f"{self._label}: {name} must be {ndim}-D, got {array.shape}")
+            if name == "control" and array.shape[0] != n - 1:
+                raise ValueError(
+                    f"{self._label}: control must have a row for each of the {n - 1} frame "
+                    f"intervals, got {array.shape[0]}"
+                )
+            object.__setattr__(self, name, frozen(array))
+        for name in ("initial_qpos", "initial_qvel"):
+            value = getattr(self, f"{name}_sigma")
+            if value is None:
+                continue
+            sigma = initial_deviations(f"{self._label}: {name}_sigma", value)
+            if np.isfinite(sigma).any() and getattr(self, name) is None:
+                raise ValueError(
+                    f"{self._label}: {name}_sigma says how well {name} is known, which is not given"
+                )
+            object.__setattr__(self, f"{name}_sigma", frozen(sigma))
+
+    @classmethod
+    def of_sensors(
+        cls,
+        name: str,
+        time: ArrayLike,
+        sensors: Mapping[str, ArrayLike],
+        *,
+        initial_qpos: ArrayLike | None = None,
+        initial_qvel: ArrayLike | None = None,
+        control: ArrayLike | None = None,
+        initial_qpos_sigma: ArrayLike | None = None,
+        initial_qvel_sigma: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Return a trajectory of which sensors alone were observed; fields as in the class.
+
+        A leg that lands, with an accelerometer and an encoder that the MJCF names ``imu`` and
+        ``knee``, and no pose in the world::
+
+            landing = Trajectory.of_sensors("landing", time, {"imu": acceleration, "knee": angle},
+                                            initial_qpos=qpos, initial_qvel=qvel, control=control)
+            problem = Problem(engine, unknown, [landing], math.inf, math.inf,
+                              sensor_sigma={"imu": 0.5, "knee": 1e-3})
+        """
+        n = np.size(time)
+        return cls(
+            name,
+            time,
+            np.empty((n, 0, 3)),
+            np.empty((n, 0, 4)),
+            bodies=(),
+            initial_qpos=initial_qpos,
+            initial_qvel=initial_qvel,
+            control=control,
+            sensors=sensors,
+            initial_qpos_sigma=initial_qpos_sigma,
+            initial_qvel_sigma=initial_qvel_sigma,
+        )
+
+    def __repr__(self) -> str:
+        """Return name, length and bodies, without the arrays."""
+        left_out = int(self.frame_number[-1]) + 1 - self.frames
+        sensors = f", sensors={tuple(self.sensors)}" if self.sensors else ""
+        lost = f" ({left_out} left out)" if left_out else ""
+        return (
+            f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart{lost}, "
+            f"bodies={self.bodies}{sensors})"
+        )
+
+    @property
+    def frames(self) -> int:
+        """Number of observed frames."""
+        return int(self.time.size)
+
+    @property
+    def spacing(self) -> float:
+        """Time between frames, s: that of the even grid that fits their times best."""
+        return self._spacing
+
+    @property
+    def frame_number(self) -> NDArray[np.intp]:
+        """(n,) places of the frames on the even grid, from 0; with gaps where frames were lost."""
+        return self._frame_number
+
+    @property
+    def measured(self) -> NDArray[np.bool_]:
+        """(n, bodies, 6) whether x, y, z and the rotations about them were measured."""
+        turned = ~np.isnan(self.quaternion[..., :1])
+        return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
+
+    def by_sensor(self, channels: NDArray[T]) -> dict[str, NDArray[T]]:
+        """Return the columns of (..., channels) of all sensors together, by sensor."""
+        ends = np.cumsum([readings.shape[1] for readings in self.sensors.values()], dtype=np.intp)
+        return dict(zip(self.sensors, np.split(channels, ends, axis=-1)[:-1], strict=True))
+
+    def head(self, duration: float) -> Trajectory:
+        """Return the frames up to `duration` s after the first, at least two of them.
+
+        They keep their places on the grid of the whole, which few of them may not tell.
+        """
+        if not number(f"{self._label}: a window", duration) > 0:
+            raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
+        # Half a spacing of slack, so that a window of k spacings holds k + 1 frames.
+        n = int(np.count_nonzero(self.time - self.time[0] <= duration + 0.5 * self.spacing))
+        n = max(n, 2)
+        if n == self.frames:
+            return self
+        self._check_measured(self.position[:n], self.quaternion[:n])
+        head = copy.copy(self)
+        for name in ("time", "position", "quaternion", "_frame_number"):
+            object.__setattr__(head, name, getattr(self, name)[:n])
+        if self.control is not None:
+            object.__setattr__(head, "control", self.control[: n - 1])
+        sensors = {name: readings[:n] for name, readings in self.sensors.items()}
+        object.__setattr__(head, "sensors", sensors)
+        return head
+
+    @property
+    def _label(self) -> str:
+        return f"trajectory '{self.name}'"
+
+    def _check_measured(self, position: Array, quaternion: Array) -> None:
+        """Raise ValueError where poses are all that is observed, and none was measured."""
+        nothing = np.isnan(position).all() and np.isnan(quaternion).all()
+        if self.bodies and nothing and not self.sensors:
+            raise ValueError(f"{self._label}: all positions and quaternions are nan")

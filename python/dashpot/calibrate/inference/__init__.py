@@ -1,0 +1,1 @@
+"""What an estimate is worth: intervals, profiles, identifiability, draws."""

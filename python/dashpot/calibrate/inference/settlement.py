@@ -1,0 +1,145 @@
+"""What the end of a search is worth: its intervals, and whether the cost is lower elsewhere.
+
+Noise of some hundred residuals hides valleys: it explains a cost of three standard deviations of
+its own above the least one, which is more than ten standard errors of a parameter. So where an end
+counts as explained, the cost is followed along each parameter to its bounds, all else refitted
+(`dashpot.calibrate.inference.profiles`), and the search goes on from where that is lower, or
+falls again beyond a hill, where refits without derivatives of their own may lag. Intervals go on to
+where the cost has risen by what their confidence asks for: with t the quantile of Student's
+distribution, ``t^2 / 2`` times the dispersion (Meeker and Escobar, The American Statistician 49,
+1995). Curvature does not tell that where one side is flat, as of friction that soon holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.inference.fit_errors import covariance_around
+from dashpot.calibrate.inference.intervals import Covariance
+from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill, reach
+from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE, noise_explains
+from dashpot.calibrate.inference.statistical_linearization import near
+from dashpot.calibrate.residuals.candidates import SimulationError
+from dashpot.calibrate.search.least_squares import least_squares
+from dashpot.calibrate.search.search import Search
+from dashpot.calibrate.search.strategy import MOST_ITERATIONS, finish
+
+Array = NDArray[np.float64]
+
+# The search goes on where the cost is lower by more than one standard error raises it, so often at
+# most.
+_LOWER = 0.5
+_MOST_ROUNDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class End:
+    """The end of a search.
+
+    Attributes
+    ----------
+    point, residuals
+        (n,) and (m,).
+    covariance, departure
+        Of the estimate, and in standard errors how far that is from a linear one, (n,).
+    intervals
+        (p, 2) ends of the parameters' intervals in search coordinates.
+    failure
+        Why simulations next to it fail; None where they do not.
+    elsewhere
+        Values of the parameters where the cost is lower, but no search went on from.
+    """
+
+    point: Array
+    residuals: Array
+    covariance: Covariance
+    departure: Array
+    intervals: Array
+    failure: str | None
+    elsewhere: str | None = None
+
+
+def settle(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, int]:
+    """Return the end of a search, and how many simulations that took beside the search.
+
+    Searches that profiles of the cost bring about are part of `search`, and of its budget.
+    """
+    objective = search.objective
+    beside = 0
+    for _ in range(_MOST_ROUNDS):
+        before = objective.evaluations
+        end, place = _examine(search, errors, confidence, seed)
+        beside += objective.evaluations - before
+        if place is None or search.budget.left == 0:
+            break
+        trial = Search(objective, search.loss, search.budget)
+        try:
+            least_squares(trial, place.point, MOST_ITERATIONS)
+        except SimulationError:
+            break
+        if trial.best_cost >= search.best_cost - _LOWER * _dispersion(end.covariance):
+            break
+        search.take_over(trial)
+        finish(search)
+    return end, beside
+
+
+def _dispersion(covariance: Covariance) -> float:
+    """Return the least of the parameters that are determined."""
+    known = covariance.standard_error[: covariance.parameters]
+    return float(np.min(covariance.dispersion[np.isfinite(known)]))
+
+
+def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, Place | None]:
+    """Return the best point of a search as its end, and from where the cost may be lower, if so.
+
+    That is where it is, or else the lowest place beyond a hill.
+    """
+    objective, loss, point = search.objective, search.loss, search.best_point
+    residuals = objective.residuals(point)[0]
+    covariance, departure, jacobian, failure = covariance_around(
+        objective, point, residuals, loss, errors, confidence, seed if search.converged else None
+    )
+    half_widths = covariance.half_width(confidence)[: objective.parameters]
+    known = np.isfinite(half_widths) & (half_widths > 0.0)
+    middle = point[: objective.parameters]
+    intervals = np.stack([middle - half_widths, middle + half_widths], axis=1)
+    end = End(point, residuals, covariance, departure, intervals, failure)
+    variance = covariance.residual_variance
+    live = int(np.count_nonzero(objective.live(residuals)))
+    doubtful = variance > MAX_VARIANCE and not noise_explains(variance, live, robust=loss.robust)
+    if failure is not None or not search.converged or doubtful or not known.any():
+        return end, None
+    ranges = [c.search_bounds[1] - c.search_bounds[0] for c in objective.coordinates]
+    units = np.concatenate([ranges, np.tile(near(objective), len(objective.layouts))])
+    lower, upper = (bound[: objective.parameters] for bound in objective.bounds())
+    dispersion = _dispersion(covariance)
+    profiles = Profiles(loss, (lower, upper), units, 0.5 * dispersion)
+    begin = Place(point, residuals, profiles.cost(residuals))
+    sides = profiles.around(
+        lambda points: objective.attempt(points)[0], begin, jacobian, half_widths
+    )
+    places = [place for both in sides for side in both for place in side]
+    lowest = min([begin, *places], key=lambda place: place.cost)
+    quantile = covariance.quantile(confidence)
+    rises = 0.5 * quantile**2 * covariance.dispersion
+    for i in map(int, np.flatnonzero(known)):
+        below, above = (reach(side, i, begin, lowest.cost, rises[i]) for side in sides[i])
+        intervals[i] = (
+            min(intervals[i, 0], middle[i] - below),
+            max(intervals[i, 1], middle[i] + above),
+        )
+    if lowest.cost >= begin.cost - _LOWER * dispersion:
+        beyond = [
+            beyond_a_hill(side, begin, 0.5 * quantile**2 * dispersion)
+            for both in sides
+            for side in both
+        ]
+        found = [place for place in beyond if place is not None]
+        return end, min(found, key=lambda place: place.cost, default=None)
+    values = objective.values(lowest.point).items()
+    end = replace(end, elsewhere=", ".join(f"{name} = {value:.4g}" for name, value in values))
+    return end, lowest

@@ -1,0 +1,61 @@
+"""How well the initial states of trajectories are known beforehand.
+
+Where a problem estimates them, a degree of freedom is free, held as it is given, or given with a
+standard deviation: what is given is then a reading like those of the motion, with the residual
+``(x - given) / sigma``. Bodies that nothing observes, at rest in a place that is known, would else
+be moved and turned at will to make up for parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot.calibrate.data.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownStarts:
+    """What is known of the s unknowns of each initial state: velocities, then displacements.
+
+    Attributes
+    ----------
+    sigma
+        (trajectories, s) 0: held; inf: free.
+    given
+        (trajectories, s).
+    """
+
+    sigma: Array
+    given: Array
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """(trajectories, s) whether it is held as given, and so not estimated."""
+        return np.equal(self.sigma, 0.0)
+
+    def with_held(self, states: Array) -> Array:
+        """Return states (..., trajectories, s) with those that are held as they are given."""
+        return np.where(self.held, self.given, states)
+
+    def residuals(self, states: Array) -> Array:
+        """Return the residuals (..., k) of what is given, by trajectory, of states (..., t, s)."""
+        read = is_reading(self.sigma)
+        return np.asarray((states - self.given)[..., read] / self.sigma[read])
+
+
+def is_reading(sigma: Array) -> NDArray[np.bool_]:
+    """Whether what is given is a reading, neither exact nor unknown."""
+    return (sigma > 0.0) & np.isfinite(sigma)
+
+
+def start_sigma(trajectory: Trajectory, nv: int, initial_state: str) -> Array:
+    """Return the standard deviations (s,) of the unknowns of an initial state."""
+    parts = {"given": 0, "velocity": 1, "pose_and_velocity": 2}[initial_state]
+    known = (trajectory.initial_qvel_sigma, trajectory.initial_qpos_sigma)[:parts]
+    rows = [np.broadcast_to(np.inf if sigma is None else sigma, nv) for sigma in known]
+    return np.concatenate([np.empty(0), *rows])

@@ -1,0 +1,81 @@
+"""Systems with values of parameters put in: copies, or built anew."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
+
+import mujoco
+
+from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.setters import (
+    MaterialSetter,
+    ModelSetter,
+    PairSetter,
+    System,
+    model_of,
+)
+from dashpot.engine import Engine
+
+Builder: TypeAlias = Callable[[Mapping[str, float]], System]
+
+
+def own_system(system: System | Builder, values: Mapping[str, float]) -> System:
+    """Return a copy of the system, or a new one, before any parameter is put in."""
+    if isinstance(system, mujoco.MjModel | Engine):
+        return copy.copy(system)
+    if not callable(system):
+        raise TypeError(
+            "system must be a dashpot.Engine, a mujoco.MjModel or a function that returns "
+            f"one, got {type(system).__name__}"
+        )
+    built = system(dict(values))
+    if not isinstance(built, mujoco.MjModel | Engine):
+        raise TypeError(
+            "the function that builds the system must return a dashpot.Engine or a "
+            f"mujoco.MjModel, got {type(built).__name__}"
+        )
+    return built
+
+
+def put_in(system: System, parameters: Sequence[Parameter], values: Mapping[str, float]) -> None:
+    """Set the values of parameters in a system; raise ValueError naming what was refused."""
+    changed = False
+    for parameter in _stiffness_before_damping(parameters):
+        if parameter.apply is None:
+            continue
+        value = values[parameter.name]
+        try:
+            parameter.apply(system, value)
+        except (ValueError, TypeError) as error:
+            raise type(error)(f"parameter '{parameter.name}' = {value:.6g}: {error}") from error
+        changed = changed or parameter.changes_model
+    for parameter in parameters:
+        if isinstance(parameter.apply, ModelSetter):
+            try:
+                parameter.apply.check_result(system)
+            except ValueError as error:
+                value = values[parameter.name]
+                raise ValueError(f"parameter '{parameter.name}' = {value:.6g}: {error}") from None
+    if changed:
+        model = model_of(system)
+        try:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        except mujoco.FatalError as error:
+            names = ", ".join(p.name for p in parameters if p.changes_model)
+            raise ValueError(f"the model does not take the values of {names}: {error}") from error
+
+
+def _stiffness_before_damping(parameters: Sequence[Parameter]) -> list[Parameter]:
+    """Return parameters in order, but what gives a stiffness before any damping that needs one."""
+
+    def sets(parameter: Parameter, quantity: str) -> bool:
+        setter = parameter.apply
+        return isinstance(setter, MaterialSetter | PairSetter) and setter.quantity == quantity
+
+    order = list(parameters)
+    first = next((i for i, p in enumerate(order) if sets(p, "damping")), len(order))
+    rest = order[first:]
+    stiff = [p for p in rest if sets(p, "stiffness")]
+    return order[:first] + stiff + [p for p in rest if p not in stiff]

@@ -1,0 +1,1 @@
+"""Residuals of a problem and their derivatives, by parallel simulation."""

@@ -1,0 +1,334 @@
+"""Residuals and Jacobian of a problem in search coordinates, by parallel simulation.
+
+A point of the search is the vector of the parameters' search coordinates, followed, where initial
+states are estimated, by one block per trajectory: velocity (nv) and, if wanted, displacement of
+the initial position (nv, a tangent vector as ``mj_integratePos`` takes it). Where parameters are
+held at given values, points have these blocks alone. What of a block is known beforehand adds
+residuals of its own to those of the trajectory, or is held
+(`dashpot.calibrate.problem.known_starts`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot import _core
+from dashpot.calibrate.problem.known_starts import KnownStarts
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.setters import System, model_of
+from dashpot.calibrate.residuals.arrow import ArrowMatrix
+from dashpot.calibrate.residuals.candidates import Candidate, SimulationError, batch, failure_of
+from dashpot.calibrate.residuals.differences import derivatives_along
+from dashpot.calibrate.residuals.idle_states import without_idle_states
+from dashpot.calibrate.residuals.observations import observed, simulated
+
+Array = NDArray[np.float64]
+
+# Half-widths of the finite differences of initial states: m/s and rad/s, m and rad. Large against
+# rounding, small against the measurement noise of any pose tracker.
+_VELOCITY_DIFFERENCE = 1e-5
+_POSE_DIFFERENCE = 1e-6
+# Residuals of a channel that carries noise reach this many standard deviations; of one that does
+# not, a rounding.
+_LIVE = 1e-6
+
+
+class Objective:
+    """Weighted residuals as a function of points, many points in one parallel batch."""
+
+    def __init__(
+        self, problem: Problem, *, nthread: int = 0, held: Mapping[str, float] | None = None
+    ) -> None:
+        self.problem = problem
+        self.nthread = nthread
+        self._held = held
+        #: Parameters that points hold.
+        self.unknown = problem.parameters if held is None else ()
+        self.coordinates = [p.coordinate for p in self.unknown]
+        self.evaluations = 0
+        self._systems: dict[bytes, System] = {}
+        model = model_of(problem.build(problem.start if held is None else held))
+        self._model = model
+        self._qpos, self._qvel = problem.initial_states(model, held)
+        self._observed = [observed(problem, t, model) for t in problem.trajectories]
+        #: Of each trajectory.
+        self.layouts = problem.layouts()
+        #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
+        self.offsets = np.concatenate([[0], np.cumsum([layout.size for layout in self.layouts])])
+        self._measured = np.concatenate(problem.measured())
+        sigma = problem.start_sigma
+        rest = np.zeros(sigma.shape)  # displacements
+        rest[:, : model.nv] = self._qvel[:, : sigma.shape[1]]
+        self._known = KnownStarts(sigma, rest)
+        #: Which residuals are of the motion, not of its start.
+        self._moving = np.concatenate(
+            [np.arange(layout.size) < layout.size - layout.starts for layout in self.layouts]
+        )
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters that points hold."""
+        return len(self.coordinates)
+
+    @property
+    def initial_size(self) -> int:
+        """Number of unknowns of the initial state of one trajectory."""
+        per_part = {"given": 0, "velocity": 1, "pose_and_velocity": 2}
+        return per_part[self.problem.initial_state] * int(self._model.nv)
+
+    @property
+    def size(self) -> int:
+        """Length of a point."""
+        return self.parameters + self.initial_size * len(self._observed)
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers of a point are not held."""
+        return self.size - int(np.count_nonzero(self._known.held))
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals."""
+        return int(self.offsets[-1])
+
+    @property
+    def measured_count(self) -> int:
+        """Number of residuals of what was measured."""
+        return int(np.count_nonzero(self._measured))
+
+    def live(self, residuals: Array) -> NDArray[np.bool_]:
+        """Return (residual_count,) whether each residual carries noise.
+
+        A channel (trajectory, body or sensor, component) whose residuals all stay below a
+        millionth of a standard deviation was not measured, or neither moved nor had noise: the
+        rotation of a pendulum about the other axes, say. It is no evidence of how large noise is.
+        Where all channels are so, as of data without noise, all that were measured count.
+
+        Parameters
+        ----------
+        residuals
+            (residual_count,) at the estimate.
+        """
+        live = np.empty(self.residual_count, dtype=bool)
+        for t, layout in enumerate(self.layouts):
+            rows = slice(self.offsets[t], self.offsets[t + 1])
+            live[rows] = layout.in_live_channels(residuals[rows], _LIVE)
+        live &= self._measured
+        return live if live.any() else self._measured
+
+    def start(self, *, robust: bool = False) -> Array:
+        """Return the point where the search starts; with `robust`, outliers do not lead it astray.
+
+        Velocities are then from `Problem.robust_guesses`, and displacements, which else are 0.
+        """
+        point = np.zeros(self.size)
+        for i, parameter in enumerate(self.unknown):
+            point[i] = self.coordinates[i].to_search(parameter.start)
+        if self.initial_size:
+            blocks = point[self.parameters :].reshape(len(self._observed), self.initial_size)
+            nv = int(self._model.nv)
+            blocks[:, :nv] = self._qvel
+            if robust:
+                velocity, displacement = self.problem.robust_guesses(self._model, self._qvel)
+                blocks[:, :nv] = velocity
+                blocks[:, nv:] = displacement[:, : self.initial_size - nv]
+        return point
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds of points, infinite where there are none."""
+        lower = np.full(self.size, -np.inf)
+        upper = np.full(self.size, np.inf)
+        for i, coordinate in enumerate(self.coordinates):
+            lower[i], upper[i] = coordinate.search_bounds
+        return lower, upper
+
+    def values(self, point: Array) -> dict[str, float]:
+        """Return the parameters' values at a point, by name."""
+        if self._held is not None:
+            return dict(self._held)
+        return {
+            parameter.name: coordinate.to_value(float(z))
+            for parameter, coordinate, z in zip(self.unknown, self.coordinates, point, strict=False)
+        }
+
+    def residuals(self, points: Array) -> Array:
+        """Return the weighted residuals (points, residual_count) of `points` (points, size).
+
+        Raises
+        ------
+        SimulationError
+            For the first point that cannot be built or simulated, naming what was refused, or the
+            trajectory and step that fail, and the values of the parameters.
+        """
+        residuals, failures = self.attempt(points)
+        if failures:
+            raise failures[0]
+        return residuals
+
+    def attempt(self, points: Array) -> tuple[Array, list[SimulationError]]:
+        """Return the residuals of `points`, infinite where one fails, and why those fail."""
+        points = np.atleast_2d(points)
+        residuals = np.full((len(points), self.residual_count), np.inf)
+        candidates, failures = self._candidates(points)
+        self.evaluations += len(points)
+        try:
+            residuals[list(candidates)] = self._simulate(candidates, points)
+        except ValueError:
+            # One after the other tells which fail, and the same whatever the number of threads.
+            self.evaluations += len(candidates)
+            for v, candidate in candidates.items():
+                try:
+                    residuals[v] = self._simulate({v: candidate}, points)[0]
+                except ValueError as error:
+                    failures[v] = failure_of(self.values(points[v]), error)
+        return residuals, [failures[v] for v in sorted(failures)]
+
+    def jacobian(
+        self, point: Array, *, widths: Array | None = None, base: Array | None = None
+    ) -> ArrowMatrix:
+        """Return the Jacobian (residual_count, size) by finite differences in one batch.
+
+        Perturbing one component of all trajectories' initial states takes one variant, since a
+        trajectory's residuals depend on its own initial state only. Differences of parameters are
+        central, at a bound one-sided.
+
+        Parameters
+        ----------
+        point
+            (size,).
+        widths
+            (parameters,) half-widths of the differences; None: the parameters' own.
+        base
+            (residual_count,) residuals at `point`, where known: differences of initial states are
+            then forward and need half the simulations.
+
+        Differences are one-sided too where the simulation of the other side fails, and narrower
+        where those of both do. Initial states that move nothing have columns of 0.
+
+        Raises
+        ------
+        SimulationError
+            Where that fails as well.
+        """
+        count = self.parameters
+        if widths is None:
+            widths = np.array([p.difference for p in self.unknown])
+        lower, upper = self.bounds()
+        free = np.flatnonzero(~self._known.held.all(axis=0))
+        steps = np.zeros((count + free.size, self.size))
+        steps[np.arange(count), np.arange(count)] = widths
+        initial_steps = self._initial_differences()
+        for row, j in enumerate(free, start=count):
+            columns = count + j + self.initial_size * np.arange(len(self._observed))
+            steps[row, columns] = initial_steps[j]
+        up, down = (np.clip(point + sign * steps, lower, upper) for sign in (1.0, -1.0))
+        derivatives = derivatives_along(
+            self.attempt, point, up, down if base is None else down[:count], base
+        )
+        own = np.zeros((self.residual_count, self.initial_size))
+        own[:, free] = derivatives[count:].T
+        shared = np.ascontiguousarray(derivatives[:count].T)
+        jacobian = ArrowMatrix(shared, own, self.offsets)
+        return without_idle_states(jacobian, self.attempt, point, base, self.differences())
+
+    def differences(self) -> Array:
+        """Return the half-widths (size,) of the differences that derivatives take by default."""
+        own = np.array([p.difference for p in self.unknown])
+        return np.concatenate([own, np.tile(self._initial_differences(), len(self._observed))])
+
+    def observe(self, point: Array) -> list[tuple[Array, Array, dict[str, Array]]]:
+        """Return what is simulated by trajectory.
+
+        That is position (n, bodies, 3), quaternion (n, bodies, 4), and sensors (n, size) by name,
+        NaN at the first frame where they are means.
+
+        Raises
+        ------
+        SimulationError
+            As `residuals` does.
+        """
+        candidates, failures = self._candidates(np.atleast_2d(point))
+        if failures:
+            raise failures[0]
+        variants, qpos, qvel = batch(candidates.values())
+        try:
+            flat = np.asarray(_core.observe(variants, self._observed, qpos, qvel, self.nthread))[0]
+        except ValueError as error:
+            raise failure_of(self.values(point), error) from error
+        return simulated(self.problem, self.layouts, flat)
+
+    def initial_states(self, point: Array) -> tuple[Array, Array]:
+        """Return qpos (trajectories, nq) and qvel (trajectories, nv) of the starts at a point."""
+        candidates, failures = self._candidates(np.atleast_2d(point))
+        if failures:
+            raise failures[0]
+        return candidates[0].qpos, candidates[0].qvel
+
+    def initial_estimates(self, point: Array) -> tuple[Array | None, Array | None]:
+        """Return estimated initial velocity and displacement (trajectories, nv), None if given."""
+        if not self.initial_size:
+            return None, None
+        nv = int(self._model.nv)
+        blocks = self._states(point)
+        displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
+        return blocks[:, :nv].copy(), displacement
+
+    def _states(self, points: Array) -> Array:
+        """Return the initial states (..., trajectories, s) of points."""
+        own = points[..., self.parameters :]
+        shape = (*points.shape[:-1], len(self._observed), self.initial_size)
+        return self._known.with_held(own.reshape(shape))
+
+    def _initial_differences(self) -> Array:
+        nv = int(self._model.nv)
+        steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
+        return np.array(steps[: self.initial_size])
+
+    def _candidates(self, points: Array) -> tuple[dict[int, Candidate], dict[int, SimulationError]]:
+        """Build the systems and initial states of points; say why where that fails.
+
+        There is one system for each different set of parameters.
+        """
+        systems: dict[bytes, System] = {}
+        candidates, failures = {}, {}
+        nv = int(self._model.nv)
+        for v, point in enumerate(points):
+            key = point[: self.parameters].tobytes()
+            qpos, qvel = self._qpos, self._qvel
+            try:
+                system = systems.get(key) or self._systems.get(key)
+                if system is None:
+                    system = self.problem.build(self.values(point))
+                if self.problem.start_states is not None:
+                    qpos, qvel = self.problem.initial_states(self._model, self.values(point))
+            except ValueError as error:
+                failures[v] = failure_of(self.values(point), error)
+                continue
+            systems[key] = system
+            if self.initial_size:
+                blocks = self._states(point)
+                qvel = blocks[:, :nv]
+                if self.initial_size > nv:
+                    qpos = qpos.copy()
+                    for t, block in enumerate(blocks):
+                        mujoco.mj_integratePos(self._model, qpos[t], block[nv:], 1.0)
+            candidates[v] = Candidate(system, qpos, qvel)
+        self._systems = systems  # keeps models alive during the batch and for the next one
+        return candidates, failures
+
+    def _simulate(self, candidates: Mapping[int, Candidate], points: Array) -> Array:
+        """Return the residuals (candidates, residual_count); raise ValueError where one fails.
+
+        Candidates are by the row of `points` that they are of.
+        """
+        if not candidates:
+            return np.empty((0, self.residual_count))
+        variants, qpos, qvel = batch(candidates.values())
+        found = np.empty((len(candidates), self.residual_count))
+        found[:, self._moving] = _core.residuals(variants, self._observed, qpos, qvel, self.nthread)
+        found[:, ~self._moving] = self._known.residuals(self._states(points[list(candidates)]))
+        return np.where(self._measured, found, 0.0)
