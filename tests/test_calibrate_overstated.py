@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dashpot.calibrate import Parameter, Problem, fit
-from dashpot.calibrate.problem.layout import Layout
+from dashpot.calibrate.problem.layout import Block, Layout
 from dashpot.calibrate.residuals.whiteness import whiteness
 from spinning_throws import BOUNDS, TRUTH, ball, observed
 
@@ -80,7 +80,7 @@ def test_a_misfit_that_noise_stated_too_large_hides_is_said(larger):
 
 def layouts(*frames):
     """Stand in for an objective of trajectories with one body and two channels of sensors."""
-    shapes = [Layout(n, 1, 2) for n in frames]
+    shapes = [Layout((Block("poses", n, 6), Block("scale", n, 2))) for n in frames]
     return SimpleNamespace(
         layouts=shapes, offsets=np.concatenate([[0], np.cumsum([s.size for s in shapes])])
     )
@@ -90,9 +90,9 @@ def rows(objective, frames):
     """Return frames (n, 8) of all trajectories in the order of residuals."""
     parts, first = [], 0
     for shape in objective.layouts:
-        own = frames[first : first + shape.frames]
+        own = frames[first : first + shape.blocks[0].rows]
         parts += [own[:, :6].reshape(-1), own[:, 6:].reshape(-1)]
-        first += shape.frames
+        first += shape.blocks[0].rows
     return np.concatenate(parts)
 
 

@@ -78,7 +78,7 @@ def test_encoders_read_the_frame_and_accelerometers_the_mean_before_it(stepped_b
     sizes = (1, 1, 3)
     readings = {name: np.zeros((4, size)) for name, size in zip(names, sizes, strict=True)}
     objective = Objective(push(readings, stepped_by(load(CART))))
-    ((_, _, found),) = objective.observe(objective.start())
+    (found,) = objective.observe(objective.start())
     force = np.repeat(CONTROL[:, 0], 10) / 4.0
     velocity = np.concatenate([[0.0], 0.01 * np.cumsum(force)])
     position = np.concatenate([[0.0], 0.01 * np.cumsum(velocity[1:])])
@@ -86,8 +86,8 @@ def test_encoders_read_the_frame_and_accelerometers_the_mean_before_it(stepped_b
     np.testing.assert_allclose(found["rate"][:, 0], velocity[::10], atol=1e-15)
     assert np.isnan(found["imu"][0]).all()
     np.testing.assert_allclose(found["imu"][1:, 0], CONTROL[:, 0] / 4.0, rtol=1e-13)
-    residuals = objective.residuals(objective.start())[0].reshape(4, 5)
-    expected = np.hstack([found["encoder"], found["rate"], np.nan_to_num(found["imu"])])
+    residuals = objective.residuals(objective.start())[0]
+    expected = np.concatenate([np.nan_to_num(found[name]).ravel() for name in names])
     np.testing.assert_array_equal(residuals, expected)
     assert objective.measured_count == 4 + 4 + 9
 
@@ -137,7 +137,7 @@ def test_what_positions_and_velocities_make_is_that_of_the_frame(stepped_by):
     system = stepped_by(model)
     problem = Problem(system, [mass], [trajectory], 1.0, 1.0, sensor_sigma=sigma)
     objective = Objective(problem)
-    ((_, _, found),) = objective.observe(objective.start())
+    (found,) = objective.observe(objective.start())
     data = system.make_data() if isinstance(system, dashpot.Engine) else mujoco.MjData(model)
     own = system.model if isinstance(system, dashpot.Engine) else model
     own.body("fore").mass = float(np.exp(np.log(0.3)))
@@ -157,7 +157,7 @@ def test_what_positions_and_velocities_make_is_that_of_the_frame(stepped_by):
 def test_through_a_gap_means_are_over_the_last_spacing():
     readings = {"imu": np.zeros((3, 3))}
     problem = push(readings, time=[0.0, 0.1, 0.3], control=CONTROL[:2])
-    ((_, _, found),) = Objective(problem).observe(np.log([4.0]))
+    (found,) = Objective(problem).observe(np.log([4.0]))
     np.testing.assert_allclose(found["imu"][1:, 0], CONTROL[:2, 0] / 4.0, rtol=1e-13)
     # Forces of two spacings in one gap: the later one alone counts.
     change = mujoco.MjModel.from_xml_string(
@@ -165,7 +165,7 @@ def test_through_a_gap_means_are_over_the_last_spacing():
     )
     start = {"initial_qvel": [1.0], "time": [0.0, 0.1, 0.3], "control": np.ones((2, 1))}
     problem = push(readings, change, **start)
-    ((_, _, found),) = Objective(problem).observe(np.log([4.0]))
+    (found,) = Objective(problem).observe(np.log([4.0]))
     speed = (1.0 - 0.01 * 8.0 / 4.0) ** np.arange(31)  # Euler steps of v' = -8 v / 4
     mean = (speed[[10, 30]] - speed[[0, 20]]) / 0.1
     np.testing.assert_allclose(found["imu"][1:, 0], mean, rtol=1e-12)
@@ -194,7 +194,7 @@ def test_a_camera_sees_a_marker_in_its_own_frame():
     problem = Problem(
         dashpot.Engine(model), [mass], [trajectory], 1.0, 1.0, sensor_sigma={"seen": 1.0}
     )
-    ((_, _, found),) = Objective(problem).observe(np.zeros(1))
+    (found,) = Objective(problem).observe(np.zeros(1))
     # A freely falling body is moved exactly; its centre is the origin.
     height = 1.0 - 0.5 * 9.81 * trajectory.time**2
     world = np.c_[np.full(4, 0.1), np.full(4, 0.2), height + 0.3]
@@ -219,7 +219,7 @@ def landing(sensors, noise, seed, frames=200):
     problem = landing_problem([drop], noise)
     values = {name: TRUTH[name] for name in problem.names}
     objective = Objective(problem, held=values)
-    ((_, _, found),) = objective.observe(np.empty(0))
+    (found,) = objective.observe(np.empty(0))
     rng = np.random.default_rng(seed)
     readings = {k: v + noise[k] * rng.normal(size=v.shape) for k, v in found.items()}
     assert engine.model.nsensor == 3
@@ -277,7 +277,7 @@ def test_a_force_plate_reads_the_momentum_that_it_takes():
         landing_problem([landing({"plate": 1.0}, {"plate": 1.0}, 6)], {"plate": 1.0})
     )
     point = objective.start()
-    ((_, _, found),) = objective.observe(point)
+    (found,) = objective.observe(point)
     engine = leg(objective.values(point))
     engine.model.opt.timestep = 4e-4
     data = engine.make_data()
@@ -302,7 +302,7 @@ def test_reading_sensors_does_not_change_the_motion(stepped_by):
         sigma = dict.fromkeys(readings, 1.0)
         problem = Problem(system, [mass], [trajectory], 1.0, 1.0, sensor_sigma=sigma)
         objective = Objective(problem)
-        found.append(objective.observe(objective.start())[0][0])
+        found.append(objective.observe(objective.start())[0]["poses"])
     np.testing.assert_array_equal(*found)
 
 

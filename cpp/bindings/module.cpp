@@ -10,7 +10,7 @@ void bind_engine(pybind11::module_& module);
 void bind_contact_material(pybind11::module_& module);
 void bind_query(pybind11::module_& module);
 void bind_rollout(pybind11::module_& module);
-void bind_residuals(pybind11::module_& module);
+void bind_recordings(pybind11::module_& module);
 }  // namespace dashpot::bindings
 
 PYBIND11_MODULE(_core, module) {
@@ -24,5 +24,5 @@ PYBIND11_MODULE(_core, module) {
   bind_contact_material(module);
   bind_query(module);
   bind_rollout(module);
-  bind_residuals(module);
+  bind_recordings(module);
 }

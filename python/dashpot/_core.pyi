@@ -24,9 +24,9 @@ __all__: list[str] = [
     "MAX_THREADS",
     "Material",
     "ModelLock",
-    "ObservedTrajectory",
     "Options",
     "Parameters",
+    "Recording",
     "RolloutWorkers",
     "StepStats",
     "Stepper",
@@ -47,11 +47,10 @@ __all__: list[str] = [
     "geom_time_of_impact",
     "geom_times_of_impact",
     "have_same_sizes",
-    "observe",
     "propagate",
     "radial_return",
+    "record",
     "reserve_memory",
-    "residuals",
     "restitution_to_damping_ratio",
     "return_to_limit",
     "roll_out",
@@ -331,38 +330,30 @@ class RolloutWorkers:
         parameters: Parameters,
     ) -> None: ...
 
-class ObservedTrajectory:
+class Recording:
     """
-    What was observed of one motion, in simulation steps.
+    What is read of one motion, in simulation steps.
     """
     def __init__(
         self,
         *,
         name: str,
         timestep: typing.SupportsFloat | typing.SupportsIndex,
-        frame_step: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex],
+        record_step: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex],
         body: collections.abc.Sequence[typing.SupportsInt | typing.SupportsIndex],
-        position: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        quaternion: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-        position_weight: typing.Annotated[
-            collections.abc.Sequence[typing.SupportsFloat | typing.SupportsIndex], "FixedSize(3)"
-        ],
-        rotation_weight: typing.SupportsFloat | typing.SupportsIndex,
-        channel: collections.abc.Sequence[
+        channel: collections.abc.Sequence[tuple[typing.SupportsInt | typing.SupportsIndex, bool]],
+        gap: collections.abc.Sequence[
             tuple[
-                typing.SupportsInt | typing.SupportsIndex,
-                bool,
-                typing.SupportsFloat | typing.SupportsIndex,
+                typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex
             ]
         ],
-        reading: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+        control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
         interval: typing.SupportsInt | typing.SupportsIndex,
     ) -> None: ...
     @property
     def name(self) -> str: ...
     @property
-    def residuals(self) -> int: ...
+    def shape(self) -> tuple[int, int]: ...
 
 def check_supported(
     model_address: typing.SupportsInt | typing.SupportsIndex, options: Options
@@ -491,20 +482,6 @@ def have_same_sizes(
     model_address: typing.SupportsInt | typing.SupportsIndex,
     other_address: typing.SupportsInt | typing.SupportsIndex,
 ) -> bool: ...
-def observe(
-    variants: collections.abc.Sequence[
-        tuple[typing.SupportsInt | typing.SupportsIndex, Parameters]
-    ],
-    trajectories: collections.abc.Sequence[ObservedTrajectory],
-    qpos: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    qvel: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
-    nthread: typing.SupportsInt | typing.SupportsIndex,
-) -> numpy.typing.NDArray[numpy.float64]:
-    """
-    What is simulated (variants, n). Within a trajectory: poses (frames, bodies, 7), position
-    (m) and quaternion (w x y z), then sensors (frames, channels).
-    """
-
 def propagate(
     stiffness: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     damping: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
@@ -524,24 +501,28 @@ def radial_return(
     Factor in [0, 1]; see dashpot.law.radial_return.
     """
 
-def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> int:
-    """
-    Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees that a single constraint row couples by more than two. Returns for how many contacts the memory is.
-    """
-
-def residuals(
+def record(
     variants: collections.abc.Sequence[
         tuple[typing.SupportsInt | typing.SupportsIndex, Parameters]
     ],
-    trajectories: collections.abc.Sequence[ObservedTrajectory],
+    recordings: collections.abc.Sequence[Recording],
+    items: collections.abc.Sequence[
+        tuple[typing.SupportsInt | typing.SupportsIndex, typing.SupportsInt | typing.SupportsIndex]
+    ],
     qpos: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     qvel: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
     nthread: typing.SupportsInt | typing.SupportsIndex,
-) -> numpy.typing.NDArray[numpy.float64]:
+) -> tuple[numpy.typing.NDArray[numpy.float64], list[str]]:
     """
-    Residuals (variants, n) of all (model address, Parameters or None) x trajectories, on
-    threads with the GIL released. Within a trajectory: (frames, bodies, 6), position first,
-    then (frames, channels).
+    What simulations show: items are (variant, recording), variants (model address,
+    Parameters or None), qpos (items, nq), qvel (items, nv). Returns the readings of all
+    items in a row, each of its recording's shape: poses (bodies, 7), then channels,
+    then the gap; and by item why it failed, empty where it did not.
+    """
+
+def reserve_memory(model_address: typing.SupportsInt | typing.SupportsIndex) -> int:
+    """
+    Enlarges nuserdata of a model by the size of contact memory, and joins the kinematic trees that a single constraint row couples by more than two. Returns for how many contacts the memory is.
     """
 
 def restitution_to_damping_ratio(

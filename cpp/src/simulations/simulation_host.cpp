@@ -12,6 +12,7 @@
 #include "dashpot/mujoco/finite.hpp"
 #include "dashpot/mujoco/model_view.hpp"
 #include "dashpot/mujoco/owned.hpp"
+#include "dashpot/simulations/distances.hpp"
 
 namespace dashpot {
 namespace {
@@ -34,6 +35,7 @@ ModelSizes sizes_of(const mjModel_* model) {
   sizes.nv = static_cast<int>(model->nv);
   sizes.nu = static_cast<int>(model->nu);
   sizes.nbody = static_cast<int>(model->nbody);
+  sizes.ngeom = static_cast<int>(model->ngeom);
   sizes.nsensordata = static_cast<int>(model->nsensordata);
   sizes.full_physics = static_cast<int>(mj_stateSize(model, mjSTATE_FULLPHYSICS));
   sizes.integration = static_cast<int>(mj_stateSize(model, mjSTATE_INTEGRATION));
@@ -149,6 +151,10 @@ void Simulation::update_sensors() {
 void Simulation::body_pose(int body, double* position, double* quaternion) const {
   std::copy_n(impl_->data->xpos + 3 * body, 3, position);
   std::copy_n(impl_->data->xquat + 4 * body, 4, quaternion);
+}
+
+double Simulation::distance(int geom1, int geom2) const {
+  return geom_distance(impl_->model.get(), impl_->data.get(), geom1, geom2).distance;
 }
 
 }  // namespace dashpot

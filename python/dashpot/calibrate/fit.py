@@ -254,17 +254,11 @@ def _result(
         )
         for i, parameter in enumerate(problem.parameters)
     )
-    parts = [
-        layout.split(residuals[first:last])
-        for layout, first, last in zip(
-            objective.layouts, objective.offsets[:-1], objective.offsets[1:], strict=True
-        )
-    ]
     velocity, displacement = objective.initial_estimates(point)
     return Fit(
         estimates=estimates,
         correlation=correlation,
-        residuals=tuple(poses for poses, _ in parts),
+        channel_residuals=tuple(objective.by_channel(residuals)),
         cost=float(search.costs(residuals)),
         cost_history=np.array(search.budget.history),
         residual_variance=variance,
@@ -281,10 +275,6 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
-        sensor_residuals=tuple(
-            trajectory.by_sensor(channels)
-            for trajectory, (_, channels) in zip(problem.trajectories, parts, strict=True)
-        ),
     )
 
 

@@ -7,16 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.inference.intervals import check_count
+from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.residuals.losses import Loss, LossName
 from dashpot.calibrate.residuals.objective import Objective
+from dashpot.calibrate.residuals.recorder import rotation_between
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.least_squares import least_squares
 from dashpot.calibrate.search.search import Search
@@ -54,6 +55,8 @@ class Prediction:
         units; NaN at the first frame of those that are means.
     sensor_errors
         By name, (frames, size) simulated less observed.
+    moments
+        By kind, simulated times of events (s, on the clock of the trajectory) and scalars.
     """
 
     trajectory: Trajectory
@@ -65,6 +68,7 @@ class Prediction:
     initial_qvel: Array = field(repr=False)
     sensors: Mapping[str, Array] = field(default_factory=dict, repr=False)
     sensor_errors: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    moments: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
 
 def predict(
@@ -169,25 +173,30 @@ def predictions(
     objective = Objective(problem.with_window(None), nthread=nthread, held=values)
     qpos, qvel = objective.initial_states(states)
     result = []
-    for t, (position, quaternion, sensors) in enumerate(objective.observe(states)):
+    for t, readings in enumerate(objective.observe(states)):
         trajectory = problem.trajectories[t]
-        turn = np.empty_like(position)
-        for frame, body in np.ndindex(turn.shape[:2]):
-            mujoco.mju_subQuat(
-                turn[frame, body], quaternion[frame, body], trajectory.quaternion[frame, body]
-            )
+        poses = readings.get(POSES, np.empty((trajectory.frames, 0)))
+        poses = poses.reshape(trajectory.frames, len(trajectory.bodies), 7)
+        position, quaternion = poses[..., :3].copy(), poses[..., 3:].copy()
+        observed = {**trajectory.sensors, **trajectory.events, **trajectory.scalars}
+        others = {name: read for name, read in readings.items() if name != POSES}
+        start = {name: trajectory.time[0] for name in trajectory.events}
+        others = {name: read + start.get(name, 0.0) for name, read in others.items()}
         result.append(
             Prediction(
                 trajectory=trajectory,
                 position=position,
                 quaternion=quaternion,
                 position_error=position - trajectory.position,
-                rotation_error=turn,
+                rotation_error=rotation_between(trajectory.quaternion, quaternion),
                 initial_qpos=qpos[t].copy(),
                 initial_qvel=qvel[t].copy(),
-                sensors=sensors,
+                sensors={name: others[name] for name in trajectory.sensors},
                 sensor_errors={
-                    name: readings - trajectory.sensors[name] for name, readings in sensors.items()
+                    name: others[name] - trajectory.sensors[name] for name in trajectory.sensors
+                },
+                moments={
+                    name: others[name][:, 0] for name in observed if name not in trajectory.sensors
                 },
             )
         )

@@ -18,6 +18,7 @@ from dashpot.calibrate.inference.metrics import root_mean_squares
 from dashpot.calibrate.inference.sampling import draw
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.prediction import Prediction, predict, predictions
+from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.residuals.losses import LossName
 from dashpot.checks import positive_count, thread_count, whole_number
@@ -42,9 +43,9 @@ class Fit:
         One `Estimate` per parameter; ``fit["name"]`` finds one by name.
     correlation
         (parameters, parameters) correlation of the estimates in the search coordinates.
-    residuals
-        By trajectory, (frames, bodies, 6): weighted position residuals (world frame) and rotation
-        vectors of ``R_observed^T R_simulated`` at the estimate; 0 of what was not measured.
+    channel_residuals
+        By trajectory and channel (``"poses"``, names of sensors, kinds of events and scalars),
+        (rows, columns): weighted residuals at the estimate; 0 of what was not measured.
     cost
         Half the sum of squares, after the loss.
     cost_history
@@ -71,13 +72,11 @@ class Fit:
         The search's last word.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
-    sensor_residuals
-        By trajectory and sensor, (frames, size): weighted residuals at the estimate.
     """
 
     estimates: tuple[Estimate, ...]
     correlation: Array
-    residuals: tuple[Array, ...]
+    channel_residuals: tuple[Mapping[str, Array], ...]
     cost: float
     cost_history: Array
     residual_variance: float
@@ -94,7 +93,6 @@ class Fit:
     problem: Problem = field(repr=False)
     initial_velocity: Array | None = None
     initial_displacement: Array | None = None
-    sensor_residuals: tuple[Mapping[str, Array], ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         for estimate in self.estimates:
@@ -129,6 +127,32 @@ class Fit:
     def values(self) -> dict[str, float]:
         """Estimates by name."""
         return {e.name: e.value for e in self.estimates}
+
+    @property
+    def residuals(self) -> tuple[Array, ...]:
+        """By trajectory, (frames, bodies, 6): weighted residuals of poses at the estimate.
+
+        Of positions in the world frame, then rotation vectors of ``R_observed^T R_simulated``; 0 of
+        what was not measured.
+        """
+        return tuple(
+            channels.get(POSES, np.empty((0, 0))).reshape(-1, len(trajectory.bodies), 6)
+            if trajectory.bodies
+            else np.empty((trajectory.frames, 0, 6))
+            for trajectory, channels in zip(
+                self.problem.trajectories, self.channel_residuals, strict=True
+            )
+        )
+
+    @property
+    def sensor_residuals(self) -> tuple[dict[str, Array], ...]:
+        """By trajectory and sensor, (readings, size): weighted residuals at the estimate."""
+        return tuple(
+            {name: channels[name] for name in trajectory.sensors}
+            for trajectory, channels in zip(
+                self.problem.trajectories, self.channel_residuals, strict=True
+            )
+        )
 
     @property
     def covariance(self) -> Array:
@@ -276,10 +300,10 @@ class Fit:
 
         ``position_rms`` (m, of the distance in the coordinates that were measured),
         ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured,
-        ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector), and
-        ``residual_variance``.
+        ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector),
+        ``events.NAME_rms``, ``scalars.NAME_rms``, and ``residual_variance``.
         """
-        result = root_mean_squares(self.problem, self.residuals, self.sensor_residuals)
+        result = root_mean_squares(self.problem, self.channel_residuals)
         return {**result, "residual_variance": self.residual_variance}
 
     def table(self, truth: dict[str, float] | None = None) -> Table:

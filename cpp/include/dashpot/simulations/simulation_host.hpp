@@ -1,4 +1,4 @@
-// One worker's own simulation: a view of a model, its data and a stepper. Rollouts and residuals
+// One worker's own simulation: a view of a model, its data and a stepper. Rollouts and recordings
 // step through it and so need no mujoco.h.
 
 #pragma once
@@ -20,7 +20,7 @@ enum class StateKind {
 
 // Sizes that fix the layout of states and controls.
 struct ModelSizes {
-  int nq = 0, nv = 0, nu = 0, nbody = 0, nsensordata = 0;
+  int nq = 0, nv = 0, nu = 0, nbody = 0, ngeom = 0, nsensordata = 0;
   int full_physics = 0, integration = 0;  // lengths of the two state vectors
 };
 ModelSizes sizes_of(const mjModel_* model);
@@ -63,6 +63,8 @@ class Simulation {
   // Body frames of the present state: position (3, m) and quaternion (4, w x y z) in the world.
   void update_kinematics();
   void body_pose(int body, double* position, double* quaternion) const;
+  // Signed distance of two geoms there, m; throws as geom_distance() does.
+  double distance(int geom1, int geom2) const;
 
   // Those of sensordata() that positions and velocities make, of the present state; they are of the
   // start of the last step before. Updates kinematics too.

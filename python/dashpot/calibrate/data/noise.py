@@ -30,19 +30,29 @@ def position_deviations(value: object) -> float | tuple[float, float, float]:
     return x, y, z
 
 
-def sensor_deviations(value: object) -> dict[str, tuple[float, ...]]:
-    """Return the standard deviations of sensors by name: one, or one for each of its numbers."""
+def deviations_by_name(field: str, value: object) -> dict[str, tuple[float, ...]]:
+    """Return standard deviations by name: one, or one for each number of a sensor."""
     if not isinstance(value, Mapping):
-        raise TypeError(f"sensor_sigma must be a mapping from sensors to numbers, got {value!r}")
+        raise TypeError(f"{field} must be a mapping from names to numbers, got {value!r}")
     result: dict[str, tuple[float, ...]] = {}
     for name, entry in value.items():
         if not isinstance(name, str):
-            raise TypeError(f"sensor_sigma must have names of sensors as keys, got {name!r}")
-        label = f"sensor_sigma[{name!r}]"
+            raise TypeError(f"{field} must have names as keys, got {name!r}")
+        label = f"{field}[{name!r}]"
         if not _is_several(entry):
             result[name] = (deviation(label, entry),)
         else:
             result[name] = tuple(deviation(f"{label}[{i}]", e) for i, e in enumerate(entry))
+    return result
+
+
+def deviation_by_name(field: str, value: object) -> dict[str, float]:
+    """Return one standard deviation by name."""
+    result = {}
+    for name, several in deviations_by_name(field, value).items():
+        if len(several) != 1:
+            raise ValueError(f"{field}[{name!r}] must be one number, got {several}")
+        result[name] = several[0]
     return result
 
 

@@ -5,23 +5,24 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.data.frame_grid import check_grid, frame_numbers
 from dashpot.calibrate.data.noise import initial_deviations
-from dashpot.calibrate.data.trajectory_fields import (
-    finite_field,
-    frozen,
-    poses_field,
-    readings_field,
+from dashpot.calibrate.data.recorder_fields import (
+    Sampling,
+    numbers_field,
+    sampling_field,
+    sensor_fields,
+    within,
 )
+from dashpot.calibrate.data.trajectory_fields import finite_field, frozen, poses_field
 from dashpot.checks import number
 
 Array = NDArray[np.float64]
-T = TypeVar("T", np.float64, np.bool_)
 
 # A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
 UNIT_TOLERANCE = 1e-4
@@ -78,9 +79,23 @@ class Trajectory:
         Readings of sensors of the model by name, (n, size) or, of one number, (n,), in the unit of
         the sensor: joint encoders (``jointpos``), accelerometers, force plates (``touch``,
         ``force``), positions of markers (``framepos`` of a site, in the frame of a camera, too).
-        What positions and velocities make is compared at the times of the frames; what needs
-        accelerations or forces as the mean over the spacing before the frame, so that there is none
-        at the first. NaN: not measured. `of_sensors` makes trajectories of sensors alone.
+        NaN: not measured. `of_sensors` makes trajectories of sensors alone.
+    sampling
+        By sensor: ``"instant"``: it reads what is at the time of the reading; ``"mean"``: the mean
+        over the spacing before, as recorders that integrate do, so that there is none at the first.
+        By default sensors of positions and velocities are instant, and those of accelerations and
+        forces means.
+    sensor_times
+        By sensor, (n,) times of its readings, s, on the clock of `time`, for sensors that have a
+        rate of their own: a load cell of 1 kHz beside a camera. None: those of the frames.
+    events
+        Times by kind, ascending, s, on the clock of `time`; NaN: missed. ``"impact"``: the observed
+        bodies (all that move, where none is observed) begin to touch something; ``"impact:a,b"``:
+        the geoms a and b do.
+    scalars
+        Numbers by kind, one or several. ``"apex_height"``: greatest heights (m) of the origin of
+        the observed body between its impacts, from the first impact on. ``"peak:NAME"``: the
+        reading of a sensor of one number that is farthest from 0.
 
     Raises
     ------
@@ -99,6 +114,10 @@ class Trajectory:
     sensors: Mapping[str, Array] = field(default_factory=dict)
     initial_qpos_sigma: Array | None = None
     initial_qvel_sigma: Array | None = None
+    sampling: Mapping[str, Sampling] = field(default_factory=dict)
+    sensor_times: Mapping[str, Array] = field(default_factory=dict)
+    events: Mapping[str, Array] = field(default_factory=dict)
+    scalars: Mapping[str, Array] = field(default_factory=dict)
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
@@ -117,6 +136,10 @@ class Trajectory:
             sensors: Mapping[str, ArrayLike] = ...,
             initial_qpos_sigma: ArrayLike | None = None,
             initial_qvel_sigma: ArrayLike | None = None,
+            sampling: Mapping[str, Sampling] = ...,
+            sensor_times: Mapping[str, ArrayLike] = ...,
+            events: Mapping[str, ArrayLike] = ...,
+            scalars: Mapping[str, ArrayLike] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -129,12 +152,7 @@ class Trajectory:
         bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
         if not all(isinstance(body, str) for body in bodies):
             raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
-        if not isinstance(self.sensors, Mapping):
-            raise TypeError(
-                f"{self._label}: sensors must be a mapping from names to readings, "
-                f"got {self.sensors!r}"
-            )
-        if not (bodies or self.sensors) or len(set(bodies)) != len(bodies):
+        if not (bodies or self._others) or len(set(bodies)) != len(bodies):
             raise ValueError(f"{self._label}: bodies must be one or more different names: {bodies}")
         time = finite_field(f"{self._label}: time", self.time)
         if time.ndim != 1 or time.size < 2:
@@ -158,11 +176,12 @@ class Trajectory:
                 f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' is nan in part"
             )
         self._check_measured(position, quaternion)
-        sensors = {
-            name: readings_field(self._label, name, value, n)
-            for name, value in self.sensors.items()
-        }
+        sensors, times = sensor_fields(self._label, self.sensors, self.sensor_times, n)
         object.__setattr__(self, "sensors", sensors)
+        object.__setattr__(self, "sensor_times", times)
+        object.__setattr__(self, "sampling", sampling_field(self._label, self.sampling, sensors))
+        for name in ("events", "scalars"):
+            object.__setattr__(self, name, numbers_field(self._label, name, getattr(self, name)))
         norm = np.linalg.norm(quaternion, axis=-1)
         off = np.argwhere(np.abs(norm - 1.0) > UNIT_TOLERANCE)
         if off.size:
@@ -211,6 +230,10 @@ class Trajectory:
         control: ArrayLike | None = None,
         initial_qpos_sigma: ArrayLike | None = None,
         initial_qvel_sigma: ArrayLike | None = None,
+        sampling: Mapping[str, Sampling] | None = None,
+        sensor_times: Mapping[str, ArrayLike] | None = None,
+        events: Mapping[str, ArrayLike] | None = None,
+        scalars: Mapping[str, ArrayLike] | None = None,
     ) -> Trajectory:
         """Return a trajectory of which sensors alone were observed; fields as in the class.
 
@@ -235,12 +258,71 @@ class Trajectory:
             sensors=sensors,
             initial_qpos_sigma=initial_qpos_sigma,
             initial_qvel_sigma=initial_qvel_sigma,
+            sampling=sampling or {},
+            sensor_times=sensor_times or {},
+            events=events or {},
+            scalars=scalars or {},
+        )
+
+    @classmethod
+    def of_events(
+        cls,
+        name: str,
+        events: Mapping[str, ArrayLike] | None = None,
+        *,
+        scalars: Mapping[str, ArrayLike] | None = None,
+        bodies: str | Sequence[str] = (),
+        end: float | None = None,
+        initial_qpos: ArrayLike | None = None,
+        initial_qvel: ArrayLike | None = None,
+        initial_qpos_sigma: ArrayLike | None = None,
+        initial_qvel_sigma: ArrayLike | None = None,
+    ) -> Trajectory:
+        """Return a trajectory of which events and scalars alone were observed, from time 0.
+
+        Impacts of a ball that a microphone heard, dropped from 0.8 m::
+
+            drop = Trajectory.of_events("drop", {"impact": [0.40, 1.01, 1.48]}, bodies="ball",
+                                        initial_qpos=[0, 0, 0.8, 1, 0, 0, 0], initial_qvel=[0] * 6)
+            problem = Problem(engine, unknown, [drop], event_sigma={"impact": 1e-4})
+
+        Parameters
+        ----------
+        bodies
+            Whose impacts and apices they are; all that move where none is named.
+        end
+            s, until when it is simulated. None: a quarter longer than to the last event.
+        name, events, scalars, initial_qpos, initial_qvel, initial_qpos_sigma, initial_qvel_sigma
+            As in the class.
+        """
+        given = numbers_field(f"trajectory '{name}'", "events", events or {})
+        if end is None:
+            if not given:
+                raise ValueError(f"trajectory '{name}': end must be given where there is no event")
+            end = 1.25 * max(float(np.nanmax(times)) for times in given.values())
+        count = 1 if isinstance(bodies, str) else len(bodies)
+        return cls(
+            name,
+            [0.0, number(f"trajectory '{name}': end", end)],
+            np.full((2, count, 3), np.nan),
+            np.full((2, count, 4), np.nan),
+            bodies,
+            initial_qpos=initial_qpos,
+            initial_qvel=initial_qvel,
+            initial_qpos_sigma=initial_qpos_sigma,
+            initial_qvel_sigma=initial_qvel_sigma,
+            events=events or {},
+            scalars=scalars or {},
         )
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""
         left_out = int(self.frame_number[-1]) + 1 - self.frames
-        sensors = f", sensors={tuple(self.sensors)}" if self.sensors else ""
+        sensors = "".join(
+            f", {field}={tuple(getattr(self, field))}"
+            for field in ("sensors", "events", "scalars")
+            if getattr(self, field)
+        )
         lost = f" ({left_out} left out)" if left_out else ""
         return (
             f"Trajectory({self.name!r}, {self.frames} frames {self.spacing:.6g} s apart{lost}, "
@@ -268,15 +350,15 @@ class Trajectory:
         turned = ~np.isnan(self.quaternion[..., :1])
         return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
 
-    def by_sensor(self, channels: NDArray[T]) -> dict[str, NDArray[T]]:
-        """Return the columns of (..., channels) of all sensors together, by sensor."""
-        ends = np.cumsum([readings.shape[1] for readings in self.sensors.values()], dtype=np.intp)
-        return dict(zip(self.sensors, np.split(channels, ends, axis=-1)[:-1], strict=True))
+    def sensor_time(self, name: str) -> Array:
+        """Return the times (n,) of a sensor's readings, s, on the clock of ``time``."""
+        return self.sensor_times.get(name, self.time)
 
     def head(self, duration: float) -> Trajectory:
         """Return the frames up to `duration` s after the first, at least two of them.
 
-        They keep their places on the grid of the whole, which few of them may not tell.
+        They keep their places on the grid of the whole, which few of them may not tell. Readings
+        and events up to then stay; scalars, which are of the whole, do not.
         """
         if not number(f"{self._label}: a window", duration) > 0:
             raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
@@ -291,9 +373,25 @@ class Trajectory:
             object.__setattr__(head, name, getattr(self, name)[:n])
         if self.control is not None:
             object.__setattr__(head, "control", self.control[: n - 1])
-        sensors = {name: readings[:n] for name, readings in self.sensors.items()}
+        end = float(self.time[0] + duration + 1e-9 * self.spacing)
+        own = self.sensor_times
+        sensors = {
+            name: within(readings, own[name], end) if name in own else readings[:n]
+            for name, readings in self.sensors.items()
+        }
         object.__setattr__(head, "sensors", sensors)
+        times = {name: within(time, time, end) for name, time in own.items()}
+        object.__setattr__(head, "sensor_times", times)
+        events = {name: time[~(time > end)] for name, time in self.events.items()}
+        object.__setattr__(head, "events", {k: v for k, v in events.items() if v.size})
+        # They are of the whole.
+        object.__setattr__(head, "scalars", {})
         return head
+
+    @property
+    def _others(self) -> bool:
+        """Whether anything but poses was observed."""
+        return bool(self.sensors or self.events or self.scalars)
 
     @property
     def _label(self) -> str:
@@ -302,5 +400,5 @@ class Trajectory:
     def _check_measured(self, position: Array, quaternion: Array) -> None:
         """Raise ValueError where poses are all that is observed, and none was measured."""
         nothing = np.isnan(position).all() and np.isnan(quaternion).all()
-        if self.bodies and nothing and not self.sensors:
+        if self.bodies and nothing and not self._others:
             raise ValueError(f"{self._label}: all positions and quaternions are nan")

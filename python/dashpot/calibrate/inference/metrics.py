@@ -7,13 +7,14 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot.calibrate.problem.channels import Channel
 from dashpot.calibrate.problem.problem import Problem
 
 Array = NDArray[np.float64]
 
 
 def root_mean_squares(
-    problem: Problem, poses: Sequence[Array], sensors: Sequence[Mapping[str, Array]]
+    problem: Problem, residuals: Sequence[Mapping[str, Array]]
 ) -> dict[str, float]:
     """Return by name root mean squares of the lengths of residuals, weights taken off.
 
@@ -21,30 +22,26 @@ def root_mean_squares(
     ----------
     problem
         What was observed.
-    poses
-        By trajectory, (frames, bodies, 6) weighted residuals.
-    sensors
-        By trajectory and name, (frames, size) weighted residuals.
+    residuals
+        By trajectory and channel, (rows, columns) weighted residuals.
     """
     squares: dict[str, list[Array]] = {}
-    for t in range(len(problem.trajectories)):
-        for name, errors, measured in _errors(problem, t, poses[t], sensors[t]):
-            seen = measured.any(axis=-1)
-            lengths = np.sum(np.where(measured, errors, 0.0)[seen] ** 2, axis=-1)
-            squares.setdefault(name, []).append(lengths)
+    for trajectory, of_channels in zip(problem.trajectories, residuals, strict=True):
+        for channel in problem.channels(trajectory):
+            for name, errors, measured in _errors(channel, of_channels[channel.name]):
+                seen = measured.any(axis=-1)
+                lengths = np.sum(np.where(measured, errors, 0.0)[seen] ** 2, axis=-1)
+                squares.setdefault(name, []).append(lengths)
     pooled = {name: np.concatenate(parts) for name, parts in squares.items()}
     return {name: float(np.sqrt(np.mean(all_))) for name, all_ in pooled.items() if all_.size}
 
 
-def _errors(
-    problem: Problem, t: int, poses: Array, sensors: Mapping[str, Array]
-) -> Iterator[tuple[str, Array, NDArray[np.bool_]]]:
-    """Yield name, errors (..., components) and whether these were measured, of a trajectory."""
-    seen_poses, channels = problem.layouts()[t].split(problem.measured()[t])
-    sigma = np.where(np.isfinite(problem.sigma), problem.sigma, 0.0)
-    for name, part in (("position_rms", slice(0, 3)), ("rotation_rms", slice(3, 6))):
-        yield name, poses[..., part] * sigma[part], seen_poses[..., part]
-    for name, seen in problem.trajectories[t].by_sensor(channels).items():
-        deviations = np.asarray(problem.sensor_sigma[name])
-        deviations = np.where(np.isfinite(deviations), deviations, 0.0)
-        yield f"sensors.{name}_rms", sensors[name] * deviations, seen
+def _errors(channel: Channel, weighted: Array) -> Iterator[tuple[str, Array, NDArray[np.bool_]]]:
+    """Yield name, errors (..., components) and whether these were measured, of a channel."""
+    errors = weighted * np.where(np.isfinite(channel.sigma), channel.sigma, 0.0)
+    if channel.kind != "poses":
+        yield f"{channel.kind}s.{channel.name}_rms", errors, channel.measured
+        return
+    errors, measured = errors.reshape(-1, 6), channel.measured.reshape(-1, 6)
+    yield "position_rms", errors[:, :3], measured[:, :3]
+    yield "rotation_rms", errors[:, 3:], measured[:, 3:]

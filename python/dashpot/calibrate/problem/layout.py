@@ -13,42 +13,47 @@ T = TypeVar("T", np.float64, np.bool_)
 
 
 @dataclass(frozen=True)
+class Block:
+    """Residuals of one channel, row by row; a row is of one time, a column of one number."""
+
+    name: str
+    rows: int
+    columns: int
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return self.rows * self.columns
+
+
+@dataclass(frozen=True)
 class Layout:
-    """Residuals in a row: poses (frames, bodies, 6), sensors (frames, channels), starts (starts,).
+    """Residuals in a row: those of each channel, block by block, then starts (starts,).
 
     The last are of initial states that are known beforehand, but not exactly.
     """
 
-    frames: int
-    bodies: int
-    channels: int
+    blocks: tuple[Block, ...]
     starts: int = 0
 
     @property
     def size(self) -> int:
         """Number of residuals."""
-        return self.frames * (6 * self.bodies + self.channels) + self.starts
+        return sum(block.size for block in self.blocks) + self.starts
 
-    def split(self, rows: NDArray[T]) -> tuple[NDArray[T], NDArray[T]]:
-        """Return (..., frames, bodies, 6) and (..., frames, channels) of rows (..., size)."""
-        ends = [6 * self.frames * self.bodies, self.size - self.starts]
-        poses, sensors, _ = np.split(rows, ends, axis=-1)
-        shape = rows.shape[:-1]
-        return (
-            poses.reshape(*shape, self.frames, self.bodies, 6),
-            sensors.reshape(*shape, self.frames, self.channels),
-        )
-
-    def by_frame(self, rows: Array) -> Array:
-        """Return (..., frames, components) of rows (..., size): poses first, then sensors."""
-        poses, sensors = self.split(rows)
-        flat = poses.reshape(*poses.shape[:-2], 6 * self.bodies)
-        return np.concatenate([flat, sensors], axis=-1)
+    def split(self, rows: NDArray[T]) -> list[NDArray[T]]:
+        """Return by block (..., rows, columns) of residuals (..., size), without the starts."""
+        ends = np.cumsum([block.size for block in self.blocks], dtype=np.intp)
+        parts = np.split(rows, ends, axis=-1)[:-1]
+        return [
+            part.reshape(*rows.shape[:-1], block.rows, block.columns)
+            for part, block in zip(parts, self.blocks, strict=True)
+        ]
 
     def in_live_channels(self, row: Array, least: float) -> NDArray[np.bool_]:
-        """Return (size,) whether the channel of each residual has one of this size, or larger.
+        """Return (size,) whether the column of each residual has one of this size, or larger.
 
-        A channel is a component of all frames, or of a start.
+        Each of the starts is a column of its own.
         """
         large = np.abs(row) >= least
         parts = [np.broadcast_to(part.any(axis=0), part.shape) for part in self.split(large)]

@@ -6,14 +6,17 @@ import difflib
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from dashpot.calibrate.problem import setters
+from dashpot.calibrate.problem.channels import POSES
+from dashpot.calibrate.problem.groups import checked_groups
 from dashpot.calibrate.problem.physical_values import check_bounds
+from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
 from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.problem.transforms import Transform, TransformName
 from dashpot.checks import flag, number, number_array
@@ -33,6 +36,8 @@ MaterialField = Literal[
     "tangential_ratio",
     "tangential_damping_ratio",
 ]
+
+Groups: TypeAlias = Literal["trajectory"] | Mapping[str, Sequence[str]]
 
 # Search coordinate, finite-difference step: quantities of unknown order of magnitude in log.
 _DEFAULT_TRANSFORM: dict[str, TransformName] = {"restitution": "logit"}
@@ -73,6 +78,14 @@ class Parameter:
     changes_model
         Whether ``apply`` edits the MuJoCo model, whose derived constants are then recomputed with
         ``mj_setConst``.
+    per
+        ``"trajectory"``: each trajectory has a value of its own; or names of trajectories by group:
+        ``{"thin": ["run 1", "run 2"], "thick": ["run 3"]}``. A `Problem` makes single parameters of
+        it, named ``name[group]``. None: all trajectories share one.
+    trajectories
+        Names of the trajectories in which it acts, as a `Problem` sets them; None: all.
+    base
+        The name of the parameter with ``per`` that a `Problem` made it of.
 
     Raises
     ------
@@ -87,6 +100,9 @@ class Parameter:
     difference: float = 1e-4
     apply: Callable[[System, float], None] | None = field(default=None, repr=False, compare=False)
     changes_model: bool = False
+    per: Groups | None = field(default=None, hash=False)
+    trajectories: tuple[str, ...] | None = None
+    base: str | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -114,8 +130,13 @@ class Parameter:
         if self.apply is not None and not callable(self.apply):
             raise TypeError(f"{label}: apply must be a function, got {self.apply!r}")
         flag(f"{label}: changes_model", self.changes_model)
+        object.__setattr__(self, "per", checked_groups(label, self.per))
         object.__setattr__(self, "bounds", (lower, upper))
         object.__setattr__(self, "start", float(self.start))
+
+    def acts_in(self, trajectory: str) -> bool:
+        """Whether it acts in the trajectory of this name."""
+        return self.trajectories is None or trajectory in self.trajectories
 
     @property
     def coordinate(self) -> Transform:
@@ -133,6 +154,7 @@ class Parameter:
         name: str | None = None,
         transform: TransformName | None = None,
         difference: float = 1e-4,
+        per: Groups | None = None,
     ) -> Parameter:
         """Vary one quantity of the material of one geom, or of several geoms alike.
 
@@ -157,7 +179,7 @@ class Parameter:
             where there is friction (see `Material`). Of motions with 0 a search that may go below
             finds 0.03 with an interval that leaves 0 out; with this bound it says that it ends
             there.
-        start, bounds, name, transform, difference
+        start, bounds, name, transform, difference, per
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution).
         """
@@ -168,6 +190,7 @@ class Parameter:
             bounds=bounds,
             transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
+            per=per,
             apply=setters.MaterialSetter(_elements("geoms", geoms), quantity),
         )
         parameter._check_material_takes_bounds(quantity)
@@ -185,6 +208,7 @@ class Parameter:
         name: str | None = None,
         transform: TransformName | None = None,
         difference: float = 1e-4,
+        per: Groups | None = None,
     ) -> Parameter:
         """Vary one quantity of the material that two geoms have with each other.
 
@@ -202,6 +226,7 @@ class Parameter:
             bounds=bounds,
             transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
+            per=per,
             apply=setters.PairSetter(geom1, geom2, quantity),
         )
         parameter._check_material_takes_bounds(quantity)
@@ -219,6 +244,7 @@ class Parameter:
         name: str | None = None,
         transform: TransformName = "log",
         difference: float = 1e-4,
+        per: Groups | None = None,
     ) -> Parameter:
         """Vary an array of the MuJoCo model, for example a mass.
 
@@ -240,7 +266,7 @@ class Parameter:
             Which columns of the row take the value; None: all of them, where they are alike. Those
             of ``geom_friction``, ``solref``, ``solimp``, quaternions and parameters of actuators
             are not.
-        start, bounds, name, transform, difference
+        start, bounds, name, transform, difference, per
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
             < 0) are refused. Values between them that make no body together, as moments of inertia
@@ -260,6 +286,7 @@ class Parameter:
             bounds=bounds,
             transform=transform,
             difference=difference,
+            per=per,
             apply=setters.model_setter(attribute, names, _columns(index)),
             changes_model=True,
         )
@@ -268,6 +295,116 @@ class Parameter:
         except ValueError as error:
             raise ValueError(f"parameter '{parameter.name}': {error}") from None
         return parameter
+
+    @classmethod
+    def delay(
+        cls,
+        channel: str,
+        *,
+        bounds: tuple[float, float],
+        start: float = 0.0,
+        name: str | None = None,
+        per: Groups | None = None,
+    ) -> Parameter:
+        """Estimate by how much a recorder is late, s.
+
+        Parameters
+        ----------
+        channel
+            Name of a sensor, ``"poses"``, or a kind of events, as ``"impact"``.
+        bounds
+            (lower, upper), s. Readings at times before the upper one do not count: what they show
+            comes before the start. Simulations go on beyond the end by a lower one < 0.
+        start, name, per
+            As in `Parameter`. By default the name is ``delay of CHANNEL``.
+
+        Example
+        -------
+        A load cell that may be up to 50 ms late beside a camera::
+
+            Parameter.delay("load", bounds=(-0.01, 0.05))
+        """
+        return cls._of_sensing("delay", channel, start, bounds, name, per, "linear")
+
+    @classmethod
+    def gain(
+        cls,
+        channel: str,
+        *,
+        bounds: tuple[float, float],
+        start: float = 1.0,
+        name: str | None = None,
+        per: Groups | None = None,
+    ) -> Parameter:
+        """Estimate the gain of a sensor, or of a scalar: its reading is so many times the true one.
+
+        Parameters as in `delay`; `bounds` > 0.
+        """
+        return cls._of_sensing("gain", channel, start, bounds, name, per, "log")
+
+    @classmethod
+    def offset(
+        cls,
+        channel: str,
+        *,
+        bounds: tuple[float, float],
+        start: float = 0.0,
+        name: str | None = None,
+        per: Groups | None = None,
+    ) -> Parameter:
+        """Estimate what a sensor, or a scalar, reads where the true reading is 0, in its unit.
+
+        Parameters as in `delay`. Of sensors of several numbers all have the same.
+        """
+        return cls._of_sensing("offset", channel, start, bounds, name, per, "linear")
+
+    @classmethod
+    def scale(
+        cls,
+        *,
+        bounds: tuple[float, float],
+        start: float = 1.0,
+        centre: Sequence[float] = (0.0, 0.0, 0.0),
+        name: str | None = None,
+        per: Groups | None = None,
+    ) -> Parameter:
+        """Estimate the scale of measured positions: they are so many times the true ones.
+
+        Parameters
+        ----------
+        centre
+            (3,) the point that is measured rightly, world, m: the optical axis of a camera.
+        bounds, start, name, per
+            As in `delay`; `bounds` > 0. By default the name is ``scale of poses``.
+        """
+        point = number_array("centre", centre)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise ValueError(f"centre must be three finite numbers, got {centre!r}")
+        x, y, z = (float(entry) for entry in point)
+        return cls._of_sensing("scale", POSES, start, bounds, name, per, "log", (x, y, z))
+
+    @classmethod
+    def _of_sensing(
+        cls,
+        quantity: SensingQuantity,
+        channel: str,
+        start: float,
+        bounds: tuple[float, float],
+        name: str | None,
+        per: Groups | None,
+        transform: TransformName,
+        centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Parameter:
+        if not isinstance(channel, str):
+            raise TypeError(f"channel must be a name, got {channel!r}")
+        return cls(
+            name=f"{quantity} of {channel}" if name is None else name,
+            start=start,
+            bounds=bounds,
+            transform=transform,
+            per=per,
+            apply=SensingSetter(quantity, channel, centre),
+        )
 
     def _check_material_takes_bounds(self, quantity: str) -> None:
         for bound in self.bounds:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,9 +11,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.data.noise import deviation, position_deviations, sensor_deviations
+from dashpot.calibrate.data.noise import (
+    deviation,
+    deviation_by_name,
+    deviations_by_name,
+    position_deviations,
+)
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.problem.channels import Channel
+from dashpot.calibrate.problem.channels_of import channels_of
 from dashpot.calibrate.problem.first_guess import free_bodies, initial_state, robust_guess
+from dashpot.calibrate.problem.gaps import check_kinds
+from dashpot.calibrate.problem.groups import check_acting, single_parameters
 from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
@@ -29,6 +37,7 @@ from dashpot.calibrate.problem.problem_entries import (
     checked_states,
 )
 from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
+from dashpot.calibrate.problem.sensing import SensingSetter, check_channel
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.problem.systems import Builder, own_system, put_in
 from dashpot.checks import number, positive_count
@@ -54,19 +63,23 @@ class Problem:
         for parameters that need the model to be compiled anew. It is never changed: every
         candidate works on a copy.
     parameters
-        The unknowns, with different names.
+        The unknowns, with different names. Those with ``per`` are replaced by one for each
+        trajectory or group.
     trajectories
         The observations, with different names.
     position_sigma
         Standard deviation of an observed coordinate, m, > 0; or three, of x, y and z of the world.
-        Infinite: not measured, so that the trajectories' numbers there (any finite ones) do not
-        count, nor give the initial state.
+        Infinite, the default: not measured, so that the trajectories' numbers there (any finite
+        ones) do not count, nor give the initial state.
     rotation_sigma
-        Standard deviation of an observed rotation about an axis, rad, > 0; infinite: not measured
-        (any unit quaternion will do).
+        Standard deviation of an observed rotation about an axis, rad, > 0; infinite, the default:
+        not measured (any unit quaternion will do).
     sensor_sigma
         Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
+    event_sigma, scalar_sigma
+        Standard deviations of events (s) and of scalars (their units) by kind, > 0. All events and
+        scalars of trajectories need one.
     substeps
         Steps per frame, >= 1. None: as many as keep the step at or below the model's timestep.
     window
@@ -94,13 +107,15 @@ class Problem:
     system: System | Builder
     parameters: Sequence[Parameter]
     trajectories: Sequence[Trajectory]
-    position_sigma: float | tuple[float, float, float]
-    rotation_sigma: float
+    position_sigma: float | tuple[float, float, float] = math.inf
+    rotation_sigma: float = math.inf
     substeps: int | None = None
     window: float | None = None
     initial_state: InitialState = "given"
     start_states: StartStates | None = None
     sensor_sigma: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    event_sigma: Mapping[str, float] = field(default_factory=dict)
+    scalar_sigma: Mapping[str, float] = field(default_factory=dict)
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
     _start_sigma: Array = field(init=False, repr=False)
 
@@ -111,13 +126,15 @@ class Problem:
             system: System | Builder,
             parameters: Sequence[Parameter],
             trajectories: Sequence[Trajectory],
-            position_sigma: float | Sequence[float],
-            rotation_sigma: float,
+            position_sigma: float | Sequence[float] = ...,
+            rotation_sigma: float = ...,
             substeps: int | None = None,
             window: float | None = None,
             initial_state: InitialState = "given",
             start_states: StartStates | None = None,
             sensor_sigma: Mapping[str, float | Sequence[float]] = ...,
+            event_sigma: Mapping[str, float] = ...,
+            scalar_sigma: Mapping[str, float] = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -129,15 +146,24 @@ class Problem:
             raise ValueError("a problem needs at least one parameter")
         if not self.trajectories:
             raise ValueError("a problem needs at least one trajectory")
+        names = [t.name for t in self.trajectories]
+        check_unique("trajectory", names)
+        object.__setattr__(self, "parameters", single_parameters(self.parameters, names))
         check_unique("parameter", [p.name for p in self.parameters])
-        check_unique("trajectory", [t.name for t in self.trajectories])
+        check_acting(self.parameters, names)
         object.__setattr__(self, "position_sigma", position_deviations(self.position_sigma))
         object.__setattr__(self, "rotation_sigma", deviation("rotation_sigma", self.rotation_sigma))
-        sensor_sigma = sensor_deviations(self.sensor_sigma)
+        sensor_sigma = deviations_by_name("sensor_sigma", self.sensor_sigma)
         object.__setattr__(self, "sensor_sigma", sensor_sigma)
-        if not np.isfinite([*self.sigma, *itertools.chain(*sensor_sigma.values())]).any():
+        stated = [self.sigma, *map(np.array, sensor_sigma.values())]
+        for name in ("event_sigma", "scalar_sigma"):
+            sigma = deviation_by_name(name, getattr(self, name))
+            object.__setattr__(self, name, sigma)
+            stated.append(np.array([*sigma.values()]))
+        if not np.isfinite(np.concatenate(stated)).any():
             raise ValueError(
-                "position_sigma and rotation_sigma are all infinite: nothing was measured"
+                "position_sigma and rotation_sigma are all infinite, and so is what else is "
+                "stated: nothing was measured"
             )
         if self.window is not None and not number("window", self.window) > 0:
             raise ValueError(f"window must be > 0 s, got {self.window!r}")
@@ -157,17 +183,26 @@ class Problem:
         model = model_of(self.build(self.start))
         check_targets(self.parameters, model)
         object.__setattr__(self, "_sensors", {})
-        for name, sigma in sensor_sigma.items():
+        for name, deviations in self.sensor_sigma.items():
             sensor = self._sensors[name] = find_sensor(model, name, "sensor_sigma")
-            if len(sigma) not in (1, sensor.size):
+            if np.size(deviations) not in (1, sensor.size):
                 raise ValueError(
-                    f"sensor_sigma[{name!r}] must be one number or {sensor.size}, got {len(sigma)}"
+                    f"sensor_sigma[{name!r}] must be one number or {sensor.size}, "
+                    f"got {np.size(deviations)}"
                 )
-        untouched = own_system(self.system, self.start)
+        for trajectory in self.trajectories:
+            for name in trajectory.scalars:
+                if name.startswith("peak:") and name[5:] not in self._sensors:
+                    label = f"trajectory '{trajectory.name}': scalar {name!r}"
+                    sensor = self._sensors[name[5:]] = find_sensor(model, name[5:], label)
+                    if sensor.size != 1:
+                        raise ValueError(f"{label}: the sensor has {sensor.size} numbers, not one")
+        untouched = own_system(self.system, self._values_in(self.start, names[0]))
         if isinstance(untouched, Engine):
             check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
+        self._check_sensing()
         known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
         object.__setattr__(self, "_start_sigma", np.array(known))
 
@@ -195,8 +230,16 @@ class Problem:
         """Start of the search by name."""
         return {p.name: p.start for p in self.parameters}
 
-    def build(self, values: Mapping[str, float]) -> System:
+    def build(self, values: Mapping[str, float], trajectory: str | None = None) -> System:
         """Return a system of its own with `values` (all parameters by name) put in.
+
+        Parameters
+        ----------
+        values
+            Of all parameters.
+        trajectory
+            Name of the one of which the system is: parameters that act in others alone are left
+            out. None: the first.
 
         Raises
         ------
@@ -204,9 +247,41 @@ class Problem:
             Naming the parameter that is missing or unknown, or whose value was refused.
         """
         self.check_values(values)
-        system = own_system(self.system, values)
-        put_in(system, self.parameters, values)
+        name = self.trajectories[0].name if trajectory is None else trajectory
+        system = own_system(self.system, self._values_in(values, name))
+        put_in(system, [p for p in self.parameters if p.acts_in(name)], values)
         return system
+
+    def acting(self, trajectory: Trajectory) -> list[bool]:
+        """Return for each parameter whether the system of a trajectory depends on it."""
+        return [
+            p.acts_in(trajectory.name) and not isinstance(p.apply, SensingSetter)
+            for p in self.parameters
+        ]
+
+    def sensing_setters(self, trajectory: Trajectory) -> dict[str, SensingSetter]:
+        """Return by name the parameters that say how channels of a trajectory read."""
+        return {
+            p.name: p.apply
+            for p in self.parameters
+            if isinstance(p.apply, SensingSetter) and p.acts_in(trajectory.name)
+        }
+
+    def channels(self, trajectory: Trajectory) -> list[Channel]:
+        """Return the channels of a trajectory of the problem, within the window."""
+        used = trajectory if self.window is None else trajectory.head(self.window)
+        return channels_of(
+            used,
+            self.sigma,
+            [(self._sensors[name], self.sensor_sigma[name]) for name in used.sensors],
+            self.event_sigma,
+            self.scalar_sigma,
+            self.delays(trajectory),
+        )
+
+    def sensor(self, name: str) -> Sensor:
+        """Return an observed sensor."""
+        return self._sensors[name]
 
     def check_values(self, values: Mapping[str, float]) -> None:
         """Raise ValueError where `values` are not those of all parameters by name."""
@@ -219,31 +294,23 @@ class Problem:
         """Return by trajectory where its residuals within the window stand."""
         return [
             Layout(
-                t.frames,
-                len(t.bodies),
-                sum(v.shape[1] for v in t.sensors.values()),
+                tuple(channel.block for channel in self.channels(t)),
                 int(np.count_nonzero(is_reading(sigma))),
             )
-            for t, sigma in zip(self._used(), self.start_sigma, strict=True)
+            for t, sigma in zip(self.trajectories, self.start_sigma, strict=True)
         ]
 
     def measured(self) -> list[NDArray[np.bool_]]:
         """Return by trajectory which of its residuals (as `layouts`) are of what was measured."""
         return [
             np.concatenate(
-                [*(m.reshape(-1) for m in self._seen(t)), np.ones(layout.starts, dtype=bool)]
+                [
+                    *(channel.measured.reshape(-1) for channel in self.channels(t)),
+                    np.ones(layout.starts, dtype=bool),
+                ]
             )
-            for t, layout in zip(self._used(), self.layouts(), strict=True)
+            for t, layout in zip(self.trajectories, self.layouts(), strict=True)
         ]
-
-    def sensors(self, trajectory: Trajectory) -> list[Sensor]:
-        """Return the sensors that a trajectory observes, in order."""
-        return [self._sensors[name] for name in trajectory.sensors]
-
-    def channel_sigma(self, sensor: Sensor) -> Array:
-        """Return the standard deviations (size,) of a sensor's numbers."""
-        sigma = np.asarray(self.sensor_sigma[sensor.name], dtype=np.float64)
-        return np.broadcast_to(sigma, sensor.size)
 
     def with_window(self, window: float | None) -> Problem:
         """Return the same problem over another window."""
@@ -295,20 +362,30 @@ class Problem:
         # The slack keeps rounding in the times from adding a step.
         return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
 
-    def _used(self) -> list[Trajectory]:
-        """Return the trajectories within the window."""
-        window = self.window
-        return [t if window is None else t.head(window) for t in self.trajectories]
+    def _values_in(self, values: Mapping[str, float], trajectory: str) -> dict[str, float]:
+        """Return the values that a function which builds the system of a trajectory gets."""
+        return {p.base or p.name: values[p.name] for p in self.parameters if p.acts_in(trajectory)}
 
-    def _seen(self, trajectory: Trajectory) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return what counts of poses (frames, bodies, 6) and sensors (frames, channels)."""
-        channels = [np.empty((trajectory.frames, 0), dtype=bool)]
-        for sensor in self.sensors(trajectory):
-            seen = ~np.isnan(trajectory.sensors[sensor.name])
-            if sensor.mean:
-                seen[0] = False  # no step comes before
-            channels.append(seen & np.isfinite(self.channel_sigma(sensor)))
-        return trajectory.measured & np.isfinite(self.sigma), np.concatenate(channels, axis=1)
+    def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
+        """Return by channel of a trajectory the bounds of its delay, s."""
+        return {
+            p.apply.channel: p.bounds
+            for p in self.parameters
+            if isinstance(p.apply, SensingSetter)
+            and p.apply.quantity == "delay"
+            and p.acts_in(trajectory.name)
+        }
+
+    def _check_sensing(self) -> None:
+        for parameter in self.parameters:
+            if isinstance(parameter.apply, SensingSetter):
+                kinds = {
+                    channel.name: channel.kind
+                    for trajectory in self.trajectories
+                    if parameter.acts_in(trajectory.name)
+                    for channel in self.channels(trajectory)
+                }
+                check_channel(parameter.name, parameter.apply, kinds)
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"
@@ -320,8 +397,9 @@ class Problem:
                 f"{label} has no initial_qvel; give it, or estimate it with "
                 "initial_state='velocity'"
             )
-        check_sensors(trajectory, model, self._sensors)
-        if not any(seen.any() for seen in self._seen(trajectory)):
+        check_sensors(trajectory, model, self.sensor_sigma)
+        check_kinds(trajectory, model)
+        if not any(channel.measured.any() for channel in self.channels(trajectory)):
             raise ValueError(f"{label}: nothing that was measured is left of it")
         if trajectory.initial_qpos is None and self.starts_at_first_poses():
             for i, _ in free_bodies(trajectory, model):

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from dashpot.calibrate.data.trajectory import UNIT_TOLERANCE, Trajectory
 from dashpot.calibrate.problem.observables import find_sensor
 from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter
 from dashpot.checks import number_array
 from dashpot.engine import Engine
@@ -57,16 +58,29 @@ def check_reach(parameters: Sequence[Parameter], system: object, starts: bool) -
 
 def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> None:
     """Raise ValueError where two parameters set the same quantity."""
-    setter_of: dict[str, str] = {}
+    setters_of: dict[str, list[Parameter]] = {}
     for parameter in parameters:
-        if not isinstance(parameter.apply, MaterialSetter | PairSetter | ModelSetter):
+        setter = parameter.apply
+        if isinstance(setter, MaterialSetter | PairSetter | ModelSetter):
+            targets = setter.targets(model)
+        elif isinstance(setter, SensingSetter):
+            targets = (setter.target,)
+        else:
             continue
-        for target in parameter.apply.targets(model):
-            if target in setter_of:
-                raise ValueError(
-                    f"parameters '{setter_of[target]}' and '{parameter.name}' both set the {target}"
-                )
-            setter_of[target] = parameter.name
+        for target in targets:
+            for other in setters_of.setdefault(target, []):
+                if _act_together(parameter, other):
+                    raise ValueError(
+                        f"parameters '{other.name}' and '{parameter.name}' both set the {target}"
+                    )
+            setters_of[target].append(parameter)
+
+
+def _act_together(first: Parameter, second: Parameter) -> bool:
+    """Whether two parameters act in one trajectory."""
+    if first.trajectories is None or second.trajectories is None:
+        return True
+    return bool({*first.trajectories} & {*second.trajectories})
 
 
 def check_sensors(trajectory: Trajectory, model: mujoco.MjModel, known: Container[str]) -> None:

@@ -30,30 +30,31 @@ def plot_fit(fit: Fit) -> Figure:
     return figure
 
 
-def measured_residuals(fit: Fit) -> list[Array]:
-    """Return by trajectory the weighted residuals (frames, components), NaN of what was lost."""
-    result = []
-    for t, (layout, measured) in enumerate(
-        zip(fit.problem.layouts(), fit.problem.measured(), strict=True)
-    ):
-        parts = [fit.residuals[t], *fit.sensor_residuals[t].values()]
-        rows = np.concatenate([part.reshape(layout.frames, -1) for part in parts], axis=1)
-        seen = layout.by_frame(measured.astype(np.float64))
-        result.append(np.where(seen > 0.0, rows, np.nan))
-    return result
+def measured_residuals(fit: Fit) -> list[list[tuple[Array, Array]]]:
+    """Return by trajectory and channel times (rows,), s, and weighted residuals (rows, columns).
+
+    Those of what was not measured are NaN.
+    """
+    return [
+        [
+            (channel.time, np.where(channel.measured, residuals[channel.name], np.nan))
+            for channel in fit.problem.channels(trajectory)
+        ]
+        for trajectory, residuals in zip(
+            fit.problem.trajectories, fit.channel_residuals, strict=True
+        )
+    ]
 
 
 def draw_residuals(axes: Axes, fit: Fit) -> None:
-    """Draw the root mean square residual of each frame, one line a trajectory."""
-    for index, (trajectory, residuals) in enumerate(
-        zip(fit.problem.trajectories, measured_residuals(fit), strict=True)
-    ):
-        time = trajectory.time[: len(residuals)] - trajectory.time[0]
-        lost = np.isnan(residuals)
-        squares = np.sum(np.where(lost, 0.0, residuals) ** 2, axis=1)
-        with np.errstate(invalid="ignore"):  # frames of which nothing was measured are left out
-            size = np.sqrt(squares / np.count_nonzero(~lost, axis=1))
-        axes.plot(time, size, color=COLOURS[index % len(COLOURS)], linewidth=0.8)
+    """Draw the root mean square residual of each time, a line for a channel of a trajectory."""
+    for index, channels in enumerate(measured_residuals(fit)):
+        for time, residuals in channels:
+            lost = np.isnan(residuals)
+            squares = np.sum(np.where(lost, 0.0, residuals) ** 2, axis=1)
+            with np.errstate(invalid="ignore"):  # times at which nothing was measured are left out
+                size = np.sqrt(squares / np.count_nonzero(~lost, axis=1))
+            axes.plot(time, size, color=COLOURS[index % len(COLOURS)], linewidth=0.8)
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("time [s]")
@@ -62,7 +63,9 @@ def draw_residuals(axes: Axes, fit: Fit) -> None:
 
 def draw_distribution(axes: Axes, fit: Fit) -> None:
     """Draw the histogram of all residuals, and the unit normal of the stated noise."""
-    pooled = np.concatenate([residuals.ravel() for residuals in measured_residuals(fit)])
+    pooled = np.concatenate(
+        [residuals.ravel() for channels in measured_residuals(fit) for _, residuals in channels]
+    )
     pooled = pooled[~np.isnan(pooled)]
     edges = np.linspace(-_SPAN, _SPAN, _BINS + 1)
     axes.hist(

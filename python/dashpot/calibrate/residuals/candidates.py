@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,39 +10,105 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dashpot import _core
 from dashpot.calibrate.problem.setters import System
 
 Array = NDArray[np.float64]
+
+# At most so many numbers are recorded at once, 64 MB, however many simulations there are.
+_MOST_NUMBERS = 8_000_000
 
 
 class SimulationError(ValueError):
     """A candidate cannot be built or simulated; names the trajectory and its parameters."""
 
 
-def failure_of(values: Mapping[str, float], error: ValueError) -> SimulationError:
+def failure_of(values: Mapping[str, float], reason: str | Exception) -> SimulationError:
     """Return the error of a candidate, with the values of its parameters by name."""
     listed = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
-    # The core counts variants within its batch: there, the only one.
-    what = str(error).replace("variant 0, ", "", 1)
-    failure = SimulationError(f"{what}; with {listed}")
-    failure.__cause__ = error
+    failure = SimulationError(f"{reason}; with {listed}")
+    if isinstance(reason, Exception):
+        failure.__cause__ = reason
     return failure
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A system and the initial states of the trajectories: qpos (trajectories, nq), and qvel."""
+    """What is simulated of one point.
 
-    system: System
+    Attributes
+    ----------
+    values
+        Of the parameters by name.
+    systems
+        By trajectory.
+    qpos, qvel
+        (trajectories, nq), (trajectories, nv) initial states.
+    """
+
+    values: dict[str, float]
+    systems: Sequence[System]
     qpos: Array
     qvel: Array
 
 
-def batch(candidates: Collection[Candidate]) -> tuple[list[tuple[int, Any]], Array, Array]:
-    """Return the variants of the core, qpos and qvel (variants, trajectories, nq or nv)."""
-    variants = [_variant(candidate.system) for candidate in candidates]
-    qpos = np.stack([candidate.qpos for candidate in candidates])
-    return variants, qpos, np.stack([candidate.qvel for candidate in candidates])
+class Batch:
+    """Simulations of candidates, each different one once.
+
+    A trajectory that one candidate moves as another does, in the same system from the same state,
+    is simulated for both: where parameters act in other trajectories, or only in what recorders
+    read, derivatives cost nothing.
+    """
+
+    def __init__(self, candidates: Mapping[int, Candidate], trajectories: int) -> None:
+        self._variants: list[tuple[int, Any]] = []
+        self._items: list[tuple[int, int]] = []
+        self._states: list[tuple[Array, Array]] = []
+        #: By simulation, the candidates and trajectories that it is of.
+        self.users: list[list[tuple[int, int]]] = []
+        number: dict[int, int] = {}
+        known: dict[tuple[int, int, bytes, bytes], int] = {}
+        for v, candidate in candidates.items():
+            for t in range(trajectories):
+                system = candidate.systems[t]
+                if id(system) not in number:
+                    number[id(system)] = len(self._variants)
+                    self._variants.append(_variant(system))
+                qpos, qvel = candidate.qpos[t], candidate.qvel[t]
+                key = (number[id(system)], t, qpos.tobytes(), qvel.tobytes())
+                if key not in known:
+                    known[key] = len(self._items)
+                    self._items.append(key[:2])
+                    self._states.append((qpos, qvel))
+                    self.users.append([])
+                self.users[known[key]].append((v, t))
+
+    def record(
+        self, recordings: Sequence[_core.Recording], nthread: int
+    ) -> Iterator[list[tuple[int, Array, str]]]:
+        """Yield some simulations at a time, as many as memory is meant for.
+
+        Each with what is recorded of it (n,), and why it failed: "" where it did not.
+
+        Raises
+        ------
+        ValueError
+            Where the systems cannot be simulated together.
+        """
+        sizes = [int(np.prod(recordings[t].shape)) for _, t in self._items]
+        first = 0
+        while first < len(self._items):
+            last, numbers = first, 0
+            while last < len(self._items) and (last == first or numbers < _MOST_NUMBERS):
+                numbers += sizes[last]
+                last += 1
+            qpos, qvel = (np.stack(parts) for parts in zip(*self._states[first:last], strict=True))
+            flat, failures = _core.record(
+                self._variants, recordings, self._items[first:last], qpos, qvel, nthread
+            )
+            rows = np.split(np.asarray(flat), np.cumsum(sizes[first:last])[:-1])
+            yield list(zip(range(first, last), rows, failures, strict=True))
+            first = last
 
 
 def _variant(system: System) -> tuple[int, Any]:

@@ -10,21 +10,21 @@ residuals of its own to those of the trajectory, or is held
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot import _core
 from dashpot.calibrate.problem.known_starts import KnownStarts
 from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.sensing import sensing
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
-from dashpot.calibrate.residuals.candidates import Candidate, SimulationError, batch, failure_of
+from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
 from dashpot.calibrate.residuals.differences import derivatives_along
 from dashpot.calibrate.residuals.idle_states import without_idle_states
-from dashpot.calibrate.residuals.observations import observed, simulated
+from dashpot.calibrate.residuals.recorder import Recorder
 
 Array = NDArray[np.float64]
 
@@ -50,11 +50,13 @@ class Objective:
         self.unknown = problem.parameters if held is None else ()
         self.coordinates = [p.coordinate for p in self.unknown]
         self.evaluations = 0
-        self._systems: dict[bytes, System] = {}
+        self._systems: dict[tuple[bytes, bytes], System] = {}
         model = model_of(problem.build(problem.start if held is None else held))
         self._model = model
         self._qpos, self._qvel = problem.initial_states(model, held)
-        self._observed = [observed(problem, t, model) for t in problem.trajectories]
+        #: Of each trajectory.
+        self.recorders = [Recorder(problem, t, model) for t in problem.trajectories]
+        self._acting = [np.array(problem.acting(t), dtype=bool) for t in problem.trajectories]
         #: Of each trajectory.
         self.layouts = problem.layouts()
         #: Row ranges of the trajectories in the residuals: trajectory t has rows [t] to [t + 1].
@@ -83,7 +85,7 @@ class Objective:
     @property
     def size(self) -> int:
         """Length of a point."""
-        return self.parameters + self.initial_size * len(self._observed)
+        return self.parameters + self.initial_size * len(self.recorders)
 
     @property
     def unknowns(self) -> int:
@@ -120,6 +122,20 @@ class Objective:
         live &= self._measured
         return live if live.any() else self._measured
 
+    def by_channel(self, residuals: Array) -> list[dict[str, Array]]:
+        """Return by trajectory and channel (rows, columns) of residuals (residual_count,)."""
+        return [
+            {
+                block.name: part
+                for block, part in zip(
+                    layout.blocks,
+                    layout.split(residuals[self.offsets[t] : self.offsets[t + 1]]),
+                    strict=True,
+                )
+            }
+            for t, layout in enumerate(self.layouts)
+        ]
+
     def start(self, *, robust: bool = False) -> Array:
         """Return the point where the search starts; with `robust`, outliers do not lead it astray.
 
@@ -129,7 +145,7 @@ class Objective:
         for i, parameter in enumerate(self.unknown):
             point[i] = self.coordinates[i].to_search(parameter.start)
         if self.initial_size:
-            blocks = point[self.parameters :].reshape(len(self._observed), self.initial_size)
+            blocks = point[self.parameters :].reshape(len(self.recorders), self.initial_size)
             nv = int(self._model.nv)
             blocks[:, :nv] = self._qvel
             if robust:
@@ -175,16 +191,16 @@ class Objective:
         residuals = np.full((len(points), self.residual_count), np.inf)
         candidates, failures = self._candidates(points)
         self.evaluations += len(points)
-        try:
-            residuals[list(candidates)] = self._simulate(candidates, points)
-        except ValueError:
-            # One after the other tells which fail, and the same whatever the number of threads.
-            self.evaluations += len(candidates)
-            for v, candidate in candidates.items():
-                try:
-                    residuals[v] = self._simulate({v: candidate}, points)[0]
-                except ValueError as error:
-                    failures[v] = failure_of(self.values(points[v]), error)
+        rows = list(candidates)
+        if rows:
+            starts = self._known.residuals(self._states(points[rows]))
+            residuals[np.ix_(np.array(rows), np.flatnonzero(~self._moving))] = starts
+        for t, users, readings in self._read(candidates, failures):
+            rows_of_t = slice(self.offsets[t], self.offsets[t + 1] - self.layouts[t].starts)
+            residuals[users, rows_of_t] = self.recorders[t].residuals(readings)
+        failed = list(failures)
+        residuals = np.where(self._measured, residuals, 0.0)
+        residuals[failed] = np.inf
         return residuals, [failures[v] for v in sorted(failures)]
 
     def jacobian(
@@ -223,7 +239,7 @@ class Objective:
         steps[np.arange(count), np.arange(count)] = widths
         initial_steps = self._initial_differences()
         for row, j in enumerate(free, start=count):
-            columns = count + j + self.initial_size * np.arange(len(self._observed))
+            columns = count + j + self.initial_size * np.arange(len(self.recorders))
             steps[row, columns] = initial_steps[j]
         up, down = (np.clip(point + sign * steps, lower, upper) for sign in (1.0, -1.0))
         derivatives = derivatives_along(
@@ -238,13 +254,13 @@ class Objective:
     def differences(self) -> Array:
         """Return the half-widths (size,) of the differences that derivatives take by default."""
         own = np.array([p.difference for p in self.unknown])
-        return np.concatenate([own, np.tile(self._initial_differences(), len(self._observed))])
+        return np.concatenate([own, np.tile(self._initial_differences(), len(self.recorders))])
 
-    def observe(self, point: Array) -> list[tuple[Array, Array, dict[str, Array]]]:
-        """Return what is simulated by trajectory.
+    def observe(self, point: Array) -> list[dict[str, Array]]:
+        """Return by trajectory and channel what its recorder reads (rows, columns).
 
-        That is position (n, bodies, 3), quaternion (n, bodies, 4), and sensors (n, size) by name,
-        NaN at the first frame where they are means.
+        Of poses, ``"poses"``, that is (frames, 7 bodies): position and quaternion. What was not
+        simulated is NaN: means over what comes before the start.
 
         Raises
         ------
@@ -252,14 +268,14 @@ class Objective:
             As `residuals` does.
         """
         candidates, failures = self._candidates(np.atleast_2d(point))
+        found: list[dict[str, Array]] = [{} for _ in self.recorders]
+        for t, _, readings in self._read(candidates, failures):
+            for channel, reading in zip(self.recorders[t].channels, readings, strict=True):
+                early = channel.time < 0.5 * channel.window
+                found[t][channel.name] = np.where(early[:, None], np.nan, reading[0])
         if failures:
             raise failures[0]
-        variants, qpos, qvel = batch(candidates.values())
-        try:
-            flat = np.asarray(_core.observe(variants, self._observed, qpos, qvel, self.nthread))[0]
-        except ValueError as error:
-            raise failure_of(self.values(point), error) from error
-        return simulated(self.problem, self.layouts, flat)
+        return found
 
     def initial_states(self, point: Array) -> tuple[Array, Array]:
         """Return qpos (trajectories, nq) and qvel (trajectories, nv) of the starts at a point."""
@@ -280,7 +296,7 @@ class Objective:
     def _states(self, points: Array) -> Array:
         """Return the initial states (..., trajectories, s) of points."""
         own = points[..., self.parameters :]
-        shape = (*points.shape[:-1], len(self._observed), self.initial_size)
+        shape = (*points.shape[:-1], len(self.recorders), self.initial_size)
         return self._known.with_held(own.reshape(shape))
 
     def _initial_differences(self) -> Array:
@@ -291,24 +307,23 @@ class Objective:
     def _candidates(self, points: Array) -> tuple[dict[int, Candidate], dict[int, SimulationError]]:
         """Build the systems and initial states of points; say why where that fails.
 
-        There is one system for each different set of parameters.
+        There is one system for each different set of the parameters that act in a trajectory.
         """
-        systems: dict[bytes, System] = {}
+        systems: dict[tuple[bytes, bytes], System] = {}
         candidates, failures = {}, {}
         nv = int(self._model.nv)
         for v, point in enumerate(points):
-            key = point[: self.parameters].tobytes()
+            values = self.values(point)
             qpos, qvel = self._qpos, self._qvel
             try:
-                system = systems.get(key) or self._systems.get(key)
-                if system is None:
-                    system = self.problem.build(self.values(point))
+                of_trajectories = [
+                    self._system(point, values, t, systems) for t in range(len(self.recorders))
+                ]
                 if self.problem.start_states is not None:
-                    qpos, qvel = self.problem.initial_states(self._model, self.values(point))
+                    qpos, qvel = self.problem.initial_states(self._model, values)
             except ValueError as error:
-                failures[v] = failure_of(self.values(point), error)
+                failures[v] = failure_of(values, error)
                 continue
-            systems[key] = system
             if self.initial_size:
                 blocks = self._states(point)
                 qvel = blocks[:, :nv]
@@ -316,19 +331,52 @@ class Objective:
                     qpos = qpos.copy()
                     for t, block in enumerate(blocks):
                         mujoco.mj_integratePos(self._model, qpos[t], block[nv:], 1.0)
-            candidates[v] = Candidate(system, qpos, qvel)
+            candidates[v] = Candidate(values, of_trajectories, qpos, qvel)
         self._systems = systems  # keeps models alive during the batch and for the next one
         return candidates, failures
 
-    def _simulate(self, candidates: Mapping[int, Candidate], points: Array) -> Array:
-        """Return the residuals (candidates, residual_count); raise ValueError where one fails.
+    def _system(
+        self,
+        point: Array,
+        values: Mapping[str, float],
+        t: int,
+        systems: dict[tuple[bytes, bytes], System],
+    ) -> System:
+        """Return the system of a trajectory at a point, one of `systems` where it is the same."""
+        acting = self._acting[t]
+        chosen = point[: self.parameters][acting] if self._held is None else point[:0]
+        key = (acting.tobytes(), chosen.tobytes())
+        if key not in systems:
+            known = self._systems.get(key)
+            name = self.problem.trajectories[t].name
+            systems[key] = self.problem.build(values, name) if known is None else known
+        return systems[key]
 
-        Candidates are by the row of `points` that they are of.
+    def _read(
+        self, candidates: Mapping[int, Candidate], failures: dict[int, SimulationError]
+    ) -> Iterator[tuple[int, list[int], list[Array]]]:
+        """Simulate candidates; yield a trajectory, some candidates, and what channels read of them.
+
+        Candidates of which a simulation fails are added to `failures` in the end, each with that of
+        its first trajectory that does.
         """
         if not candidates:
-            return np.empty((0, self.residual_count))
-        variants, qpos, qvel = batch(candidates.values())
-        found = np.empty((len(candidates), self.residual_count))
-        found[:, self._moving] = _core.residuals(variants, self._observed, qpos, qvel, self.nthread)
-        found[:, ~self._moving] = self._known.residuals(self._states(points[list(candidates)]))
-        return np.where(self._measured, found, 0.0)
+            return
+        batch = Batch(candidates, len(self.recorders))
+        setters = [self.problem.sensing_setters(t) for t in self.problem.trajectories]
+        failed: dict[int, tuple[int, str]] = {}
+        for some in batch.record([r.recording for r in self.recorders], self.nthread):
+            found: dict[int, tuple[list[int], list[Array]]] = {}
+            for simulation, row, failure in some:
+                for v, t in batch.users[simulation]:
+                    if failure:
+                        failed[v] = min(failed.get(v, (t, failure)), (t, failure))
+                        continue
+                    users, rows = found.setdefault(t, ([], []))
+                    users.append(v)
+                    rows.append(row)
+            for t, (users, rows) in found.items():
+                seen = sensing(setters[t], [candidates[v].values for v in users])
+                yield t, users, self.recorders[t].readings(np.array(rows), seen)
+        for v, (_, failure) in failed.items():
+            failures[v] = failure_of(candidates[v].values, failure)

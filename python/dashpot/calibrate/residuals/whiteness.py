@@ -46,16 +46,22 @@ class Whiteness:
 
 
 def whiteness(objective: Objective, residuals: Array, counted: NDArray[np.bool_]) -> Whiteness:
-    """Return how those of residuals (m,) that are `counted` (m,) go along with the frame before."""
+    """Return how residuals (m,) go along with the reading before, of those `counted` (m,).
+
+    Neighbours are successive readings of one channel, at whatever rate it has.
+    """
     together = spread = squares = 0.0
     for t, layout in enumerate(objective.layouts):
         rows = slice(objective.offsets[t], objective.offsets[t + 1])
-        kept = np.where(counted[rows], residuals[rows], 0.0)
-        frames = layout.by_frame(kept)
-        products = frames[1:] * frames[:-1]
-        together += float(products.sum())
-        spread += float((products**2).sum())
-        squares += float((frames**2).sum())
+        for block, seen in zip(
+            layout.split(residuals[rows]), layout.split(counted[rows]), strict=True
+        ):
+            for column, kept in zip(block.T, seen.T, strict=True):
+                read = column[kept]
+                products = read[1:] * read[:-1]
+                together += float(products.sum())
+                spread += float((products**2).sum())
+                squares += float((read**2).sum())
     if spread == 0.0:
         return Whiteness(0.0, 0.0, True)
     exact = bool(squares < _EXACT**2 * np.count_nonzero(counted))

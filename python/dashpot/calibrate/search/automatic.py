@@ -39,15 +39,18 @@ def growing_windows(objective: Objective, residuals: Array) -> list[float]:
     """
     problem = objective.problem
     onsets, ends = [], []
-    for t, trajectory in enumerate(problem.trajectories):
+    for t in range(len(problem.trajectories)):
         rows = residuals[:, objective.offsets[t] : objective.offsets[t + 1]]
-        frames = objective.layouts[t].by_frame(rows)
-        low, high = np.percentile(frames, [25.0, 75.0], axis=0)
-        parted = np.flatnonzero((high - low > _PARTED).any(axis=1))
-        time = trajectory.time - trajectory.time[0]
-        ends.append(float(time[frames.shape[1] - 1]))
-        if parted.size:
-            onsets.append(float(time[parted[0]]))
+        first, end = np.inf, 0.0
+        blocks = objective.layouts[t].split(rows)
+        for channel, block in zip(objective.recorders[t].channels, blocks, strict=True):
+            low, high = np.percentile(block, [25.0, 75.0], axis=0)
+            parted = channel.time[(high - low > _PARTED).any(axis=1)]
+            first = min(first, float(parted.min(initial=np.inf)))
+            end = max(end, float(channel.time.max(initial=0.0)))
+        ends.append(end)
+        if np.isfinite(first):
+            onsets.append(first)
     if not onsets:
         return []
     onset, end = float(np.percentile(onsets, _PARTED_SHARE)), max(ends)
@@ -56,5 +59,9 @@ def growing_windows(objective: Objective, residuals: Array) -> list[float]:
 
 
 def _determines(problem: Problem, window: float, unknowns: int) -> bool:
-    count = sum(int(np.count_nonzero(m)) for m in problem.with_window(window).measured())
+    try:
+        within = problem.with_window(window)
+    except ValueError:
+        return False  # of some trajectory it leaves nothing that was measured
+    count = sum(int(np.count_nonzero(m)) for m in within.measured())
     return count >= _RESIDUALS_PER_UNKNOWN * unknowns

@@ -1,0 +1,218 @@
+"""What the recorders of one trajectory read of simulations, and how far that is off.
+
+Simulations are read at the frames where these are all that matters. A channel with a clock, a delay
+or an impulse of its own needs every step (`dashpot.calibrate.residuals.clocks`).
+
+For a channel that reads r where s was observed with a standard deviation sigma, the residual is
+
+    (r - s) / sigma                     of a number
+    log(R_s^T R_r) / sigma              of an orientation: a rotation vector, |.| <= pi
+
+and 0 of what was not measured.
+"""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dashpot import _core
+from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.problem.channels import POSES, Channel
+from dashpot.calibrate.problem.gaps import gap_geoms
+from dashpot.calibrate.problem.observables import body_id
+from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.sensing import Sensing
+from dashpot.calibrate.residuals.clocks import at_times, instants_of, means_over
+from dashpot.calibrate.residuals.events import apex_heights, impact_times, in_order, peak
+
+Array = NDArray[np.float64]
+
+_PEAK = "peak:"
+
+
+class Recorder:
+    """The recorders of a trajectory of a problem, within its window."""
+
+    def __init__(self, problem: Problem, trajectory: Trajectory, model: mujoco.MjModel) -> None:
+        self.channels = problem.channels(trajectory)
+        self._bodies = len(trajectory.bodies)
+        substeps = problem.steps_per_frame(trajectory, model)
+        self._step = trajectory.spacing / substeps
+        frames = trajectory if problem.window is None else trajectory.head(problem.window)
+        delays = problem.delays(trajectory)
+        self._every_step = bool(delays) or any(
+            channel.own_clock
+            or channel.kind in ("event", "scalar")
+            or (channel.sensor is not None and channel.sensor.mean and not channel.window)
+            for channel in self.channels
+        )
+        frame_step = substeps * frames.frame_number
+        record_step = frame_step
+        if self._every_step:
+            early = max([0.0, *(-lower for lower, _ in delays.values())])
+            ends = [float(channel.time.max(initial=0.0)) for channel in self.channels]
+            # The slack keeps rounding in the times from adding a step.
+            last = math.ceil((max(ends) + early) / self._step - 1e-6)
+            record_step = np.arange(max(last, int(frame_step[-1])) + 1)
+        control: Array = np.empty((0, 0))
+        if frames.control is not None:
+            control = np.repeat(frames.control, np.diff(frame_step), axis=0)
+            beyond = int(record_step[-1]) - len(control)
+            control = np.concatenate([control, np.repeat(control[-1:], beyond, axis=0)])
+        self._columns: dict[str, slice] = {}
+        numbers: list[tuple[int, bool]] = []
+        for name in dict.fromkeys([*trajectory.sensors, *_peaks(self.channels)]):
+            sensor = problem.sensor(name)
+            self._columns[name] = slice(len(numbers), len(numbers) + sensor.size)
+            numbers += [(sensor.address + i, sensor.mean) for i in range(sensor.size)]
+        gaps = [gap_geoms(model, trajectory, channel.name) for channel in self.channels]
+        self.recording = _core.Recording(
+            name=trajectory.name,
+            timestep=self._step,
+            record_step=record_step.tolist(),
+            body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
+            channel=numbers,
+            gap=next((pairs for pairs in gaps if pairs), []),
+            control=control,
+            interval=1 if self._every_step else substeps,
+        )
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers a simulation records."""
+        rows, columns = self.recording.shape
+        return int(rows) * int(columns)
+
+    def readings(self, recorded: Array, sensing: Sensing) -> list[Array]:
+        """Return by channel what it reads (items, rows, columns) of recorded items (items, n)."""
+        rows, columns = self.recording.shape
+        table = recorded.reshape(len(recorded), rows, columns)
+        poses = table[..., : 7 * self._bodies]
+        others = table[..., 7 * self._bodies :]
+        found: dict[str, Array] = {}
+        for channel in self.channels:
+            delay = sensing.of("delay", channel.name)
+            times = channel.time - (np.zeros((1, 1)) if delay is None else delay[:, None])
+            times = np.broadcast_to(times, (len(table), channel.time.size))
+            if channel.kind == "poses":
+                reading = self._poses(poses, times, sensing)
+            elif channel.kind == "sensor":
+                reading = self._sensor(channel, others[..., self._columns[channel.name]], times)
+            elif channel.kind == "event":
+                late = 0.0 if delay is None else delay[:, None]
+                end = (rows - 1) * self._step
+                happened = [
+                    in_order(impact_times(gap, self._step), channel.time.size, end)
+                    for gap in table[..., -1]
+                ]
+                reading = (np.array(happened) + late)[..., None]
+            else:
+                reading = self._scalar(channel, table)
+            found[channel.name] = _through(reading, channel, sensing)
+        return [found[channel.name] for channel in self.channels]
+
+    def residuals(self, readings: list[Array]) -> Array:
+        """Return (items, n) weighted residuals of `readings`, channel by channel."""
+        parts = []
+        for channel, reading in zip(self.channels, readings, strict=True):
+            if channel.kind == "poses":
+                error = _pose_errors(reading, channel.observed, self._bodies)
+            else:
+                error = reading - channel.observed
+            parts.append((error / channel.sigma * channel.measured).reshape(len(error), -1))
+        return np.concatenate(parts, axis=1)
+
+    def _poses(self, poses: Array, times: Array, sensing: Sensing) -> Array:
+        if self._every_step:
+            poses = at_times(_same_side(poses), times, self._step)
+            turned = poses.reshape(*poses.shape[:2], -1, 7)
+            turned[..., 3:] /= np.linalg.norm(turned[..., 3:], axis=-1, keepdims=True)
+        scale = sensing.of("scale", POSES)
+        if scale is not None:
+            poses = poses.copy()
+            position = poses.reshape(*poses.shape[:2], -1, 7)[..., :3]
+            position += (scale[:, None, None, None] - 1.0) * (position - sensing.centre)
+        return poses
+
+    def _sensor(self, channel: Channel, numbers: Array, times: Array) -> Array:
+        if not self._every_step:
+            return numbers
+        if channel.sensor is None or not channel.sensor.mean:
+            if channel.window:
+                # The mean of what lies on lines between steps.
+                middle = 0.5 * (numbers[:, 1:] + numbers[:, :-1])
+                numbers = np.concatenate([middle[:, :1], middle], axis=1)
+                return means_over(numbers, times, channel.window, self._step)
+            return at_times(numbers, times, self._step)
+        if channel.window:
+            return means_over(numbers, times, channel.window, self._step)
+        return instants_of(numbers, times, self._step)
+
+    def _scalar(self, channel: Channel, table: Array) -> Array:
+        count = channel.time.size
+        found = []
+        for item in table:
+            if channel.name.startswith(_PEAK):
+                column = 7 * self._bodies + self._columns[channel.name[len(_PEAK) :]].start
+                found.append(np.full(count, peak(item[1:, column])))
+            else:
+                height = item[:, 2]
+                impacts = impact_times(item[:, -1], self._step)
+                heights = apex_heights(height, impacts, self._step)
+                found.append(in_order(heights, count, float(height[-1])))
+        return np.array(found)[..., None]
+
+
+def _peaks(channels: list[Channel]) -> list[str]:
+    """Return the sensors of which peaks are observed."""
+    return [c.name[len(_PEAK) :] for c in channels if c.name.startswith(_PEAK)]
+
+
+def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:
+    """Return what a sensor or scalar reads with its gain and offset."""
+    gain, offset = (sensing.of(quantity, channel.name) for quantity in ("gain", "offset"))
+    if gain is not None:
+        reading = gain[:, None, None] * reading
+    return reading if offset is None else reading + offset[:, None, None]
+
+
+def _same_side(poses: Array) -> Array:
+    """Return poses whose quaternions have no jump of sign from one to the next."""
+    result = poses.copy()
+    quaternion = result.reshape(*poses.shape[:2], -1, 7)[..., 3:]
+    turned = np.einsum("...i,...i->...", quaternion[:, 1:], quaternion[:, :-1]) < 0.0
+    sign = np.where(np.cumsum(turned, axis=1) % 2, -1.0, 1.0)
+    quaternion[:, 1:] *= sign[..., None]
+    return result
+
+
+def _pose_errors(reading: Array, observed: Array, bodies: int) -> Array:
+    """Return (items, frames, 6 bodies) of poses (items, frames, 7 bodies), observed (frames, .)."""
+    shape = (*reading.shape[:-1], bodies, 7)
+    simulated, seen = reading.reshape(shape), observed.reshape(shape[1:])
+    error = np.empty((*shape[:-1], 6))
+    error[..., :3] = simulated[..., :3] - seen[..., :3]
+    error[..., 3:] = rotation_between(seen[..., 3:], simulated[..., 3:])
+    return error.reshape(*reading.shape[:-1], 6 * bodies)
+
+
+def rotation_between(first: Array, second: Array) -> Array:
+    """Return the rotation vectors (..., 3) of ``R_1^T R_2``, of quaternions, the shorter way."""
+    a, b = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
+    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    v = np.stack(
+        [
+            a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2],
+            a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1],
+            a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0],
+        ],
+        axis=-1,
+    )
+    sine = np.sqrt(np.einsum("...i,...i->...", v, v))
+    angle = 2.0 * np.arctan2(sine, np.abs(w))
+    scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0.0)
+    return np.asarray((np.where(w < 0.0, -1.0, 1.0) * scale)[..., None] * v)
