@@ -15,6 +15,7 @@ from dashpot.calibrate import Parameter, Problem, Trajectory, fit
 from dashpot.calibrate.inference.at_bounds import leaders
 from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import covariance
+from dashpot.calibrate.inference.misfit_report import ChannelReport
 
 
 def test_covariance_of_a_straight_line_is_the_closed_form():
@@ -95,6 +96,10 @@ def test_interval_of_a_linear_problem_is_the_closed_form():
     assert result["gravity"].upper - result["gravity"].value == pytest.approx(half, rel=1e-6)
     assert result["gravity"].identified
     assert result.cost == pytest.approx(0.5 * residuals @ residuals, rel=1e-9)
+
+
+def channel(name="load", *, misfit=True, size=1.0, left_over=0.02):
+    return ChannelReport(name, size, 400, 0.62, 9.0, misfit, left_over)
 
 
 def statement(
@@ -200,7 +205,7 @@ def test_a_valley_that_ends_at_a_bound_identifies_nothing(end, seed):
     [
         ({"standard_error": math.inf}, None),
         ({"unfinished": "the search ended before it converged (why)"}, "ended before it converged"),
-        ({"unexplained": 40.0}, "whose variance is 40"),
+        ({"channels": (channel(left_over=0.4),)}, "are 40% of what it shows"),
     ],
 )
 def test_an_estimate_at_a_bound_always_names_it(options, also):
@@ -233,17 +238,31 @@ def test_estimates_in_the_table_have_the_digits_of_their_interval():
     assert "0.249902 – 0.249978" in table
 
 
-def test_what_noise_does_not_explain_is_not_identified():
-    """Unless errors are clustered, which holds for models that are not right."""
-    far = statement(math.log(30.0), 0.01, unexplained=40.0)
-    assert not far.identified
-    assert "not explain the residuals, whose variance is 40" in far.statement
-    clustered = statement(math.log(30.0), 0.01, unexplained=40.0, clustered=True)
-    assert clustered.identified
-    assert clustered.statement.endswith("does not explain the residuals, whose variance is 40")
-    little = statement(math.log(30.0), 0.01, unexplained=1.3)
-    assert little.identified
-    assert "but noise does not explain" in little.statement
+def test_a_misfit_widens_what_it_does_not_disown():
+    """Unless residuals are more than a tenth of what a channel shows, and errors not clustered."""
+    within = statement(math.log(30.0), 0.01, channels=(channel(),), widening=2.31)
+    assert within.identified
+    assert within.grade == "within misfit"
+    assert within.widening == 2.31
+    assert within.statement.startswith("identified within the misfit: 95% interval 29.7 to 30.3, ")
+    assert "2.3 times as wide as noise alone" in within.statement
+    assert "residuals of load (correlation 0.62) hang together in time" in within.statement
+    lost = statement(math.log(30.0), 0.01, channels=(channel(left_over=0.3),))
+    assert not lost.identified
+    assert "residuals of load (correlation 0.62) are 30% of what it shows" in lost.statement
+    clustered = statement(math.log(30.0), 0.01, channels=(channel(left_over=0.3),), clustered=True)
+    assert clustered.grade == "within misfit"
+    assert "of how trajectories differ" in clustered.statement
+
+
+def test_noise_of_another_size_is_said_by_how_much():
+    same = [channel(misfit=False, size=3.0), channel("place", misfit=False, size=3.0)]
+    found = statement(math.log(30.0), 0.01, channels=same, size=3.0)
+    assert found.grade == "identified"
+    assert found.statement.endswith("noise is not as stated, but 3 times as large")
+    apart = [channel(misfit=False, size=3.0), channel("place", misfit=False, size=0.5)]
+    found = statement(math.log(30.0), 0.01, channels=apart, size=2.2)
+    assert found.statement.endswith("3 times as large of load, 0.5 times as large of place")
 
 
 def test_a_rough_interval_says_so():

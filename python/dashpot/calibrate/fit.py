@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from typing import Literal, get_args
@@ -12,6 +13,8 @@ from numpy.typing import NDArray
 from dashpot.calibrate.inference.at_bounds import leaders
 from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import check_count
+from dashpot.calibrate.inference.misfit_report import sizes_differ
+from dashpot.calibrate.inference.noise_estimate import with_estimated_noise
 from dashpot.calibrate.inference.settlement import End, settle
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
@@ -19,7 +22,7 @@ from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.report.progress import ProgressBar
 from dashpot.calibrate.residuals.losses import Loss, LossName
 from dashpot.calibrate.residuals.objective import Objective
-from dashpot.calibrate.residuals.whiteness import whiteness
+from dashpot.calibrate.residuals.whiteness import EXACT
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.search import Search
@@ -191,6 +194,10 @@ def fit(
             search = run_searches(
                 objectives, budget, chosen_loss, method, starts, local_searches, seed
             )
+        if problem.noise == "estimate":
+            search = with_estimated_noise(search)
+            objective = search.objective
+            problem = objective.problem
         end, beside = settle(search, errors_kind, confidence, seed)
     return _result(
         problem,
@@ -223,8 +230,8 @@ def _result(
     live = int(np.count_nonzero(counted))
     variance, robust = estimated.residual_variance, search.loss.robust
     explained = noise_explains(variance, live, robust=robust)
-    white = whiteness(objective, residuals, counted)
-    overstated = not white.exact and noise_overstated(variance, live, robust=robust)
+    exact = all(channel.size < EXACT for channel in end.channels)
+    wrong = not explained or (not exact and noise_overstated(variance, live, robust=robust))
     unfinished = None
     if not search.converged:
         unfinished = f"the search ended before it converged ({search.message})"
@@ -244,10 +251,10 @@ def _result(
                 names=problem.names,
                 confidence=confidence,
                 unfinished=unfinished,
-                unexplained=None if explained else variance,
-                overstated=variance if overstated else None,
-                together=0.0 if white.exact else white.correlation,
+                size=math.sqrt(variance) if wrong or sizes_differ(end.channels) else None,
+                channels=end.channels,
                 clustered=errors == "clustered",
+                widening=float(estimated.widening[i]),
                 nonlinearity=float(end.departure[i]),
                 leader=leading[i],
             )
@@ -272,6 +279,7 @@ def _result(
         confidence=confidence,
         converged=search.converged,
         message=search.message,
+        channels=end.channels,
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,

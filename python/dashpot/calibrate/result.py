@@ -15,6 +15,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.inference.combinations import Combination, combinations
 from dashpot.calibrate.inference.estimate import Estimate
 from dashpot.calibrate.inference.metrics import root_mean_squares
+from dashpot.calibrate.inference.misfit_report import ChannelReport
 from dashpot.calibrate.inference.sampling import draw
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.prediction import Prediction, predict, predictions
@@ -70,6 +71,8 @@ class Fit:
         parameter counts as identified.
     message
         The search's last word.
+    channels
+        What the residuals say of each channel: their size, and whether they hang together.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
     """
@@ -93,6 +96,7 @@ class Fit:
     problem: Problem = field(repr=False)
     initial_velocity: Array | None = None
     initial_displacement: Array | None = None
+    channels: tuple[ChannelReport, ...] = ()
 
     def __getitem__(self, name: str) -> Estimate:
         for estimate in self.estimates:
@@ -229,6 +233,15 @@ class Fit:
         return noise_overstated(
             self.residual_variance, self.live_residuals, robust=self.loss != "linear"
         )
+
+    @property
+    def misfits(self) -> tuple[ChannelReport, ...]:
+        """Channels in which the model is not right, or noise is not white.
+
+        Their residuals hang together in time. A right model with white noise has such a channel in
+        less than one of a hundred fits.
+        """
+        return tuple(channel for channel in self.channels if channel.misfit)
 
     @property
     def combinations(self) -> tuple[Combination, ...]:

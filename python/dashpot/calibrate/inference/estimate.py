@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
+
+Grade = Literal["identified", "within misfit", "not identified"]
 
 
 @dataclass(frozen=True)
@@ -23,13 +26,18 @@ class Estimate:
         Ends of the confidence interval; the bounds where the data say nothing. They go on to where
         the cost has risen enough, farther than `standard_error` says where that is flat.
     identified
-        Whether the data identify it.
+        Whether the data identify it, within the misfit or without one.
     statement
         A sentence that says why or why not.
     nonlinearity
         How far the residuals' departure from a linear model over the interval moves the estimate,
         in standard errors of that model. It is part of `standard_error` and of the interval;
         where it is above 1, most of their width comes from it and their confidence is a rough one.
+    grade
+        ``"identified"``; ``"within misfit"``: identified, but residuals of some channel hang
+        together in time, as those of a model do that is not quite right; ``"not identified"``.
+    widening
+        How many times wider the interval is for that misfit; 1 without.
     """
 
     name: str
@@ -40,6 +48,8 @@ class Estimate:
     identified: bool
     statement: str
     nonlinearity: float = 0.0
+    grade: Grade = "identified"
+    widening: float = 1.0
 
 
 def percent(confidence: float) -> str:

@@ -10,6 +10,7 @@ from dashpot.calibrate.inference.statistical_linearization import over_its_regio
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import SimulationError
 from dashpot.calibrate.residuals.losses import Loss
+from dashpot.calibrate.residuals.misfit import ResidualCovariance
 from dashpot.calibrate.residuals.objective import Objective
 
 Array = NDArray[np.float64]
@@ -28,6 +29,7 @@ def covariance_around(
     errors: str,
     confidence: float,
     seed: int | None,
+    misfit: ResidualCovariance | None = None,
 ) -> tuple[Covariance, Array, ArrowMatrix, str | None]:
     """Return the covariance of a linear model over its own region, and its departure from one.
 
@@ -37,13 +39,15 @@ def covariance_around(
     parameters are as wide as the intervals that it gives: they start wide and shrink, never below
     the parameters' own. Where `seed` is None, as no interval around the end of a search that has
     not converged is that of a minimum, it ends there; and so it does where simulations in the
-    region fail.
+    region fail. `misfit` is the covariance of residuals that are no noise of one size.
     """
     live = objective.live(residuals)
     offsets = objective.offsets if errors == "clustered" else None
 
     def from_jacobian(jacobian: ArrowMatrix, hold: Array) -> Covariance:
-        return covariance(jacobian, residuals, loss=loss, live=live, offsets=offsets, hold=hold)
+        return covariance(
+            jacobian, residuals, loss=loss, live=live, offsets=offsets, hold=hold, misfit=misfit
+        )
 
     own = np.array([p.difference for p in objective.problem.parameters])
     widths = np.maximum(own, _WIDEST_DIFFERENCE)

@@ -5,12 +5,8 @@ A parameter is called *not identified* when
 * the search ended before it converged: what its end would be is not known then, and the interval
   around the best point found is not that of a minimum, or
 * candidates next to the estimate cannot be built or simulated: it may be the last that can, or
-* the stated noise explains the residuals by far not (their variance is above `MAX_VARIANCE`, and
-  above 1 by more than three standard deviations) and errors are those of independent residuals: the
-  model differs from what was observed, or the search ended in a bad valley, and intervals that are
-  scaled with the residuals, as they are here, then hold for neither, or
-* a third of the variance of residuals hangs together from frame to frame, as a misfit does, which
-  noise that is stated too large hides, or
+* residuals of a channel hang together in time and are more than a tenth of what it shows: the model
+  does not describe it, or the search ended in a bad valley, or
 * the residuals do not depend on it (alone, or once another unknown compensates it), or
 * its estimate lies at a bound, or its interval reaches one: the data then say nothing of how far it
   would go on, as where friction never slips, or
@@ -20,38 +16,41 @@ A parameter is called *not identified* when
 * (log parameters) the ends of its interval differ by more than a factor of four: it is then not
   known to within a factor of two either way.
 
-Clustered errors measure how estimates differ between trajectories, whatever the reason: a parameter
-that they identify is one of the best model of its kind, and its sentence says where that does not
-explain the residuals.
+It is *identified within the misfit* when none of these holds, but residuals of a channel hang
+together in time (`dashpot.calibrate.residuals.whiteness`): the model is not quite right there, or
+the noise is not white. Its interval is widened for that (`dashpot.calibrate.residuals.misfit`), and
+the sentence says how much. An interval does not know of what a wrong model does to the estimate
+itself.
+
+Else it is *identified*. Noise of another size than stated changes no interval; the sentence says by
+how much it is off. Clustered errors measure how estimates differ between trajectories, whatever the
+reason, and are not widened.
 
 An estimate at a bound always names it, beside any other reason.
 
 A correlation above 0.95 with another parameter is named in the sentence: then the data know a
-combination of the two much better than each. So is noise that is somewhat larger than stated, or
-far smaller, and a cost so rough over the interval that this makes most of its width.
+combination of the two much better than each. So is a cost so rough over the interval that this
+makes most of its width.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.at_bounds import HIGH_CORRELATION, at_bounds, bound_of
-from dashpot.calibrate.inference.estimate import Estimate, interval_ends, percent
-from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE
+from dashpot.calibrate.inference.estimate import Estimate, Grade, interval_ends, percent
+from dashpot.calibrate.inference.misfit_report import MOST_LEFT, ChannelReport, sizes_differ
 from dashpot.calibrate.problem.parameters import Parameter
 
 Array = NDArray[np.float64]
 
 MAX_RANGE_SHARE = 0.5
 MAX_FACTOR = 4.0
-# Share of the variance, as the correlation of neighbouring frames tells it, that a misfit may have:
-# as much as in `MAX_VARIANCE` where noise is stated rightly.
-_MOST_MISFIT = 1.0 - 1.0 / MAX_VARIANCE
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,14 +70,15 @@ class Evidence:
         Of the interval, for the sentence.
     unfinished
         Why the interval is not that of a minimum, in words; None where it is.
-    unexplained
-        Residual variance where the stated noise does not explain it, else None.
-    overstated
-        Residual variance where the stated noise is far larger, else None.
-    together
-        Correlation of the residuals of neighbouring frames; 0 where data had no noise.
+    size
+        Root mean square of the weighted residuals where the noise is stated otherwise; None where
+        it is as stated, or data had none.
+    channels
+        What residuals say of each channel.
     clustered
-        Whether errors are clustered, and so do not need the noise to explain the residuals.
+        Whether errors are clustered, so that a misfit is in them already.
+    widening
+        As in `Estimate`.
     nonlinearity
         As in `Estimate`.
     leader
@@ -93,10 +93,10 @@ class Evidence:
     names: tuple[str, ...]
     confidence: float
     unfinished: str | None = None
-    unexplained: float | None = None
-    overstated: float | None = None
-    together: float = 0.0
+    size: float | None = None
+    channels: Sequence[ChannelReport] = ()
     clustered: bool = False
+    widening: float = 1.0
     nonlinearity: float = 0.0
     leader: str | None = None
 
@@ -105,6 +105,11 @@ class Evidence:
         """Ends of the interval in the parameter's unit."""
         lower, upper = (self.parameter.coordinate.to_value(end) for end in self.interval)
         return lower, upper
+
+    @property
+    def misfits(self) -> list[ChannelReport]:
+        """Channels whose residuals hang together."""
+        return [channel for channel in self.channels if channel.misfit]
 
     @property
     def interval_text(self) -> str:
@@ -124,9 +129,13 @@ def judge(evidence: Evidence) -> Estimate:
             *parameter.bounds,
             identified=False,
             statement=f"not identified: {bound_of(parameter, evidence.z) or _INDEPENDENT}",
+            grade="not identified",
         )
     reason = next((why for why in (reason(evidence) for reason in _REASONS) if why), None)
     statement = _identified(evidence) if reason is None else _not_identified(evidence, reason)
+    grade: Grade = "not identified"
+    if reason is None:
+        grade = "within misfit" if evidence.misfits else "identified"
     return Estimate(
         parameter.name,
         value,
@@ -135,6 +144,8 @@ def judge(evidence: Evidence) -> Estimate:
         identified=reason is None,
         statement=statement,
         nonlinearity=evidence.nonlinearity,
+        grade=grade,
+        widening=evidence.widening,
     )
 
 
@@ -147,14 +158,16 @@ def _unfinished(evidence: Evidence) -> str | None:
     return evidence.unfinished
 
 
-def _unexplained(evidence: Evidence) -> str | None:
-    variance = evidence.unexplained
-    if variance is None or variance <= MAX_VARIANCE or evidence.clustered:
+def _undescribed(evidence: Evidence) -> str | None:
+    if evidence.clustered:
+        return None
+    worst = max(evidence.misfits, key=lambda channel: channel.left_over, default=None)
+    if worst is None or worst.left_over <= MOST_LEFT:
         return None
     return (
-        f"the stated noise does not explain the residuals, whose variance is {variance:.3g}: the "
-        "model is not right, or the search ended in a bad valley, and its interval, "
-        f"{evidence.interval_text}, is that of neither"
+        f"residuals of {worst} are {worst.left_over:.0%} of what it shows: the model is not right, "
+        f"or the search ended in a bad valley, and its interval, {evidence.interval_text}, is that "
+        "of neither"
     )
 
 
@@ -189,45 +202,52 @@ def _led(evidence: Evidence) -> str | None:
     return f"it goes along with {evidence.leader}, whose estimate lies at a bound"
 
 
-def _hanging_together(evidence: Evidence) -> str | None:
-    if evidence.together <= _MOST_MISFIT or evidence.clustered:
-        return None
-    return (
-        "residuals hang together from frame to frame, with a correlation of "
-        f"{evidence.together:.2f}, as a misfit does: the stated noise is too large and hides it, "
-        f"or has such a correlation, and its interval, {evidence.interval_text}, does not know of "
-        "that"
-    )
-
-
 _REASONS: tuple[Callable[[Evidence], str | None], ...] = (
     _unfinished,
-    _unexplained,
+    _undescribed,
     _at_a_bound,
     _wide,
     _led,
-    _hanging_together,
 )
 """Why a parameter may not be identified: the first that applies is told."""
 
 
 def _identified(evidence: Evidence) -> str:
-    sentences = [f"identified: {percent(evidence.confidence)} interval {evidence.interval_text}"]
+    interval = f"{percent(evidence.confidence)} interval {evidence.interval_text}"
+    sentences = [f"identified: {interval}"]
+    if evidence.misfits:
+        sentences = [f"identified within the misfit: {interval}{_added(evidence)}"]
+        named = ", ".join(map(str, evidence.misfits))
+        sentences.append(
+            f"residuals of {named} hang together in time: the model is not quite right there, or "
+            "the noise is not white"
+        )
     partner = _partner(evidence)
     if partner:
         sentences.append(f"{partner}, so the data know their combination better than each")
-    if evidence.unexplained is not None:
-        sentences.append(
-            "but noise does not explain the residuals, whose variance is "
-            f"{evidence.unexplained:.3g}"
-        )
-    if evidence.overstated is not None:
-        sentences.append(
-            f"noise is stated too large: the variance of the residuals is {evidence.overstated:.3g}"
-        )
+    if evidence.size is not None and not evidence.misfits:
+        sentences.append(_sizes(evidence))
     if evidence.nonlinearity > 1.0:
         sentences.append("most of the interval is the roughness of the cost, so it is a rough one")
     return "; ".join(sentences)
+
+
+def _added(evidence: Evidence) -> str:
+    """Say how much of the interval is for the misfit."""
+    if evidence.clustered:
+        return ", of how trajectories differ"
+    if evidence.widening < 1.05:
+        return ", to which that adds nothing"
+    return f", {evidence.widening:.2g} times as wide as noise alone would make it"
+
+
+def _sizes(evidence: Evidence) -> str:
+    """Say by how much the stated noise is wrong."""
+    sizes = {"": evidence.size or 0.0}
+    if sizes_differ(evidence.channels):
+        sizes = {f" of {c.channel}": c.size for c in evidence.channels if c.count}
+    said = ", ".join(f"{size:.3g} times as large{name}" for name, size in sizes.items())
+    return f"noise is not as stated, but {said}"
 
 
 def _not_identified(evidence: Evidence, reason: str) -> str:

@@ -7,6 +7,8 @@ noise and n unknowns that they determine, the covariance of the estimate is
   covariance of nonlinear least squares, exact for linear models with normal noise;
 * independent residuals, robust loss:  ``K^2 [sum psi^2 / (m - n)] / mean(psi')^2 (J^T J)^-1`` with
   ``K = 1 + (n / m) var(psi') / mean(psi')^2`` (Huber, Robust Statistics, 1981, section 7.6);
+* residuals that hang together in time, or channels of other sizes than stated: as
+  `dashpot.calibrate.residuals.misfit` says, and no narrower than of independent ones;
 * clustered:  ``H^-1 B H^-1`` with ``H = mean(psi') J^T J`` and
   ``B = G/(G - 1) * sum_t g_t g_t^T``, ``g_t = J_t^T psi_t`` summed over trajectory t of G (Liang
   and Zeger 1986): right when residuals within a trajectory hang together, as they do when the
@@ -29,6 +31,7 @@ from scipy import special
 
 from dashpot.calibrate.residuals.arrow import ArrowInverse, ArrowMatrix
 from dashpot.calibrate.residuals.losses import Loss
+from dashpot.calibrate.residuals.misfit import ResidualCovariance
 
 Array = NDArray[np.float64]
 
@@ -60,6 +63,8 @@ class Covariance:
     dispersion
         (p,) twice the rise of the cost, all else refitted, at one standard error: 1 where the noise
         was stated rightly, of the linear loss the residual variance.
+    widening
+        (p,) how many times wider standard errors are for a misfit; 1 without.
     """
 
     blocks: Array
@@ -67,6 +72,7 @@ class Covariance:
     degrees_of_freedom: int
     residual_variance: float
     dispersion: Array
+    widening: Array
 
     @property
     def matrix(self) -> Array:
@@ -107,7 +113,7 @@ def check_count(residuals: int, unknowns: int) -> None:
         )
 
 
-def residual_variance(residuals: Array, unknowns: int, loss: Loss) -> float:
+def residual_variance(residuals: Array, unknowns: float, loss: Loss) -> float:
     """Return the variance of weighted residuals from which `unknowns` were estimated.
 
     For the linear loss ``r^T r / (m - n)``. For robust losses the square of the 0.7-quantile of
@@ -131,6 +137,7 @@ def covariance(
     live: NDArray[np.bool_] | None = None,
     offsets: NDArray[np.intp] | None = None,
     hold: Array | None = None,
+    misfit: ResidualCovariance | None = None,
 ) -> Covariance:
     """Return the covariance of an estimate.
 
@@ -149,6 +156,9 @@ def covariance(
     hold
         (s,) standard deviations to which each initial state counts as known beforehand, so that
         what data hardly determine stays near; None: to none.
+    misfit
+        The covariance of the residuals, where they are not independent or channels differ; None:
+        they are of one variance. Of the linear loss, and of errors that are not clustered.
 
     Raises
     ------
@@ -173,9 +183,9 @@ def covariance(
     if not rise > 0:
         each = np.diag(np.full(count + matrix.own.shape[1], np.inf))
         blocks = np.stack([each] * matrix.trajectories)
-        return Covariance(blocks, count, degrees, variance, np.full(count, np.inf))
+        return Covariance(blocks, count, degrees, variance, np.full(count, np.inf), np.ones(count))
     all_scores = loss.scores(residuals)
-    ranges = offsets
+    ranges, places = offsets, np.arange(len(residuals))
     if hold is not None and matrix.own.shape[1]:
         matrix, places = matrix.held(1.0 / hold)
         inverse = pseudo_inverse(matrix)
@@ -198,11 +208,47 @@ def covariance(
         # Data without any noise leave a variance of 0, and what they do not determine stays so.
         blocks = np.where(np.isinf(blocks), np.inf, factor * blocks)
     dispersion = np.full(count, factor * rise)
-    if offsets is not None:
+    widening = np.ones(count)
+    if misfit is not None and offsets is None and not loss.robust:
+        blocks, widening = _widened(blocks, inverse, misfit, places, m / (m - unknowns), count)
+    if offsets is not None or misfit is not None:
         unit = np.diagonal(inverse.independent()[0])[:count]
         with np.errstate(divide="ignore", invalid="ignore"):
             dispersion = np.diagonal(blocks[0])[:count] / unit * rise
-    return Covariance(blocks, count, degrees, variance, dispersion)
+    return Covariance(blocks, count, degrees, variance, dispersion, widening)
+
+
+def _widened(
+    blocks: Array,
+    inverse: ArrowInverse,
+    misfit: ResidualCovariance,
+    places: NDArray[np.intp],
+    factor: float,
+    count: int,
+) -> tuple[Array, Array]:
+    """Return covariance blocks for residuals that hang together, and how much wider (count,).
+
+    No unknown is known better for it.
+    """
+    rows = inverse.shape[0]
+
+    def apply(vectors: Array) -> Array:
+        result = np.zeros((len(vectors), rows))
+        result[:, places] = misfit.apply(vectors[:, places])
+        return result
+
+    together = factor * inverse.correlated(apply)
+    old, new = (np.sqrt(np.diagonal(b, axis1=1, axis2=2)) for b in (blocks, together))
+    known = np.isfinite(old) & (new > 0.0)
+    stretch = np.ones_like(old)
+    stretch[known] = np.maximum(old[known] / new[known], 1.0)
+    wider = np.where(np.isinf(blocks), np.inf, together)
+    finite = np.isfinite(wider)
+    scaled = np.where(finite, wider, 0.0) * stretch[:, :, None] * stretch[:, None, :]
+    ratio = np.ones_like(old)
+    positive = known & (old > 0.0)
+    ratio[positive] = (new * stretch)[positive] / old[positive]
+    return np.where(finite, scaled, np.inf), ratio[0, :count]
 
 
 def pseudo_inverse(jacobian: ArrowMatrix) -> ArrowInverse:

@@ -19,6 +19,11 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.fit_errors import covariance_around
 from dashpot.calibrate.inference.intervals import Covariance
+from dashpot.calibrate.inference.misfit_report import (
+    ChannelReport,
+    misfit_covariance,
+    report_channels,
+)
 from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill, reach
 from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE, noise_explains
 from dashpot.calibrate.inference.statistical_linearization import near
@@ -49,6 +54,8 @@ class End:
         (p, 2) ends of the parameters' intervals in search coordinates.
     failure
         Why simulations next to it fail; None where they do not.
+    channels
+        What residuals say of each channel.
     elsewhere
         Values of the parameters where the cost is lower, but no search went on from.
     """
@@ -59,6 +66,7 @@ class End:
     departure: Array
     intervals: Array
     failure: str | None
+    channels: tuple[ChannelReport, ...]
     elsewhere: str | None = None
 
 
@@ -100,17 +108,27 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     """
     objective, loss, point = search.objective, search.loss, search.best_point
     residuals = objective.residuals(point)[0]
+    channels = report_channels(objective, residuals)
+    misfit = misfit_covariance(objective, residuals, channels)
     covariance, departure, jacobian, failure = covariance_around(
-        objective, point, residuals, loss, errors, confidence, seed if search.converged else None
+        objective,
+        point,
+        residuals,
+        loss,
+        errors,
+        confidence,
+        seed if search.converged else None,
+        misfit,
     )
     half_widths = covariance.half_width(confidence)[: objective.parameters]
     known = np.isfinite(half_widths) & (half_widths > 0.0)
     middle = point[: objective.parameters]
     intervals = np.stack([middle - half_widths, middle + half_widths], axis=1)
-    end = End(point, residuals, covariance, departure, intervals, failure)
+    end = End(point, residuals, covariance, departure, intervals, failure, tuple(channels))
     variance = covariance.residual_variance
     live = int(np.count_nonzero(objective.live(residuals)))
     doubtful = variance > MAX_VARIANCE and not noise_explains(variance, live, robust=loss.robust)
+    doubtful = doubtful and any(channel.misfit for channel in channels)
     if failure is not None or not search.converged or doubtful or not known.any():
         return end, None
     ranges = [c.search_bounds[1] - c.search_bounds[0] for c in objective.coordinates]

@@ -12,14 +12,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.problem.layout import Block
+from dashpot.calibrate.problem.layout import POSES, Block
 from dashpot.calibrate.problem.observables import Sensor
 
 Array = NDArray[np.float64]
 ChannelKind = Literal["poses", "sensor", "event", "scalar"]
 
-POSES = "poses"
-"""Name of the channel of all poses of a trajectory."""
+__all__ = ["POSES", "Channel", "ChannelKind"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,7 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-T = TypeVar("T", np.float64, np.bool_)
+T = TypeVar("T", np.float64, np.bool_, np.intp)
+
+POSES = "poses"
+"""Name of the channel of all poses of a trajectory."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,21 @@ class Layout:
     def size(self) -> int:
         """Number of residuals."""
         return sum(block.size for block in self.blocks) + self.starts
+
+    def groups(self) -> list[tuple[str, NDArray[np.intp]]]:
+        """Return the places (rows, columns) of residuals that have one kind of noise, by name.
+
+        Poses are two groups, ``"position"`` and ``"rotation"``; other channels are one.
+        """
+        result = []
+        for block, places in zip(self.blocks, self.split(np.arange(self.size)), strict=True):
+            if block.name != POSES:
+                result.append((block.name, places))
+                continue
+            of_bodies = places.reshape(block.rows, -1, 2, 3)
+            for i, name in enumerate(("position", "rotation")):
+                result.append((name, of_bodies[:, :, i].reshape(block.rows, -1)))
+        return result
 
     def split(self, rows: NDArray[T]) -> list[NDArray[T]]:
         """Return by block (..., rows, columns) of residuals (..., size), without the starts."""

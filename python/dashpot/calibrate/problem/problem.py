@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import mujoco
 import numpy as np
@@ -45,6 +45,7 @@ from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
 StartStates: TypeAlias = Callable[[Mapping[str, float]], tuple[Array, Array]]
+Noise = Literal["stated", "estimate"]
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
 
@@ -77,6 +78,10 @@ class Problem:
     sensor_sigma
         Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
+    noise
+        ``"stated"``: standard deviations are as stated, up to one factor; or ``"estimate"``: a fit
+        estimates them, those of positions, of rotations and of each sensor, event and scalar, and
+        starts from the stated ones (`dashpot.calibrate.inference.noise_estimate`).
     event_sigma, scalar_sigma
         Standard deviations of events (s) and of scalars (their units) by kind, > 0. All events and
         scalars of trajectories need one.
@@ -116,6 +121,7 @@ class Problem:
     sensor_sigma: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     event_sigma: Mapping[str, float] = field(default_factory=dict)
     scalar_sigma: Mapping[str, float] = field(default_factory=dict)
+    noise: Noise = "stated"
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
     _start_sigma: Array = field(init=False, repr=False)
 
@@ -135,6 +141,7 @@ class Problem:
             sensor_sigma: Mapping[str, float | Sequence[float]] = ...,
             event_sigma: Mapping[str, float] = ...,
             scalar_sigma: Mapping[str, float] = ...,
+            noise: Noise = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -174,6 +181,8 @@ class Problem:
                 "initial_state must be 'given', 'velocity' or 'pose_and_velocity', "
                 f"got {self.initial_state!r}"
             )
+        if self.noise not in ("stated", "estimate"):
+            raise ValueError(f"noise must be 'stated' or 'estimate', got {self.noise!r}")
         if self.start_states is not None:
             if not callable(self.start_states):
                 raise TypeError(f"start_states must be a function, got {self.start_states!r}")
@@ -315,6 +324,45 @@ class Problem:
     def with_window(self, window: float | None) -> Problem:
         """Return the same problem over another window."""
         return replace(self, window=window)
+
+    def with_noise(self, factors: Mapping[str, float]) -> Problem:
+        """Return the same problem with standard deviations multiplied by `factors`.
+
+        Parameters
+        ----------
+        factors
+            By name: ``"position"``, ``"rotation"``, sensors, events and scalars; those that are not
+            named stay.
+        """
+
+        def times(stated: Mapping[str, Any]) -> dict[str, Any]:
+            return {
+                name: tuple(factors.get(name, 1.0) * np.atleast_1d(sigma))
+                if np.ndim(sigma)
+                else factors.get(name, 1.0) * sigma
+                for name, sigma in stated.items()
+            }
+
+        return replace(
+            self,
+            position_sigma=tuple(factors.get("position", 1.0) * self.sigma[:3]),
+            rotation_sigma=factors.get("rotation", 1.0) * self.rotation_sigma,
+            sensor_sigma=times(self.sensor_sigma),
+            event_sigma=times(self.event_sigma),
+            scalar_sigma=times(self.scalar_sigma),
+        )
+
+    @property
+    def deviations(self) -> dict[str, tuple[float, ...]]:
+        """Standard deviations by name: positions (m), rotations (rad), sensors, events, scalars."""
+        stated = {
+            "position": self.sigma[:3],
+            "rotation": self.sigma[3:4],
+            **self.sensor_sigma,
+            **self.event_sigma,
+            **self.scalar_sigma,
+        }
+        return {name: tuple(map(float, np.atleast_1d(s))) for name, s in stated.items()}
 
     def initial_states(
         self, model: mujoco.MjModel, values: Mapping[str, float] | None = None

@@ -8,6 +8,7 @@ Unknowns are in the order parameters, initial state of trajectory 0, of trajecto
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,10 +153,12 @@ class ArrowInverse:
         lost = np.zeros(matrix.size)
         _, lost_own = matrix.parts(lost)
         self.rank = 0
+        self._leverage = np.zeros(len(matrix.shared))
         for t, (u, singular, v) in enumerate(blocks):
             kept = singular > tolerance * largest
             rows = matrix.rows(t)
             basis = u[:, kept]
+            self._leverage[rows] = np.sum(basis**2, axis=1)
             self._own.append((v[kept].T / singular[kept]) @ basis.T)
             self._follow[t] = self._own[t] @ left[rows]
             left[rows] -= basis @ (basis.T @ left[rows])
@@ -164,12 +167,22 @@ class ArrowInverse:
         u, singular, v = np.linalg.svd(left, full_matrices=False)
         kept = singular > tolerance * max(largest, float(singular.max(initial=0.0)))
         self.rank += int(np.count_nonzero(kept))
+        self._leverage += np.sum(u[:, kept] ** 2, axis=1)
         #: (p, m) pseudo-inverse of what is left of the parameters' columns.
         self._shared = (v[kept].T / singular[kept]) @ u[:, kept].T
         for direction in _null_space(v, kept):
             whole = np.concatenate([direction, -(self._follow @ direction).reshape(-1)])
             lost = np.maximum(lost, np.abs(whole) / np.linalg.norm(whole))
         self.determined = (norms > 0.0) & (lost <= np.sqrt(tolerance))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the matrix."""
+        return len(self._matrix.shared), self._matrix.size
+
+    def leverages(self) -> Array:
+        """Return the diagonal (m,) of the hat matrix, whose sum is the rank."""
+        return self._leverage
 
     def solve(self, vectors: Array) -> Array:
         """Return the least-squares solutions (k, n) of ``J x = v`` for vectors (k, m)."""
@@ -201,6 +214,26 @@ class ArrowInverse:
         states = np.array([inverse @ scores[rows(t)] for t, inverse in enumerate(self._own)])
         mixed = moves[:, :, None] * states[:, None, :]
         return self._blocks(parameters, mixed, states[:, :, None] * states[:, None, :])
+
+    def correlated(self, covariance: Callable[[Array], Array]) -> Array:
+        """Return the covariance blocks for residuals of a covariance C.
+
+        Parameters
+        ----------
+        covariance
+            Returns the products (k, m) of C with vectors (k, m).
+        """
+        number, size, count = self._follow.shape
+        moved = covariance(self._shared)
+        parameters = moved @ self._shared.T
+        mixed, own = np.zeros((number, count, size)), np.zeros((number, size, size))
+        for t, inverse in enumerate(self._own):
+            rows = self._matrix.rows(t)
+            mixed[t] = moved[:, rows] @ inverse.T
+            whole = np.zeros((size, moved.shape[1]))
+            whole[:, rows] = inverse
+            own[t] = covariance(whole)[:, rows] @ inverse.T
+        return self._blocks(parameters, mixed, own)
 
     def _blocks(self, parameters: Array, mixed: Array, own: Array) -> Array:
         """Return covariances (trajectories, p + s, p + s) of parameters and each initial state.

@@ -67,7 +67,7 @@ class Objective:
         rest[:, : model.nv] = self._qvel[:, : sigma.shape[1]]
         self._known = KnownStarts(sigma, rest)
         #: Which residuals are of the motion, not of its start.
-        self._moving = np.concatenate(
+        self.moving = np.concatenate(
             [np.arange(layout.size) < layout.size - layout.starts for layout in self.layouts]
         )
 
@@ -194,7 +194,7 @@ class Objective:
         rows = list(candidates)
         if rows:
             starts = self._known.residuals(self._states(points[rows]))
-            residuals[np.ix_(np.array(rows), np.flatnonzero(~self._moving))] = starts
+            residuals[np.ix_(np.array(rows), np.flatnonzero(~self.moving))] = starts
         for t, users, readings in self._read(candidates, failures):
             rows_of_t = slice(self.offsets[t], self.offsets[t + 1] - self.layouts[t].starts)
             residuals[users, rows_of_t] = self.recorders[t].residuals(readings)

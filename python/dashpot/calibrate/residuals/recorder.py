@@ -117,14 +117,32 @@ class Recorder:
 
     def residuals(self, readings: list[Array]) -> Array:
         """Return (items, n) weighted residuals of `readings`, channel by channel."""
-        parts = []
-        for channel, reading in zip(self.channels, readings, strict=True):
-            if channel.kind == "poses":
-                error = _pose_errors(reading, channel.observed, self._bodies)
-            else:
-                error = reading - channel.observed
-            parts.append((error / channel.sigma * channel.measured).reshape(len(error), -1))
+        parts = [
+            self._errors(channel, reading).reshape(len(reading), -1)
+            for channel, reading in zip(self.channels, readings, strict=True)
+        ]
         return np.concatenate(parts, axis=1)
+
+    def spread(self) -> Array:
+        """Return (n,) how far observed numbers are off their mean, in sigmas, as residuals are."""
+        still = [np.zeros((1, *channel.observed.shape)) for channel in self.channels]
+        for channel, first in zip(self.channels, still, strict=True):
+            if channel.kind == "poses":
+                first[:] = channel.observed[0]
+        parts = []
+        for channel, first in zip(self.channels, still, strict=True):
+            off = self._errors(channel, first)[0]
+            seen = channel.measured.sum(axis=0)
+            parts.append((off - np.sum(off, axis=0) / np.maximum(seen, 1)) * channel.measured)
+        return np.concatenate([part.reshape(-1) for part in parts])
+
+    def _errors(self, channel: Channel, reading: Array) -> Array:
+        """Return (items, rows, columns) weighted residuals of a channel."""
+        if channel.kind == "poses":
+            error = _pose_errors(reading, channel.observed, self._bodies)
+        else:
+            error = reading - channel.observed
+        return np.asarray(error / channel.sigma * channel.measured)
 
     def _poses(self, poses: Array, times: Array, sensing: Sensing) -> Array:
         if self._every_step:

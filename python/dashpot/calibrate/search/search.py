@@ -9,7 +9,7 @@ from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import SimulationError
 from dashpot.calibrate.residuals.losses import Loss
 from dashpot.calibrate.residuals.objective import Objective
-from dashpot.calibrate.residuals.whiteness import whiteness
+from dashpot.calibrate.residuals.whiteness import least_white, whiteness
 from dashpot.calibrate.search.budget import Budget
 
 Array = NDArray[np.float64]
@@ -47,7 +47,8 @@ class Search:
 
         Twice the cost is then about the number of degrees of freedom times the mean loss of unit
         normal noise, to within so many of its standard deviations, or less. That tells little where
-        noise is stated too large, so residuals have to be white, too. Robust losses are for data
+        noise is stated too large, and nothing where it is to be estimated, so residuals have to be
+        white, too. Robust losses are for data
         with outliers: up to a tenth of the residuals may be far off, and the others are judged
         alone.
         A bad valley that leaves noise and no more in nine tenths of the residuals is not told from
@@ -65,9 +66,10 @@ class Search:
         degrees = max(1, len(noisy) - self.objective.unknowns)
         mean, variance = self.loss.normal_moments()
         limit = degrees * mean + deviations * np.sqrt(degrees * variance)
-        if self.loss.values(noisy).sum() >= limit:
+        known = self.objective.problem.noise == "stated"
+        if known and self.loss.values(noisy).sum() >= limit:
             return False
-        return whiteness(self.objective, residuals, counted).holds(deviations)
+        return least_white(whiteness(self.objective, residuals, counted)).holds(deviations)
 
     def best_explained(self, deviations: float) -> bool:
         """Whether noise explains the best point so far, as `explained` says."""
