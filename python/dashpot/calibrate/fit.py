@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
 from typing import Literal, get_args
 
 import numpy as np
@@ -20,9 +23,11 @@ from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overs
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.report.progress import ProgressBar
+from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.losses import Loss, LossName
 from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.residuals.whiteness import EXACT
+from dashpot.calibrate.residuals.workers import Workers, checked_executor
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.search import Search
@@ -59,6 +64,8 @@ def fit(
     seed: int = 0,
     nthread: int | None = None,
     progress: bool = False,
+    executor: Executor | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
 ) -> Fit:
     """Estimate the parameters of `problem` and say what the data identify.
 
@@ -141,6 +148,15 @@ def fit(
         Number of threads, >= 1. None: one per core. The result does not depend on it.
     progress
         Show a progress bar.
+    executor
+        Any `concurrent.futures.Executor`, which simulates in place of threads here: of processes,
+        ``client.get_executor()`` of Dask, or MPI's (``mpi4py.futures.MPIPoolExecutor``). The result
+        is the same bit for bit. The problem has to be one that can be pickled; functions of a
+        notebook or a script are where cloudpickle is installed, as it is with Dask.
+    checkpoint
+        A file, ``fit.npz``, that keeps what is simulated: where it is there, the fit goes on from
+        it to the same bits, and repeats nothing. It is written every ten seconds or more, at an
+        exception (an interrupt, a worker that was killed), and at the end.
 
     Raises
     ------
@@ -176,7 +192,12 @@ def fit(
             f"{problem.window:g} s"
         )
     stages = [problem.with_window(w) for w in first_windows] + [problem]
-    objectives = [Objective(stage, nthread=threads) for stage in stages]
+    chosen = checked_executor(executor)
+    workers = None if chosen is None else Workers(chosen)
+    kept = None if checkpoint is None else Checkpoint(checkpoint)
+    objectives = [
+        Objective(stage, nthread=threads, workers=workers, checkpoint=kept) for stage in stages
+    ]
     objective = objectives[-1]
     check_count(objective.measured_count, objective.unknowns)
     errors_kind = _errors_kind(errors, problem, objective)
@@ -186,7 +207,7 @@ def fit(
         "initial_state='pose_and_velocity'",
     )
     warn_of_strange_falls(problem)
-    with ProgressBar(progress, max_evaluations) as bar:
+    with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
             search = run_automatic(objective, budget, chosen_loss, method, local_searches, seed)

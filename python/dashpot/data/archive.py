@@ -47,12 +47,14 @@ class ArrayArchive(Mapping[str, ArrayHeader]):
     ----------
     file
         An archive as `numpy.savez` and `numpy.savez_compressed` write it.
+    max_bytes
+        What its arrays may take together.
 
     Raises
     ------
     ValueError
         If the file is damaged, is no such archive, holds anything but numbers, or declares more
-        than `MAX_BYTES`. It names the array where one is at fault.
+        than `max_bytes`. It names the array where one is at fault.
     OSError
         If the file cannot be opened.
 
@@ -64,7 +66,7 @@ class ArrayArchive(Mapping[str, ArrayHeader]):
     ((3,), array([0., 1., 2.]))
     """
 
-    def __init__(self, file: str | os.PathLike[str]) -> None:
+    def __init__(self, file: str | os.PathLike[str], max_bytes: int = MAX_BYTES) -> None:
         with Path(file).open("rb") as stream:
             start = stream.read(len(np.lib.format.MAGIC_PREFIX))
         if start == np.lib.format.MAGIC_PREFIX:
@@ -74,7 +76,7 @@ class ArrayArchive(Mapping[str, ArrayHeader]):
         except Exception as error:  # whatever the container's parser makes of damage
             raise ValueError(f"it is no .npz archive: {_said(error)}") from error
         try:
-            self._headers = _read_headers(self._zip)
+            self._headers = _read_headers(self._zip, max_bytes)
         except BaseException:
             self._zip.close()
             raise
@@ -127,7 +129,7 @@ class ArrayArchive(Mapping[str, ArrayHeader]):
         self._zip.close()
 
 
-def _read_headers(archive: zipfile.ZipFile) -> dict[str, ArrayHeader]:
+def _read_headers(archive: zipfile.ZipFile, max_bytes: int) -> dict[str, ArrayHeader]:
     members = archive.infolist()
     if len(members) > _MAX_ARRAYS:
         raise ValueError(f"it holds {len(members)} arrays; at most {_MAX_ARRAYS} are read")
@@ -138,8 +140,8 @@ def _read_headers(archive: zipfile.ZipFile) -> dict[str, ArrayHeader]:
             raise ValueError(f"array {name!r} is there twice")
         headers[name] = _read_header(archive, member, name)
     total = sum(header.nbytes for header in headers.values())
-    if total > MAX_BYTES:
-        raise ValueError(f"its arrays take {total} bytes; at most {MAX_BYTES} are read")
+    if total > max_bytes:
+        raise ValueError(f"its arrays take {total} bytes; at most {max_bytes} are read")
     return headers
 
 

@@ -47,7 +47,7 @@ def with_estimated_noise(search: Search) -> Search:
         if all(abs(np.log(factor)) < _SAME for factor in factors.values()):
             break
         problem = search.objective.problem.with_noise(factors)
-        objective = Objective(problem, nthread=search.objective.nthread)
+        objective = search.objective.of(problem)
         following = Search(objective, search.loss, search.budget)
         try:
             least_squares(following, search.best_point, MOST_ITERATIONS)

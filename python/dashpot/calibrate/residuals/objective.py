@@ -10,6 +10,7 @@ residuals of its own to those of the trajectory, or is held
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping
 
 import mujoco
@@ -22,9 +23,11 @@ from dashpot.calibrate.problem.sensing import sensing
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
+from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.differences import derivatives_along
 from dashpot.calibrate.residuals.idle_states import without_idle_states
 from dashpot.calibrate.residuals.recorder import Recorder
+from dashpot.calibrate.residuals.workers import Workers
 
 Array = NDArray[np.float64]
 
@@ -41,11 +44,19 @@ class Objective:
     """Weighted residuals as a function of points, many points in one parallel batch."""
 
     def __init__(
-        self, problem: Problem, *, nthread: int = 0, held: Mapping[str, float] | None = None
+        self,
+        problem: Problem,
+        *,
+        nthread: int = 0,
+        held: Mapping[str, float] | None = None,
+        workers: Workers | None = None,
+        checkpoint: Checkpoint | None = None,
     ) -> None:
         self.problem = problem
         self.nthread = nthread
-        self._held = held
+        self._workers, self._checkpoint = workers, checkpoint
+        #: Values of the parameters where points do not hold them.
+        self.held = held
         #: Parameters that points hold.
         self.unknown = problem.parameters if held is None else ()
         self.coordinates = [p.coordinate for p in self.unknown]
@@ -164,8 +175,8 @@ class Objective:
 
     def values(self, point: Array) -> dict[str, float]:
         """Return the parameters' values at a point, by name."""
-        if self._held is not None:
-            return dict(self._held)
+        if self.held is not None:
+            return dict(self.held)
         return {
             parameter.name: coordinate.to_value(float(z))
             for parameter, coordinate, z in zip(self.unknown, self.coordinates, point, strict=False)
@@ -188,9 +199,24 @@ class Objective:
     def attempt(self, points: Array) -> tuple[Array, list[SimulationError]]:
         """Return the residuals of `points`, infinite where one fails, and why those fail."""
         points = np.atleast_2d(points)
+        self.evaluations += len(points)
+        known = None if self._checkpoint is None else self._checkpoint.find(self, points)
+        if known is not None:
+            residuals, failures = known
+        else:
+            work = self.simulate if self._workers is None else self._simulate_elsewhere
+            residuals, failures = work(points)
+            if self._checkpoint is not None:
+                self._checkpoint.add(self, points, residuals, failures)
+        return residuals, [failures[v] for v in sorted(failures)]
+
+    def simulate(self, points: Array) -> tuple[Array, dict[int, SimulationError]]:
+        """Return the residuals of `points`, infinite where one fails, and why, by row.
+
+        Here, on threads, and whether they are known or not.
+        """
         residuals = np.full((len(points), self.residual_count), np.inf)
         candidates, failures = self._candidates(points)
-        self.evaluations += len(points)
         rows = list(candidates)
         if rows:
             starts = self._known.residuals(self._states(points[rows]))
@@ -201,7 +227,36 @@ class Objective:
         failed = list(failures)
         residuals = np.where(self._measured, residuals, 0.0)
         residuals[failed] = np.inf
-        return residuals, [failures[v] for v in sorted(failures)]
+        return residuals, failures
+
+    def _simulate_elsewhere(self, points: Array) -> tuple[Array, dict[int, SimulationError]]:
+        assert self._workers is not None
+        return self._workers.attempt(self, points)
+
+    def of(self, problem: Problem) -> Objective:
+        """Return the objective of another problem, simulated in the same way."""
+        return Objective(
+            problem,
+            nthread=self.nthread,
+            held=self.held,
+            workers=self._workers,
+            checkpoint=self._checkpoint,
+        )
+
+    def points_of(self, points: Array, first: int, last: int) -> Array:
+        """Return points (n, size) of some of the trajectories, `first` to `last`, alone."""
+        begin, end = (self.parameters + self.initial_size * t for t in (first, last))
+        return np.concatenate([points[:, : self.parameters], points[:, begin:end]], axis=1)
+
+    @property
+    def fingerprint(self) -> bytes:
+        """What tells it from objectives of other windows and noise, within one fit."""
+        digest = hashlib.sha256(repr(self.problem.window).encode())
+        for recorder in self.recorders:
+            for channel in recorder.channels:
+                for array in (channel.time, channel.observed, channel.sigma, channel.measured):
+                    digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.digest()
 
     def jacobian(
         self, point: Array, *, widths: Array | None = None, base: Array | None = None
@@ -344,7 +399,7 @@ class Objective:
     ) -> System:
         """Return the system of a trajectory at a point, one of `systems` where it is the same."""
         acting = self._acting[t]
-        chosen = point[: self.parameters][acting] if self._held is None else point[:0]
+        chosen = point[: self.parameters][acting] if self.held is None else point[:0]
         key = (acting.tobytes(), chosen.tobytes())
         if key not in systems:
             known = self._systems.get(key)

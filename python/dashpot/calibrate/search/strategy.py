@@ -95,7 +95,7 @@ def run_automatic(
     problem = objective.problem
     searches = [
         Search(
-            Objective(problem.with_window(window), nthread=objective.nthread),
+            objective.of(problem.with_window(window)),
             loss,
             budget,
         )
