@@ -47,7 +47,7 @@ void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, const Trees
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model_, rows, light_, first_);
+  add_held_trees(model_, rows, first_);
   add_freed_trees(model_, memory.held_motion(), first_);
   for (size_t i = 0; i < first_.size(); ++i)
     if (first_[i] >= 0 && trees.is_soft(i) && !coupled_[first_[i]].by_equalities) first_[i] = -1;

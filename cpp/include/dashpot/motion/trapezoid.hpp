@@ -48,11 +48,7 @@
 // of the latter s conserves the energy.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
-// (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
-// forces change, contacts and limits leave none either. Trees that equalities couple, and those
-// with light parts as above, follow this rule with RK4 too: under row forces that stay as they are,
-// stages take a light link where only its own spring, weight and spin would, far from where heavy
-// ones, or the floor, let it.
+// (J1 - J0)' lambda, and contacts leave no second half.
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
