@@ -1,8 +1,7 @@
 // How far apart contacts of a pair of geoms are looked for.
 //
-// The reach of every geom is how far it goes in the world (detection/reach.hpp). Links of a robot
-// go together: of a rodent that thrashes about, forty pairs of links lie within both of their ways,
-// of which two may meet. A pair is narrowed to how far its geoms may go against each other, at the
+// The reach of every geom is how far it goes in the world (detection/reach.hpp), but links of a
+// robot go together. A pair is narrowed to how far its geoms may go against each other, at the
 // velocities of both ends of the step. What forces of the step add to that is looked at afterwards
 // (knock_on.hpp); a pair that an impact is known to bring together is looked for by its ways in the
 // world.

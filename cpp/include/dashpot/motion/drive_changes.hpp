@@ -2,23 +2,21 @@
 // goes into the second half of a step (trapezoid.hpp, with the symbols).
 //
 // Most often they follow from the motion: position servos, and controllers that are asked once a
-// step. Held over a step whose positions have both halves they would gain energy as springs do,
-// from omega^2 H / 4; MuJoCo's semi-implicit steps hide it. So a' has their change
+// step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their
+// change
 //
 //     e' - e,    e: all of them but what H1 treats implicitly.
 //
-// Where no s near 1 is left with it, they are taken as held after all. So it is with servos of
-// light fingers that hold something heavy, whose second half alone would throw them about. There
-// what e changed by in the last step and in the one before, the smaller of the two, is taken to go
-// on: half of it is a load beside e, which does its work as e does.
+// Where no s near 1 is left with it, they are taken as held after all, as servos of light fingers
+// that hold something heavy. There what e changed by in the last step and in the one before, the
+// smaller of the two, is taken to go on: half of it is a load beside e, which does its work as e
+// does.
 //
 // Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
-// n e H. (Followed, its first half would find no s where the tree rests, and its second half, -e H
-// / 2, one where the tree moves by then.) Apart from what servos change by because joints move,
-// which follows from the motion, it is what two changes, one after the other, differ by, where that
-// is much. But where a force falls at once that was followed on its way up, as a sawtooth does,
-// that much is followed down: of any course it is half a step of its largest value, at most, that
-// is left of the halves.
+// n e H. Apart from what servos change by because joints move, it is what two changes, one after
+// the other, differ by, where that is much. But where a force falls at once that was followed on
+// its way up, that much is followed down: of any course it is half a step of its largest value, at
+// most, that is left of the halves.
 
 #pragma once
 

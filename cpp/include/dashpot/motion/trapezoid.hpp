@@ -35,17 +35,13 @@
 // they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in the
 // step in which the half is added, of whose forces it is a part.
 //
-// Gravity has its second half a step after its first. Where it turns light parts far meanwhile, as
-// the links of a rope on the floor about their own axes, which contacts hold, but not in the turned
-// axes of the start,
+// Gravity has its second half a step after its first. Where it turns light parts far meanwhile,
 //
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
-// that feeds on itself: 24 links that coast at 1 m/s whirled, and stopped, at 2 ms. There gravity
-// is that of the middle of the step, where velocities take the tree, as contacts are
-// (mujoco/gravity_ahead.hpp): a load beside the smooth forces in this step, and no part of the
-// second half, which then has springs alone for p. It is as symplectic as the trapezoidal rule, but
-// of the latter s conserves the energy.
+// as the links of a rope on the floor about their own axes, that feeds on itself. There gravity is
+// that of the middle of the step, as contacts are (mujoco/gravity_ahead.hpp): a load beside the
+// smooth forces in this step, and no part of the second half, which then has springs alone for p.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half.
