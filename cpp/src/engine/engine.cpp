@@ -182,7 +182,7 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 // complementarity-free law contact does not start within a step.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  flights.follow(model, d, memory(d), detection.buffers, constraints, clock.length, contacts);
+  flights.follow(model, d, detection.buffers, constraints, clock.length, contacts);
 }
 
 // Wakes what the contacts and constraints that were found reach, and finds how that moves; returns
