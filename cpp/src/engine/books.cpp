@@ -52,7 +52,6 @@ void Books::add_smooth_work(mjData_* d, const SolvedPart& part, const std::vecto
   const TreeMotion& motion = part.motion;
   find_ways(d, part, team);
   find_spring_changes(part);
-  add_work_of_load(part);
   ledger_.dissipated_recovery += host::potential_work(model, d, recovered_.data());
   smooth_work_.find(
       model, d, motion.trees(),
@@ -122,17 +121,6 @@ void Books::find_spring_changes(const SolvedPart& part) {
       const int dof = tree.dof_begin + i, k = tree.begin + i;
       spring_change_[dof] -= trees.stiffness[k] * (part.leapfrog.way_back()[k] + 0.5 * way_[dof]);
     }
-  }
-}
-
-void Books::add_work_of_load(const SolvedPart& part) {
-  const double* load = part.trapezoid.load();
-  if (!load) return;
-  for (int index = 0; index < part.motion.tree_count(); ++index) {
-    if (!part.goes_as_in_microsteps(index)) continue;
-    const Tree& tree = part.motion.trees().tree[index];
-    for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-      ledger_.work += load[i] * way_[i];
   }
 }
 

@@ -43,7 +43,6 @@ class Books {
   void find_spring_changes(const SolvedPart& part);
   void leave_to_rows_by_stages(const mjData_* d, const SolvedPart& part,
                                const std::vector<double>& of_rows);
-  void add_work_of_load(const SolvedPart& part);
   double work_ahead_of_servos(const SolvedPart& part) const;
 
   EnergyLedger ledger_;

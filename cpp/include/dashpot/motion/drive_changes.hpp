@@ -8,9 +8,7 @@
 //     e' - e,    e: all of them but what H1 treats implicitly.
 //
 // Where no s near 1 is left with it, they are taken as held after all, as servos of light fingers
-// that hold something heavy. There what e changed by in the last step and in the one before, the
-// smaller of the two, is taken to go on: half of it is a load beside e, which does its work as e
-// does.
+// that hold something heavy.
 //
 // Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
 // n e H. Apart from what servos change by because joints move, it is what two changes, one after
@@ -40,24 +38,19 @@ class DriveChanges {
             const std::vector<char>& left_half);
   // Of what is followed, counts the part s of a tree.
   void count_followed(const Tree& tree, double s);
-  // Lets a tree's go on as they changed, of which `ahead` of a step is the load.
-  void go_on(const Tree& tree, const HeldMotion& before, double ahead);
   // Keeps a tree's for the next step.
   void keep(const Tree& tree, HeldMotion& now) const;
 
   // By degree of freedom: the change that is followed, and what of it servos have because joints
-  // moved; loads of trees whose drives go on, empty without any.
+  // moved.
   double followed_change(int dof) const { return followed_change_[dof]; }
   double servo_change(int dof) const { return servo_change_[dof]; }
-  const std::vector<double>& load() const { return load_; }
 
  private:
-  // By degree of freedom: e of this step, and its change since the last one; of that, what servos
-  // have because joints moved, the rest, and what of both is followed; what of the rest has been
+  // By degree of freedom: e of this step; of its change since the last one, what servos have
+  // because joints moved, the rest, and what of both is followed; what of the rest has been
   // followed so far.
-  std::vector<double> drive_, change_;
-  std::vector<double> servo_change_, commanded_change_, followed_change_, followed_;
-  std::vector<double> load_;
+  std::vector<double> drive_, servo_change_, commanded_change_, followed_change_, followed_;
 };
 
 }  // namespace dashpot

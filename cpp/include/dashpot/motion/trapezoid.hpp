@@ -110,8 +110,6 @@ class Trapezoid {
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
   // Adds to `impulse`, by row, what rows bore of that.
   void add_borne(std::vector<double>& impulse);
-  // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
-  const double* load() const { return drives_.load().empty() ? nullptr : drives_.load().data(); }
   // rad, most that a row of an equality turns in this step (turning_parts.hpp).
   double fastest_turn() const { return fastest_turn_; }
 
@@ -144,8 +142,6 @@ class Trapezoid {
   void book_second_half(EnergyLedger& ledger) const;
   void add_second_half(const Trees& trees, RowData& data);
   void count_followed_changes(const Trees& trees);
-  // Where drives are not followed, lets them go on as they changed.
-  void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
   // Adds a tree's part of a load (nv) to its smooth acceleration.
   void add_load(const std::vector<double>& load, int tree, const Trees& trees, RowData& data);
