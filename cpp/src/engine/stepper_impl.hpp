@@ -140,7 +140,6 @@ struct Stepper::Impl {
   FlightContacts flights;
   KnockOn knock_on;
   MeanMotion mean_motion;
-  ProvenApart proven_apart;
   host::Detection detection;
   const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {
     host::find_present_contacts(m, d, detection);

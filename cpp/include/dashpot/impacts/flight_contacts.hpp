@@ -25,7 +25,7 @@
 
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/impacts/flight.hpp"
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;

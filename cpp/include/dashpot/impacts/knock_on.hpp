@@ -18,7 +18,7 @@
 #include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/partners.hpp"
 #include "dashpot/detection/reach.hpp"
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
