@@ -15,11 +15,10 @@
 // a the smooth acceleration there, with that of linear springs. One whose rows are still compressed
 // at the end of a step, and hold it no more in the next, where geometry has them apart, goes l v
 // ahead in that. Neither does where this, or the next step after it, would take it into a row:
-// micro-steps move it in time, as if the row held it, until it lands or has room. Where rows bar
-// the way back, it goes around them and keeps the part of its lead that they bar. Momentum is that
-// of the forces, always. Contacts are seen where velocities lead from q until the middle of the
-// step, which is H / 2 less far, and rows have the times of where trees fell back to. Free bodies
-// and RK4 do not lead.
+// micro-steps move it in time, as if the row held it, until it lands or has room. Momentum is
+// that of the forces, always. Contacts are seen where velocities lead from q until the middle of
+// the step, which is H / 2 less far, and rows have the times of where trees fell back to. Free
+// bodies and RK4 do not lead.
 
 #pragma once
 
@@ -74,7 +73,6 @@ class Leapfrog {
   void find_recovering(const Rows& rows, const RowData& data);
   // Shifts trees that the last step left ahead back; whether there are any.
   bool find_way_back(const TreeMotion& motion, RowData& data);
-  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
   // Gives rows the deformations and offsets that they have where trees are in time.
   void take_gaps_back(const Rows& rows, RowData& data);
   void take_times_back(Rows& rows) const;
@@ -94,9 +92,7 @@ class Leapfrog {
   // By motion coordinate: how far those that lead, and those that do so late, go ahead, and where
   // the next step would take them.
   AlignedDoubles way_ahead_, late_way_, next_way_, start_velocity_;
-  // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and
-  // the whole way back.
-  AlignedDoubles way_back_, kept_way_, push_, whole_way_back_;
+  AlignedDoubles way_back_;             // by the same, see way_back()
   AlignedDoubles acceleration_, pull_;  // of find_acceleration
 };
 
