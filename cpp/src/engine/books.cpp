@@ -52,14 +52,12 @@ void Books::add_smooth_work(mjData_* d, const SolvedPart& part, const std::vecto
   const TreeMotion& motion = part.motion;
   find_ways(d, part, team);
   find_spring_changes(part);
-  add_work_of_load(part);
   ledger_.dissipated_recovery += host::potential_work(model, d, recovered_.data());
   smooth_work_.find(
       model, d, motion.trees(),
       {motion.start_velocity().data(), way_.data(), motion.smooth_acceleration().data(),
-       &part.on_trees.touched, host::is_runge_kutta(model) ? &part.runge_kutta.forces() : nullptr,
-       beyond_stages_.data(), &motion.integrated(), part.data.braked.data(), second_half_.data(),
-       spring_change_});
+       &part.on_trees.touched, part.stages ? &part.stages->forces() : nullptr, &motion.integrated(),
+       part.data.braked.data(), second_half_.data(), spring_change_});
   ledger_.dissipated_damping -= smooth_work_.damping;
   ledger_.work += smooth_work_.applied + work_ahead_of_servos(part);
   leave_to_rows_by_stages(d, part, of_rows);
@@ -77,15 +75,14 @@ void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   way_.resize(start_velocity.size());
-  for (auto* ways : {&recovered_, &second_half_, &beyond_stages_})
-    ways->assign(start_velocity.size(), 0.0);
+  for (auto* ways : {&recovered_, &second_half_}) ways->assign(start_velocity.size(), 0.0);
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
     const bool stages = part.has_stages(index);
     double* way = way_.data() + tree.dof_begin;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i;
-      way[i] = stages ? part.length * part.runge_kutta.mean_velocity()[dof]
+      way[i] = stages ? part.length * part.stages->mean_velocity()[dof]
                       : 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
     }
     if (part.is_comfree) return;
@@ -97,17 +94,12 @@ void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
       }
     }
     if (!part.goes_as_in_microsteps(index)) return;
-    double* beyond = beyond_stages_.data() + tree.dof_begin;
-    if (stages)
-      for (int i = 0; i < tree.dof_count; ++i) beyond[i] = -way[i];
     double* shift = recovered_.data() + tree.dof_begin;
     motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, way);
-    motion.to_generalized(index, part.ways.recovery.data() + tree.begin, shift);
+    motion.to_generalized(index, part.recovery.data() + tree.begin, shift);
     for (int i = 0; i < tree.dof_count; ++i) way[i] -= shift[i];
     if (!tree.free_body)
       for (int i = 0; i < tree.dof_count; ++i) way[i] -= part.data.shift[tree.begin + i];
-    if (stages)
-      for (int i = 0; i < tree.dof_count; ++i) beyond[i] += way[i];
   });
 }
 
@@ -132,45 +124,24 @@ void Books::find_spring_changes(const SolvedPart& part) {
   }
 }
 
-void Books::add_work_of_load(const SolvedPart& part) {
-  const double* load = part.trapezoid.load();
-  if (!load) return;
-  for (int index = 0; index < part.motion.tree_count(); ++index) {
-    if (!part.goes_as_in_microsteps(index)) continue;
-    const Tree& tree = part.motion.trees().tree[index];
-    for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
-      ledger_.work += load[i] * way_[i];
-  }
-}
-
 // Adds to what is left to rows what they are booked to have given beyond what they gave trees that
-// RK4 moved (stage_work.hpp). Where they have done nothing but displace one, recovery has it.
-void Books::leave_to_rows_by_stages(mjData_* d, const SolvedPart& part,
+// dry friction alone slows and the stages of RK4 move: rows of the mean force F that took a tree of
+// the velocities v0 and v1 by x in the micro-steps, under the smooth forces f of the start, are
+// booked with F H (v0 + v1) / 2 + f (H (v0 + v1) / 2 - x), and gave F times the way of the stages.
+void Books::leave_to_rows_by_stages(const mjData_* d, const SolvedPart& part,
                                     const std::vector<double>& of_rows) {
-  if (!host::is_runge_kutta(part.model) || part.is_comfree) return;
-  const std::vector<char>& touched = part.on_trees.touched;
-  if (std::none_of(touched.begin(), touched.end(), [](char any) { return any; })) return;
+  if (part.is_comfree) return;
   const RowData& data = part.data;
-  stage_work_.find(part.model, d, part.runge_kutta, part.motion.start_velocity(), beyond_stages_);
   for (int index = 0; index < part.motion.tree_count(); ++index) {
-    if (!touched[index] || !part.has_stages(index)) continue;
+    if (!part.on_trees.touched[index] || !part.has_stages(index)) continue;
     const Tree& tree = part.motion.trees().tree[index];
-    bool pushed = false;
-    double left = 0.0;
+    double& left = smooth_work_.left_to_rows[smooth_work_.group[index]];
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i, k = tree.begin + i;
       const double even = 0.5 * part.length * (data.start_motion[k] + data.velocity[k]);
-      left += of_rows[dof] * even +
-              host::smooth_force(d, dof) * (even - part.ways.of_microsteps[k]) -
-              stage_work_.of_rows()[dof];
-      if (part.held_stages.has_mean_springs(index))
-        left += data.pulled[k] * (even - (way_[dof] - beyond_stages_[dof])) / part.length;
-      pushed |= of_rows[dof] != 0.0;
+      left += of_rows[dof] * (even - way_[dof]) +
+              host::smooth_force(d, dof) * (even - data.total_displacement[k]);
     }
-    if (pushed)
-      smooth_work_.left_to_rows[smooth_work_.group[index]] += left;
-    else
-      ledger_.dissipated_recovery += left;
   }
 }
 

@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "dashpot/mujoco/stage_work.hpp"
 #include "dashpot/mujoco/work.hpp"
 #include "dashpot/rows/energy_ledger.hpp"
 #include "dashpot/rows/memory.hpp"
@@ -42,19 +41,16 @@ class Books {
  private:
   void find_ways(const mjData_* d, const SolvedPart& part, Team& team);
   void find_spring_changes(const SolvedPart& part);
-  void leave_to_rows_by_stages(mjData_* d, const SolvedPart& part,
+  void leave_to_rows_by_stages(const mjData_* d, const SolvedPart& part,
                                const std::vector<double>& of_rows);
-  void add_work_of_load(const SolvedPart& part);
   double work_ahead_of_servos(const SolvedPart& part) const;
 
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J
-  host::StageWork stage_work_;
   host::SmoothWork smooth_work_;
-  // By degree of freedom. Second halves are those of trees in flight; what is beyond stages is of
-  // RK4, how much farther than in its stages trees go; springs are those that act in the
-  // micro-steps, what they changed by in the mean over the way: empty where none act there.
-  std::vector<double> way_, recovered_, second_half_, beyond_stages_, spring_change_, shifted_;
+  // By degree of freedom. Second halves are those of trees in flight; springs are those that act in
+  // the micro-steps, what they changed by in the mean over the way: empty where none act there.
+  std::vector<double> way_, recovered_, second_half_, spring_change_, shifted_;
 };
 
 }  // namespace dashpot

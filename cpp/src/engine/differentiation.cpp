@@ -21,9 +21,8 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
   host::MocapMotion mocap(model, d, true, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);
   detection.contact_rows = host::ContactRows::kNone;
-  proven_apart.clear();
   clock = StepClock();
-  clock.whole = clock.uncut = clock.length = clock.rest = host::StepParts(model, d).whole();
+  clock.whole = clock.uncut = clock.length = host::StepParts(model, d).whole();
   start_part(d, true, host::Sensors::kStay, false, mocap);
   detect(d, mocap);
   find_rows(d, mocap);

@@ -85,14 +85,13 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   detection.contact_rows = host::anything_reads_rows(model) ? host::ContactRows::kRequired
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
-  proven_apart.clear();
   clock = StepClock();
   clock.whole = clock.uncut = parts.whole();
   StepStats total;
   int taken = 0;
   for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
        remaining -= clock.length) {
-    clock.length = clock.rest = remaining;
+    clock.length = remaining;
     if (parts.cut()) parts.set_length(clock.length);
     advance(d, parts, mocap);
     clock.cuts += clock.cut_short;
@@ -134,7 +133,6 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
   books.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
-  proven_apart.forget(on_trees.touched);
 }
 
 void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
@@ -182,7 +180,7 @@ bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
 // complementarity-free law contact does not start within a step.
 void Stepper::Impl::correct_contacts_ahead(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
-  flights.follow(model, d, memory(d), detection.buffers, constraints, clock.length, contacts);
+  flights.follow(model, d, detection.buffers, constraints, clock.length, contacts);
 }
 
 // Wakes what the contacts and constraints that were found reach, and finds how that moves; returns

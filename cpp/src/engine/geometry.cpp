@@ -54,7 +54,7 @@ bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
 // Ends this part of the step where the next impact begins.
 void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
   part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, clock, proven_apart);
+                            contacts, clock);
   drop_pairs(part.apart, contacts);
   clock.cut_short = shorten(part.length, parts);
 }

@@ -107,17 +107,15 @@ void Stepper::Impl::run_islands(mjData_* d) {
   leapfrog.go_ahead(clock.stride(), on_trees.held, motion, rows, data);
   EnergyLedger& ledger = books.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
-  if (host::is_runge_kutta(model)) ways.of_microsteps = data.total_displacement;
-  ways.recovery.assign(motion.trees().coordinates, 0.0);
+  recovery.assign(motion.trees().coordinates, 0.0);
   for (const Island& island : plan.islands()) {
     const double strained =
         recover_positions(rows, motion.trees(), island, parameters.options.recovery_speed,
-                          clock.length, data, ways.recovery);
+                          clock.length, data, recovery);
     ledger.dissipated_recovery -= strained;
     ledger.elastic += strained;
   }
-  for (int i = 0; i < motion.trees().coordinates; ++i)
-    data.total_displacement[i] += ways.recovery[i];
+  for (int i = 0; i < motion.trees().coordinates; ++i) data.total_displacement[i] += recovery[i];
 }
 
 void Stepper::Impl::check_velocities() const {
@@ -144,13 +142,19 @@ StepView Stepper::Impl::view(mjData_* d) const {
 }
 
 SolvedPart Stepper::Impl::solved_part() const {
-  return {model,        parameters.options.law == Law::kComFree,
-          clock.length, contacts,
-          constraints,  rows,
-          data,         on_trees,
-          ways,         motion,
-          leapfrog,     trapezoid,
-          runge_kutta,  held_stages};
+  return {model,
+          parameters.options.law == Law::kComFree,
+          clock.length,
+          contacts,
+          constraints,
+          rows,
+          data,
+          on_trees,
+          recovery,
+          motion,
+          leapfrog,
+          trapezoid,
+          has_stages ? &runge_kutta : nullptr};
 }
 
 }  // namespace dashpot

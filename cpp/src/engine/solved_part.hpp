@@ -9,7 +9,6 @@
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/runge_kutta.hpp"
-#include "dashpot/rows/held_stages.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 
@@ -21,20 +20,13 @@ namespace dashpot {
 struct RowsOnTrees {
   std::vector<char> touched;   // moved it
   std::vector<char> joined;    // moved another one against it
-  std::vector<char> carries;   // some of these are contacts
   std::vector<char> held;      // had a position as they moved it
   std::vector<double> unpaid;  // J, work of contacts, because they turn, that no spring paid for
   std::vector<double> lost;    // J, what they gave it and it does not have
 
   void reset(int trees) {
-    for (auto* array : {&touched, &joined, &carries, &held}) array->assign(trees, 0);
+    for (auto* array : {&touched, &joined, &held}) array->assign(trees, 0);
   }
-};
-
-// Parts of RowData::total_displacement, in motion coordinates.
-struct WaysOfRows {
-  std::vector<double> recovery;  // by recovery of equalities
-  AlignedDoubles of_microsteps;  // of RK4: all without that
 };
 
 struct SolvedPart {
@@ -46,17 +38,15 @@ struct SolvedPart {
   const Rows& rows;
   const RowData& data;
   const RowsOnTrees& on_trees;
-  const WaysOfRows& ways;
+  const std::vector<double>&
+      recovery;  // by motion coordinate: displacement that equalities recover
   const TreeMotion& motion;
   const Leapfrog& leapfrog;
   const Trapezoid& trapezoid;
-  const host::RungeKutta& runge_kutta;
-  const HeldStages& held_stages;
+  const host::RungeKutta* stages;  // of RK4, null where these move nothing
 
   // Whether a tree went the way of the stages of RK4, or its velocity comes from them.
-  bool has_stages(int tree) const {
-    return host::is_runge_kutta(model) && motion.integrated()[tree];
-  }
+  bool has_stages(int tree) const { return stages && motion.integrated()[tree]; }
   bool goes_as_in_microsteps(int tree) const {
     return on_trees.touched[tree] && (on_trees.held[tree] || !has_stages(tree));
   }

@@ -25,7 +25,6 @@ void Stepper::Impl::find_touched_trees() {
       on_trees.touched[tree] = 1;
       if (c.tree[0] >= 0 && c.tree[1] >= 0) {
         on_trees.joined[tree] = 1;
-        on_trees.carries[tree] |= c.kind == RowKind::kContact;
       }
       on_trees.held[tree] |= c.kind != RowKind::kSlider;
     }
@@ -52,27 +51,28 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
                                   data.smooth_acceleration.data(), clock.length);
 }
 
-RowsOnTree Stepper::Impl::rows_on_tree(int tree, bool stages) const {
+RowsOnTree Stepper::Impl::rows_on_tree(int tree) const {
   RowsOnTree by_rows;
   by_rows.touched = on_trees.touched[tree];
   by_rows.joined = on_trees.joined[tree];
-  by_rows.carries = on_trees.carries[tree];
   by_rows.held = on_trees.held[tree];
   by_rows.frozen_ahead = geometry_of_middle || tree_ahead[tree] > 0.0;
   by_rows.trapezoidal = trapezoid.holds(tree);
   by_rows.unpaid = on_trees.unpaid[tree];
   by_rows.added_velocity = trapezoid.added_velocity();
-  if (!stages) return by_rows;
-  by_rows.stages = &held_stages;
-  by_rows.mean_velocity = runge_kutta.mean_velocity().data();
   return by_rows;
 }
 
 // Whether rows move all trees but free bodies, which move accurately in any case: MuJoCo's
 // integrator has none to move then.
 bool Stepper::Impl::rows_move_all() const {
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (!on_trees.touched[tree] && !motion.is_accurate(tree)) return false;
+  if (parameters.options.law == Law::kComFree) return false;
+  const bool stages = host::is_runge_kutta(model);
+  if (stages && (host::others_look_at_stages(model) || host::has_activations(model))) return false;
+  for (int tree = 0; tree < motion.tree_count(); ++tree) {
+    const bool by_rows = stages ? on_trees.held[tree] : on_trees.touched[tree];
+    if (!by_rows && (!motion.is_accurate(tree) || (stages && motion.is_sprung(tree)))) return false;
+  }
   return true;
 }
 
@@ -95,15 +95,13 @@ void Stepper::Impl::find_forces(mjData_* d) {
 
 // Of RK4. Who looks at its stages sees the sensors of the step there.
 void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
-  if (!host::is_runge_kutta(model)) return;
+  has_stages = host::is_runge_kutta(model) && !rows_move_all();
+  if (!has_stages) return;
   if (host::others_look_at_stages(model)) forces.report(d, solved_part());
   add_second_halves_in_flight(d);
-  for (int index = 0; index < motion.tree_count(); ++index)
-    if (on_trees.touched[index]) motion.leave_dampers_to_stages(d, index);
-  held_stages.find(rows, data, motion.trees(), data.start_motion, trapezoid.added_velocity(),
-                   on_trees.held, clock.length);
+  find_held_acceleration();
   try {
-    runge_kutta.find_motion(model, d, new_control, held_stages, find_contacts);
+    runge_kutta.find_motion(model, d, new_control, held_acceleration, find_contacts);
   } catch (...) {
     host::set_velocity(d, motion.start_velocity());
     throw;
@@ -111,36 +109,45 @@ void Stepper::Impl::find_stages(mjData_* d, bool new_control) {
   host::set_velocity(d, motion.start_velocity());
 }
 
+// Of trees that rows hold, and that the stages do not move: NaN of others.
+void Stepper::Impl::find_held_acceleration() {
+  held_acceleration.assign(motion.start_velocity().size(),
+                           std::numeric_limits<double>::quiet_NaN());
+  if (parameters.options.law == Law::kComFree) return;
+  for (int index = 0; index < motion.tree_count(); ++index) {
+    const Tree& tree = motion.trees().tree[index];
+    if (!on_trees.held[index] || motion.is_accurate(index)) continue;
+    for (int i = 0; i < tree.dof_count; ++i) {
+      const int k = tree.begin + i;
+      held_acceleration[tree.dof_begin + i] =
+          (data.velocity[k] - data.start_motion[k]) / clock.length;
+    }
+  }
+}
+
 // Decides which trees have their motion from the integrator of MuJoCo.
 void Stepper::Impl::find_integrated(mjData_* d) {
   books.find_unpaid(memory(d), solved_part(), on_trees.unpaid);
-  const bool stages = host::is_runge_kutta(model);
   for (int index = 0; index < motion.tree_count(); ++index)
-    if (!motion.is_accurate(index))
-      motion.find_integrated(d, index, clock.length, rows_on_tree(index, stages), data);
+    if (!motion.is_accurate(index)) motion.find_integrated(index, rows_on_tree(index));
 }
 
 void Stepper::Impl::report_forces(mjData_* d) {
-  const bool stages = host::is_runge_kutta(model);
   const SolvedPart solved = solved_part();
   if (parameters.options.law != Law::kComFree) {
     find_integrated(d);
-    for (int index = 0; stages && index < motion.tree_count(); ++index)
-      if (!motion.is_accurate(index) && solved.has_stages(index))
-        held_stages.add_borne(index, forces.borne());
     forces.find_reported(d, solved);
   }
-  const bool reported = stages && host::others_look_at_stages(model);
+  const bool reported = has_stages && host::others_look_at_stages(model);
   if (!reported || forces.report_others()) forces.report(d, solved);
 }
 
 // The complementarity-free law asks for contacts at the end of a step that goes all the way with
 // its velocity there, as other integrators of MuJoCo do.
 void Stepper::Impl::advance_state(mjData_* d) {
-  const bool stages = host::is_runge_kutta(model);
   const bool comfree = parameters.options.law == Law::kComFree;
   if (forces.report_others()) forces.exchange(d);
-  if (!stages) add_second_halves_in_flight(d);
+  if (!has_stages) add_second_halves_in_flight(d);
   try {
     host::integrate(model, d, comfree || !rows_move_all(), runge_kutta);
   } catch (...) {
@@ -148,11 +155,10 @@ void Stepper::Impl::advance_state(mjData_* d) {
     throw;
   }
   if (forces.report_others()) forces.exchange(d);
-  if (comfree && !stages) return;
+  if (comfree && !has_stages) return;
   on_trees.lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
-    on_trees.lost[index] =
-        motion.advance(d, index, clock.length, rows_on_tree(index, stages), data);
+    on_trees.lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index), data);
   };
   if (!comfree)
     team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {

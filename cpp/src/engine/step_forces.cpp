@@ -117,10 +117,7 @@ void StepForces::find_mean_acceleration(int index, const SolvedPart& part) {
     report_others_ = true;
   }
   if (!part.on_trees.held[index] || part.trapezoid.is_coupled_by_equalities(index)) return;
-  if (part.has_stages(index)) {
-    std::copy_n(part.runge_kutta.mean_acceleration().begin() + tree.dof_begin, tree.dof_count,
-                mean);
-  } else if (!part.motion.integrated()[index]) {
+  if (!part.motion.integrated()[index]) {
     for (int i = 0; i < tree.dof_count; ++i) {
       const int k = tree.begin + i;
       mean[i] = (part.data.velocity[k] - part.data.start_motion[k]) / part.length;

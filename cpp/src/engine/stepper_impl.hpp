@@ -25,7 +25,6 @@
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
 #include "dashpot/mujoco/step_parts.hpp"
-#include "dashpot/rows/held_stages.hpp"
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"
@@ -106,12 +105,13 @@ struct Stepper::Impl {
   // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
   void find_stages(mjData_* d, bool new_control);
+  void find_held_acceleration();
   void find_integrated(mjData_* d);
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
   void add_second_halves_in_flight(mjData_* d);
   bool rows_move_all() const;
-  RowsOnTree rows_on_tree(int tree, bool stages) const;
+  RowsOnTree rows_on_tree(int tree) const;
 
   // What is kept of the part, and told of it.
   void forget_moved_by_hand(mjData_* d, std::vector<double>& before);
@@ -140,7 +140,6 @@ struct Stepper::Impl {
   FlightContacts flights;
   KnockOn knock_on;
   MeanMotion mean_motion;
-  ProvenApart proven_apart;
   host::Detection detection;
   const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {
     host::find_present_contacts(m, d, detection);
@@ -169,9 +168,10 @@ struct Stepper::Impl {
   AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   MicrostepLoop microsteps{team.size()};
   RowsOnTrees on_trees;
-  WaysOfRows ways;
-  HeldStages held_stages;
+  std::vector<double> recovery;  // by motion coordinate: displacement that equalities recover
   host::RungeKutta runge_kutta;
+  bool has_stages = false;                // RK4, in this part
+  std::vector<double> held_acceleration;  // see RungeKutta::find_motion
   StepForces forces;
   Books books;
 };

@@ -51,7 +51,7 @@ bool FlightPaths::are_round(const ContactInput& contact) const {
          geom_bounds(model_, contact.geom[1]).is_round;
 }
 
-void FlightPaths::follow(const ContactInput& contact, double departs, Flight& flight) const {
+void FlightPaths::follow(const ContactInput& contact, Flight& flight) const {
   Shape shape[2];
   Pose pose[2];
   Motion motion[2];
@@ -77,8 +77,6 @@ void FlightPaths::follow(const ContactInput& contact, double departs, Flight& fl
   TimeOfImpact impact;
   try {
     impact = impact_within(clearance);
-    // Which what holds them may bring about: the row tells whether they come on from there.
-    if (!impact.hit && departs > 0.0) impact = impact_within(clearance + departs);
     if (impact.hit && one_is_round(contact) && clearance > touch) {
       impact = impact_within(touch);
       if (!impact.hit) return;

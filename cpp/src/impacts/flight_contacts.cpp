@@ -23,9 +23,6 @@ constexpr double kFarWay = 0.1;
 // The same of two round shapes, whose normal turns all the way: by half of this (rad), while what
 // lies below the tangent plane is a few hundredths of what they compress in a blow along the way.
 constexpr double kFarWayOfRound = 0.01;
-// Departure of bodies from their smooth motion, relative to the same, up to which round ones are
-// followed though something holds them.
-constexpr double kGentle = 0.05;
 // Cosine between the normals of a contact at the start and at the impact above which the first is
 // good: a face that lands flat keeps all of its points. Round shapes meet along their own.
 constexpr double kNormalHolds = 0.999;
@@ -34,7 +31,7 @@ class FlightSearch {
  public:
   FlightSearch(const mjModel_* model, const mjData_* data, const host::ReachBuffers& reach,
                const std::vector<ContactInput>& contacts, double length, GeomShapes& shapes,
-               std::vector<Flight>& flights, FlightDisturbance& disturbance)
+               std::vector<Flight>& flights, std::vector<char>& disturbed)
       : model_(model),
         data_(data),
         reach_(reach),
@@ -42,7 +39,7 @@ class FlightSearch {
         length_(length),
         shapes_(shapes),
         flights_(flights),
-        disturbance_(disturbance),
+        disturbed_(disturbed),
         paths_(model, data, reach, length, shapes) {}
 
   bool find_flights() {
@@ -58,27 +55,25 @@ class FlightSearch {
     return !flights_.empty();
   }
 
-  void follow(const Memory& memory, const std::vector<ConstraintInput>& constraints) {
-    disturbance_.reset(model_, length_);
-    for (const ConstraintInput& constraint : constraints) disturbance_.shake(constraint.tree);
-    for (const Flight& flight : flights_)
-      if (paths_.are_round(contacts_[flight.first]))
-        disturbance_.look_at(contacts_[flight.first].tree);
+  void follow(const std::vector<ConstraintInput>& constraints) {
+    disturbed_.assign(host::tree_count(model_), 0);
+    for (const ConstraintInput& constraint : constraints) disturb(constraint.tree);
     size_t next = 0;
     for (size_t i = 0; i < contacts_.size(); ++i) {
       while (next < flights_.size() && flights_[next].last <= i) ++next;
       const bool flies = next < flights_.size() && flights_[next].first <= i;
-      if (flies || disturbance_.are_shaken(contacts_[i].tree) || !acts(contacts_[i])) continue;
-      disturb(memory, contacts_[i]);
+      if (!flies && acts(contacts_[i])) disturb(contacts_[i].tree);
     }
     for (Flight& flight : flights_)
-      if (!is_disturbed(flight)) {
-        const ContactInput& contact = contacts_[flight.first];
-        paths_.follow(contact, disturbance_.departure(contact.tree), flight);
-      }
+      if (!is_disturbed(flight)) paths_.follow(contacts_[flight.first], flight);
     for (const Flight& flight : flights_)
-      if (!flight.misses) disturbance_.shake(contacts_[flight.first].tree);
-    disturbance_.spread(contacts_);
+      if (!flight.misses) disturb(contacts_[flight.first].tree);
+    // What is disturbed may come to anything that a contact joins to it.
+    for (bool changed = true; changed;) {
+      changed = false;
+      for (const ContactInput& contact : contacts_)
+        if (is_disturbed(contact.tree)) changed = disturb(contact.tree) || changed;
+    }
     for (Flight& flight : flights_) flight.misses = flight.misses && !is_disturbed(flight);
   }
 
@@ -175,35 +170,33 @@ class FlightSearch {
 
   // Rate of a contact's gap over the step.
   double mean_rate(const ContactInput& contact) const {
-    return rate(contact, [&](int body) { return paths_.mean(body); });
-  }
-
-  template <typename MotionOf>
-  double rate(const ContactInput& contact, const MotionOf& motion_of) const {
     if (contact.is_of_flex()) return host::contact_velocity(model_, data_, contact)[0];
     const Vector3d normal(contact.frame[0], contact.frame[1], contact.frame[2]);
     const Eigen::Map<const Vector3d> point(contact.position.data());
     double rate = 0.0;
     for (int side = 0; side < 2; ++side) {
-      const Motion motion = motion_of(geom_body(model_, contact.geom[side]));
+      const Motion motion = paths_.mean(geom_body(model_, contact.geom[side]));
       rate += (side ? 1.0 : -1.0) *
               normal.dot(motion.linear + motion.angular.cross(point - motion.centre));
     }
     return rate;
   }
 
-  void disturb(const Memory& memory, const ContactInput& contact) {
-    if (!disturbance_.may_be_held(contact)) return disturbance_.shake(contact.tree);
-    const std::array<double, 2> rates = {
-        rate(contact, [&](int body) { return paths_.at_start(body); }),
-        rate(contact, [&](int body) { return paths_.at_end(body); })};
-    disturbance_.hold(memory, contact, rates, kGentle * paths_.half_width(contact));
+  // Whether any of the trees was not disturbed before.
+  bool disturb(const std::array<int, 2>& trees) {
+    bool changed = false;
+    for (int tree : trees) {
+      changed = changed || (tree >= 0 && !disturbed_[tree]);
+      if (tree >= 0) disturbed_[tree] = 1;
+    }
+    return changed;
   }
-  // Round bodies roll and slide up to each other.
+  bool is_disturbed(const std::array<int, 2>& trees) const {
+    return std::any_of(trees.begin(), trees.end(),
+                       [&](int tree) { return tree >= 0 && disturbed_[tree]; });
+  }
   bool is_disturbed(const Flight& flight) const {
-    const ContactInput& contact = contacts_[flight.first];
-    return paths_.are_round(contact) ? disturbance_.is_shaken(contact.tree)
-                                     : disturbance_.is_disturbed(contact.tree);
+    return is_disturbed(contacts_[flight.first].tree);
   }
 
   const mjModel_* model_;
@@ -213,21 +206,20 @@ class FlightSearch {
   const double length_;
   GeomShapes& shapes_;
   std::vector<Flight>& flights_;  // in the order of their contacts
-  FlightDisturbance& disturbance_;
+  std::vector<char>& disturbed_;  // by tree: something else may act on it
   FlightPaths paths_;
 };
 
 }  // namespace
 
-void FlightContacts::follow(const mjModel_* model, mjData_* data, const Memory& memory,
-                            const host::ReachBuffers& reach,
+void FlightContacts::follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
                             const std::vector<ConstraintInput>& constraints, double length,
                             std::vector<ContactInput>& contacts) {
   misses_.clear();
   redirected_.clear();
-  FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbance_);
+  FlightSearch search(model, data, reach, contacts, length, shapes_, flights_, disturbed_);
   if (!search.find_flights()) return;
-  search.follow(memory, constraints);
+  search.follow(constraints);
   search.near_misses(misses_);
   search.redirected(redirected_);
   // From the last on: places of the others stay.

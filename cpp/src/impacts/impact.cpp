@@ -24,18 +24,6 @@ class ImpactSearch {
   ImpactSearch(const mjModel_* model, const mjData_* data, double remaining, FastPairs& fast)
       : model_(model), data_(data), remaining_(remaining), fast_(fast), pairs_(fast.pairs) {}
 
-  // Undisturbed pairs that an earlier part has proven apart need no look before that time. `rest`
-  // (s): of the step, which the part may end before.
-  void recall(const ProvenApart& proven, double rest) {
-    for (FastPair& pair : pairs_)
-      if (pair.flies) pair.clear = std::min(remaining_, proven.time_left(pair.geoms(), rest));
-  }
-  void remember(ProvenApart& proven, double rest) const {
-    for (const FastPair& pair : pairs_)
-      if (pair.flies && pair.apart)
-        proven.add(pair.geoms(), {pair.side[0].tree, pair.side[1].tree}, rest - pair.clear);
-  }
-
   // The motion over a shorter part is nearer to its mean: a second look at the pairs that limit the
   // part sharpens the first.
   double find_part(int cuts_left) {
@@ -44,12 +32,7 @@ class ImpactSearch {
     const auto look = [&](FastPair& pair, double length) {
       part = std::min(part, examine(pair, length, shortest_contact));
     };
-    for (FastPair& pair : pairs_) {
-      pair.apart = pair.clear > 0.0;
-      if (!pair.apart) look(pair, remaining_);
-    }
-    for (FastPair& pair : pairs_)
-      if (pair.apart && pair.clear < part) look(pair, remaining_);
+    for (FastPair& pair : pairs_) look(pair, remaining_);
     const double length = part;
     for (FastPair& pair : pairs_)
       if (!pair.apart || pair.clear <= length) look(pair, length);
@@ -150,8 +133,7 @@ class ImpactSearch {
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, const StepClock& clock,
-                        ProvenApart& proven) {
+                        const std::vector<ContactInput>& contacts, const StepClock& clock) {
   const int cuts_left = kMaxCuts - clock.cuts;
   Part part;
   part.length = clock.length;
@@ -160,9 +142,7 @@ Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory
   fast.find(contacts);
   if (fast.pairs.empty()) return part;
   ImpactSearch search(model, data, clock.length, fast);
-  search.recall(proven, clock.rest);
   const double length = search.find_part(cuts_left);
-  search.remember(proven, clock.rest);
   part.impact = search.pairs_in_touch();
   if (cuts_left == 0) return part;
   part.length = length;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {
@@ -25,14 +24,11 @@ void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tre
   }
 }
 
-void add_held_trees(const mjModel_* model, const Rows& rows, const std::vector<char>& light,
-                    std::vector<int>& first_tree) {
-  const bool stages = host::is_runge_kutta(model);
+void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact && c.kind != RowKind::kUnilateral) continue;
     for (int tree : c.tree)
-      if (tree >= 0 && first_tree[tree] < 0 && !host::is_free_body(model, tree) &&
-          (!stages || light[tree]))
+      if (tree >= 0 && first_tree[tree] < 0 && !host::is_free_body(model, tree))
         first_tree[tree] = tree;
   }
 }

@@ -38,10 +38,8 @@ double part_taken_back(double jump, double followed) {
 void DriveChanges::start(const mjModel_* model, const mjData_* d,
                          const std::vector<double>& velocity) {
   host::drives(model, d, velocity, drive_);
-  change_.assign(drive_.size(), 0.0);
   commanded_change_.assign(drive_.size(), 0.0);
   followed_.assign(drive_.size(), 0.0);
-  load_.clear();
 }
 
 void DriveChanges::find(const mjModel_* model, const mjData_* d, const HeldMotion& before,
@@ -53,8 +51,7 @@ void DriveChanges::find(const mjModel_* model, const mjData_* d, const HeldMotio
     if (!left_half[index] || host::is_free_body(model, index)) continue;
     const Tree& t = trees.tree[index];
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
-      change_[i] = drive_[i] - before.drive[i];
-      commanded_change_[i] = change_[i] - servo_change_[i];
+      commanded_change_[i] = drive_[i] - before.drive[i] - servo_change_[i];
       followed_[i] = before.followed[i];
       const double steady = steady_part(before.commanded_change[i], commanded_change_[i]);
       const double jump = commanded_change_[i] - steady;
@@ -69,17 +66,8 @@ void DriveChanges::count_followed(const Tree& t, double s) {
     followed_[i] += s * (followed_change_[i] - servo_change_[i]);
 }
 
-void DriveChanges::go_on(const Tree& t, const HeldMotion& before, double ahead) {
-  if (load_.empty()) load_.assign(drive_.size(), 0.0);
-  for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
-    load_[i] = ahead * lasting_part(before.drive_change[i], change_[i]);
-    followed_[i] += 2.0 * ahead * lasting_part(before.commanded_change[i], commanded_change_[i]);
-  }
-}
-
 void DriveChanges::keep(const Tree& t, HeldMotion& now) const {
   std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
-  std::copy_n(change_.begin() + t.dof_begin, t.dof_count, now.drive_change + t.dof_begin);
   std::copy_n(commanded_change_.begin() + t.dof_begin, t.dof_count,
               now.commanded_change + t.dof_begin);
   std::copy_n(followed_.begin() + t.dof_begin, t.dof_count, now.followed + t.dof_begin);

@@ -11,17 +11,6 @@ namespace dashpot {
 
 namespace {
 
-// Fraction of the gap that positions ahead have at a row that bars the way back which they keep:
-// they stay apart.
-constexpr double kKeptGap = 1e-3;
-// Times, at most, that rows which bar the way together are made way for one after the other: what
-// still bars it then, as a row between two that press, leaves no way around.
-constexpr int kSweeps = 20;
-
-void stay(const Tree& tree, AlignedDoubles& shift) {
-  std::fill_n(shift.begin() + tree.begin, tree.count, 0.0);
-}
-
 bool is_of_any(const RowGroup& c, const std::vector<char>& of_tree) {
   if (c.kind == RowKind::kSlider) return false;
   return std::any_of(c.tree.begin(), c.tree.end(),
@@ -84,14 +73,12 @@ void Leapfrog::fall_back(const Memory& memory, const TreeMotion& motion, Rows& r
   leads_late_.assign(motion.tree_count(), 0);
   recovers_.assign(motion.tree_count(), 0);
   fell_back_.assign(motion.tree_count(), 0.0);
-  kept_way_.assign(motion.trees().coordinates, 0.0);
   way_back_.assign(motion.trees().coordinates, 0.0);
   if (!memory.lead()) return;
   find_recovering(rows, data);
   start_velocity_ = data.velocity;
   start_gap_ = data.deformation;
   if (!find_way_back(motion, data)) return;
-  make_way_for_rows(motion, rows, data);
   take_gaps_back(rows, data);
   take_times_back(rows);
   for (size_t i = 0; i < data.shift.size(); ++i) data.total_displacement[i] += data.shift[i];
@@ -136,54 +123,6 @@ bool Leapfrog::find_way_back(const TreeMotion& motion, RowData& data) {
       shift[i] -= 0.5 * lead * lead * acceleration_[t.begin + i];
   }
   return any;
-}
-
-// Where rows bar the way back, by a second limit as a rule or where a foot leaves the ground, trees
-// go around them: they keep the part of their lead that takes them out of these. Where no way is
-// found they stay, which may bar it for others.
-void Leapfrog::make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data) {
-  const Trees& trees = motion.trees();
-  const auto bars = [&](const RowGroup& c) {
-    return c.is_unilateral() && data.deformation[c.row] > 0.0 && shifted_gap(rows, c, data) <= 0.0;
-  };
-  const auto falls_back = [&](int tree) { return tree >= 0 && fell_back_[tree] > 0.0; };
-  whole_way_back_ = data.shift;
-  push_.assign(trees.coordinates, 0.0);
-  bool barred = true;
-  for (int sweep = 0; barred && sweep < kSweeps; ++sweep) {
-    barred = false;
-    for (const RowGroup& c : rows.group) {
-      if (!bars(c)) continue;
-      barred = true;
-      double mobility = 0.0, way[kMaxRows], impulse[kMaxRows] = {};
-      for (int side = 0; side < 2; ++side)
-        if (falls_back(c.tree[side])) mobility += rows.tree_inverse_mass[c.row][side];
-      if (mobility <= 0.0) continue;
-      gather(rows, c, data.shift.data(), way);
-      impulse[0] = -((1.0 - kKeptGap) * data.deformation[c.row] + way[0]) / mobility;
-      scatter(rows, c, impulse, push_.data());
-      for (int tree : c.tree) {
-        if (tree < 0) continue;
-        const Tree& t = trees.tree[tree];
-        if (falls_back(tree))
-          add_response(trees, tree, push_.data() + t.begin, data.shift.data() + t.begin);
-        stay(t, push_);
-      }
-    }
-  }
-  while (barred) {
-    barred = false;
-    for (const RowGroup& c : rows.group) {
-      if (!bars(c)) continue;
-      for (int tree : c.tree) {
-        if (!falls_back(tree)) continue;
-        barred = true;
-        stay(trees.tree[tree], data.shift);
-        fell_back_[tree] = 0.0;
-      }
-    }
-  }
-  for (size_t i = 0; i < kept_way_.size(); ++i) kept_way_[i] = data.shift[i] - whole_way_back_[i];
 }
 
 // Rows that trees have left compressed were more so; those that they have come into ahead of their
@@ -262,8 +201,7 @@ void Leapfrog::go_ahead(double stride, const std::vector<char>& held, const Tree
     const Tree& t = motion.trees().tree[index];
     if (leads_[index]) find_acceleration(motion.trees(), index, data.total_displacement, data);
     for (int i = t.begin; i < t.begin + t.dof_count && leads_[index]; ++i)
-      way_ahead_[i] =
-          0.5 * stride * (data.velocity[i] + 0.25 * stride * acceleration_[i]) - kept_way_[i];
+      way_ahead_[i] = 0.5 * stride * (data.velocity[i] + 0.25 * stride * acceleration_[i]);
   }
   find_next_way(stride, data.velocity, data, way_ahead_);
   // No tree goes into another row, nor where the next step would take it into one: what leaves a

@@ -36,7 +36,6 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
     book_second_half(ledger);
     add_second_half(trees, data);
     count_followed_changes(trees);
-    load_drives(length, memory, trees, data);
     stop_fast_turns(length, rows);
   }
   load_gravity(d, motion, data);
@@ -47,7 +46,7 @@ void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, const Trees
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model_, rows, light_, first_);
+  add_held_trees(model_, rows, first_);
   add_freed_trees(model_, memory.held_motion(), first_);
   for (size_t i = 0; i < first_.size(); ++i)
     if (first_[i] >= 0 && trees.is_soft(i) && !coupled_[first_[i]].by_equalities) first_[i] = -1;
@@ -252,19 +251,6 @@ void Trapezoid::count_followed_changes(const Trees& trees) {
   for (size_t index = 0; index < trees.tree.size(); ++index) {
     if (!left_half_[index] || !coupled_[first_[index]].follows_drives) continue;
     drives_.count_followed(trees.tree[index], coupled_[first_[index]].scale);
-  }
-}
-
-void Trapezoid::load_drives(double length, const Memory& memory, const Trees& trees,
-                            RowData& data) {
-  const HeldMotion before = memory.held_motion();
-  for (size_t index = 0; index < trees.tree.size(); ++index) {
-    if (!left_half_[index]) continue;
-    const CoupledEnergy& coupled = coupled_[first_[index]];
-    if (coupled.follows_drives || coupled.by_equalities) continue;
-    const Tree& t = trees.tree[index];
-    drives_.go_on(t, before, 0.5 * std::min(1.0, length / before.length[index]));
-    add_load(drives_.load(), static_cast<int>(index), trees, data);
   }
 }
 

@@ -2,7 +2,6 @@
 
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/mujoco/gravity_ahead.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {
@@ -10,17 +9,13 @@ namespace dashpot {
 namespace {
 
 // H^2 m g l / 2 I from which on gravity is that of the middle. From 1 on its second half, a step
-// late, feeds on itself; the others keep the energy of gravity better by it. And how many such
-// parts RK4 follows better by its stages than by the trapezoidal rule, as the light frame of a
-// gyroscope.
+// late, feeds on itself; the others keep the energy of gravity better by it.
 constexpr double kLightPart = 0.1;
-constexpr int kFollowedByStages = 1;
 
 }  // namespace
 
 void Trapezoid::find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion) {
   const Trees& trees = motion.trees();
-  const bool stages = host::is_runge_kutta(model_);
   light_.assign(trees.tree.size(), 0);
   frozen_at_.assign(trees.tree.size(), 0.0);
   for (const ContactInput& contact : step.contacts) {
@@ -34,8 +29,7 @@ void Trapezoid::find_light_trees(const mjData_* d, const StepView& step, TreeMot
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (frozen_at_[index] == 0.0 || host::is_free_body(model_, index)) continue;
     motion.invert_inertia(d, index);
-    light_[index] = host::count_light_parts(model_, d, trees, index, step.length, kLightPart) >
-                    (stages ? kFollowedByStages : 0);
+    light_[index] = host::has_light_part(model_, d, trees, index, step.length, kLightPart);
   }
 }
 

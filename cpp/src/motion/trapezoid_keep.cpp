@@ -4,7 +4,6 @@
 
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/mujoco/forces.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
@@ -24,13 +23,12 @@ void Trapezoid::keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedg
 }
 
 bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
-  const bool stages = host::is_runge_kutta(model_);
   bool any = false;
   for (size_t index = 0; index < end.held.size(); ++index) {
     now.length[index] = 0.0;
     if (!end.leaves_half || !end.held[index] || first_[index] < 0) continue;
     const CoupledEnergy& coupled = coupled_[first_[index]];
-    if (!coupled.turns || (stages && !coupled.by_equalities && !light_[index])) continue;
+    if (!coupled.turns) continue;
     now.length[index] = end.length;
     any = true;
   }

@@ -10,7 +10,6 @@
 #include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
-#include "dashpot/rows/held_stages.hpp"
 
 namespace dashpot {
 
@@ -33,9 +32,11 @@ void TreeMotion::add_velocity(mjData_* d, int index, const double* change) {
   host::add_velocity(d, tree, end_velocity_.data());
 }
 
-void TreeMotion::find_integrated(const mjData_* d, int index, double length,
-                                 const RowsOnTree& by_rows, const RowData& data) {
-  integrated_[index] = is_integrated(d, index, length, by_rows, data);
+// The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
+void TreeMotion::find_integrated(int index, const RowsOnTree& by_rows) {
+  const bool keeps_smooth_motion =
+      host::adds_to_smooth_motion(model_) && !(by_rows.held && host::is_runge_kutta(model_));
+  integrated_[index] = !by_rows.touched || (keeps_smooth_motion && !by_rows.trapezoidal);
 }
 
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
@@ -58,9 +59,6 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
     for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
       end_velocity_[i] += by_rows.added_velocity[tree.begin + i];
     velocity = end_velocity_.data();
-    // What it carries, in a hand, goes the way of the micro-steps, and would be left behind.
-    if (by_rows.stages && by_rows.stages->hold(index) && !by_rows.carries)
-      add_way_of_stages(tree, length, by_rows, data);
   } else if (!by_rows.held) {
     // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
     displacement_.assign(velocity, velocity + tree.dof_count);
@@ -69,49 +67,6 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
   }
   host::write_tree(model_, d, tree, start_position_.data(), moved, velocity);
   return 0.0;
-}
-
-// What the stages went farther than under the mean acceleration of the micro-steps.
-void TreeMotion::add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
-                                   RowData& data) const {
-  for (int i = 0; i < tree.dof_count; ++i) {
-    const int k = tree.begin + i;
-    double twice_mean = data.start_motion[k] + data.velocity[k];
-    if (by_rows.added_velocity) twice_mean -= by_rows.added_velocity[k];
-    data.total_displacement[k] +=
-        length * (by_rows.mean_velocity[tree.dof_begin + i] - 0.5 * twice_mean);
-  }
-}
-
-bool TreeMotion::is_integrated(const mjData_* d, int index, double length,
-                               const RowsOnTree& by_rows, const RowData& data) const {
-  if (!by_rows.touched) return true;
-  // The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
-  if (by_rows.trapezoidal) return false;
-  if (host::is_runge_kutta(model_)) return resolves_dampers(d, index, length, by_rows, data);
-  return host::adds_to_smooth_motion(model_);
-}
-
-// Whether the dampers of a tree that rows move, of joints and actuators, take less than they could
-// in a step: the stages of RK4, which are explicit, turn round under the mean forces of an impact
-// beyond H C / M of about 1, and diverge beyond 2.8. The effective inertia has half of H C.
-bool TreeMotion::resolves_dampers(const mjData_* d, int index, double length,
-                                  const RowsOnTree& by_rows, const RowData& data) const {
-  const Tree& t = trees_.tree[index];
-  if (t.free_body) return true;
-  constexpr double kMost = 2.0 / 3.0;
-  for (int i = 0; i < t.dof_count; ++i) {
-    const double speed =
-        std::max(std::abs(start_velocity_[t.dof_begin + i]), std::abs(data.velocity[t.begin + i]));
-    const double damping = host::joint_damping(model_, t.dof_begin + i, speed) +
-                           host::actuator_damping(model_, d, t.dof_begin + i);
-    const double mobility = length * damping * inverse_diagonal(trees_, index, i);
-    if (mobility <= kMost) continue;
-    if (!by_rows.stages || !by_rows.stages->hold(index)) return false;
-    const double free = length * by_rows.stages->free_inverse_mass(index, i);
-    if (damping * free > kMost * (1.0 + trees_.joint_damping[t.dof_begin + i] * free)) return false;
-  }
-  return true;
 }
 
 void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {

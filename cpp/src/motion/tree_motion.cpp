@@ -168,10 +168,6 @@ void TreeMotion::spring_in_microsteps(int index) {
   t.sprung = std::any_of(first, first + t.count, [](double stiffness) { return stiffness != 0.0; });
 }
 
-void TreeMotion::leave_dampers_to_stages(const mjData_* d, int index) {
-  host::factor_inertia_alone(model_, d, index, trees_);
-}
-
 void TreeMotion::invert_inertia(const mjData_* d, int tree) {
   if (inverted_[tree]) return;
   fill_inverse(d, tree);

@@ -19,8 +19,10 @@ double equal_part(double parts, double rest, double whole) {
   return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
 }
 
-// Of what RK4 is followed in.
-double followed(const mjModel_* m) { return host::is_runge_kutta(m) ? 0.5 : 1.0; }
+// Of what the stages of RK4 are followed in, which move trees that no row holds.
+double followed(const mjModel_* m, bool held) {
+  return host::is_runge_kutta(m) && !held ? 0.5 : 1.0;
+}
 
 // How many parts a ball or free joint of this angular velocity and acceleration asks for in `rest`.
 double parts_of_spin(double rest, double whole, const double* velocity,
@@ -42,9 +44,9 @@ double parts_of_spin(double rest, double whole, const double* velocity,
 double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
                            const double* held, const StepClock& clock) {
   const double rest = clock.length, whole = clock.whole;
-  const double share = followed(m);
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
+    const double share = followed(m, held && held[index] > 0.0);
     const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
     if (motion.is_accurate(index) && !by_stages) continue;
     const Tree& tree = motion.trees().tree[index];
@@ -75,7 +77,6 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
 double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const RowData& data,
                            const std::vector<char>& touched, const StepClock& clock) {
   const double rest = clock.length;
-  const double share = followed(m);
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!touched[index] || motion.is_accurate(index)) continue;
@@ -83,8 +84,8 @@ double part_of_thrown_turn(const mjModel_* m, const TreeMotion& motion, const Ro
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i;
       const double end = data.velocity[tree.begin + i];
-      const double turn = share * rest * std::abs(end);
-      const double bend = share * rest * std::abs(end - motion.start_velocity()[dof]);
+      const double turn = rest * std::abs(end);
+      const double bend = rest * std::abs(end - motion.start_velocity()[dof]);
       if (turn > kFollowedTurn && is_far(turn, bend) && host::is_rotational(m, dof))
         parts = std::max(parts, turn / kPartTurn);
     }

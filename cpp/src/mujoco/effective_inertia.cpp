@@ -158,7 +158,7 @@ bool takes_derivatives(const mjModel_* m) {
 
 double joint_damping_weight(const mjModel_* m) {
   if (takes_derivatives(m) || is_discrete(m) || (m->opt.disableflags & mjDSBL_DAMPER)) return 0.0;
-  if (is_runge_kutta(m)) return 0.5;
+  if (is_runge_kutta(m)) return 1.0;
   return m->opt.disableflags & mjDSBL_EULERDAMP ? 0.0 : 1.0;
 }
 
@@ -277,7 +277,7 @@ void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& 
 
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
   Tree& t = trees.tree[tree];
-  if (t.free_body || is_free_body(m, tree) || is_runge_kutta(m)) return;
+  if (t.free_body || is_free_body(m, tree)) return;
   if (is_discrete(m))
     t.elastic = t.damped = t.sprung = !trees.implicit_of(tree).empty();
   else
@@ -287,17 +287,6 @@ void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& tr
   if (t.damped && !(t.sparse && t.elastic))
     require(factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse), m,
             t);
-}
-
-void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
-  const Tree& t = trees.tree[tree];
-  if (t.free_body) return;
-  const double* damping = trees.joint_damping.data() + t.dof_begin;
-  if (std::all_of(damping, damping + t.dof_count, [](double of) { return of == 0.0; })) return;
-  double* factor = trees.factor.data() + t.inverse;
-  require(factor_tree(m, d, trees, tree, 0.0, factor), m, t);
-  for (int i = 0; i < t.dof_count; ++i)
-    trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[trees.row_begin[t.dof_begin + i] + i]);
 }
 
 void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,

@@ -10,7 +10,6 @@
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot::host {
@@ -95,9 +94,7 @@ void report_options(const mjModel* m, Report& report) {
                "law comfree goes by the masses of bodies alone; use law kelvin_voigt or Euler");
   else
     report.add("option integrator=" + integrator, Treatment::kHonoured,
-               is_runge_kutta(m) ? "trees without contact are stepped by MuJoCo's own integrator; "
-                                   "mean forces of contacts act in all of its stages"
-                                 : "trees without contact are stepped by MuJoCo's own integrator");
+               "trees without contact are stepped by MuJoCo's own integrator");
   if (o.enableflags & mjENBL_SLEEP)
     report.add("flag sleep", Treatment::kHonoured,
                "islands are those of contacts that could touch in the step; trees that tendons or "

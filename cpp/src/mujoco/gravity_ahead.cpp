@@ -28,22 +28,19 @@ void add_own_weight(const mjModel* m, const mjData* d, int body, double time, do
 
 }  // namespace
 
-int count_light_parts(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
-                      double time, double least) {
-  if (m->opt.disableflags & mjDSBL_GRAVITY) return 0;
+bool has_light_part(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, double time,
+                    double least) {
+  if (m->opt.disableflags & mjDSBL_GRAVITY) return false;
   const Tree& t = trees.tree[tree];
   const double way = 0.5 * time * time * mju_norm3(m->opt.gravity);
-  int count = 0, last = -1;
   for (int i = 0; i < t.dof_count; ++i) {
     const int dof = t.dof_begin + i, joint = m->dof_jntid[dof], body = m->dof_bodyid[dof];
     if (mju_norm3(d->cdof + 6 * dof) == 0.0) continue;  // slides
     const double arm = mju_dist3(d->subtree_com + 3 * body, d->xanchor + 3 * joint);
     const double inverse = inverse_diagonal(trees, tree, i);
-    if (body == last || way * m->body_subtreemass[body] * arm * inverse < least) continue;
-    last = body;
-    ++count;
+    if (way * m->body_subtreemass[body] * arm * inverse >= least) return true;
   }
-  return count;
+  return false;
 }
 
 void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time,

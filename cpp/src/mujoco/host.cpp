@@ -132,7 +132,7 @@ void advance_all_but_motion(mjModel_* m, mjData_* d) {
 
 void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta) {
   const StaysAwake awake(m, d);
-  if (is_runge_kutta(m))
+  if (is_runge_kutta(m) && uses_motion)
     runge_kutta.advance(m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);

@@ -15,7 +15,6 @@
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/trees.hpp"
 #include "dashpot/rows/divergence.hpp"
-#include "dashpot/rows/held_stages.hpp"
 
 namespace dashpot::host {
 
@@ -39,6 +38,7 @@ void get_state(const mjModel* m, const mjData* d, int kind, std::vector<double>&
 RungeKutta::RungeKutta(bool moves_free_bodies) : moves_free_bodies_(moves_free_bodies) {}
 
 bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
+bool has_activations(const mjModel_* m) { return m->na > 0; }
 
 bool others_look_at_stages(const mjModel_* m) {
   return m->nplugin > 0 || mjcb_control || mjcb_passive || mjcb_act_dyn || mjcb_act_gain ||
@@ -82,8 +82,8 @@ class RungeKutta::Start {
   const std::array<mjtBool, 4> flag_;
 };
 
-void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
-                             const FindContacts& find_contacts) {
+void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control,
+                             const std::vector<double>& held, const FindContacts& find_contacts) {
   constraint_force_.assign(d->qfrc_constraint, d->qfrc_constraint + m->nv);
   constrained_ = std::any_of(constraint_force_.begin(), constraint_force_.end(),
                              [](double force) { return force != 0.0; });
@@ -91,9 +91,7 @@ void RungeKutta::find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStag
   activation_.assign(d->act, d->act + m->na);
   velocity_[0].assign(d->qvel, d->qvel + m->nv);
   acceleration_[0].assign(d->qacc, d->qacc + m->nv);
-  find_spring_changes(m, 0, held);
-  add_response_of_springs(m, d, 0);
-  bar(m, d, 0, held);
+  hold(0, held);
   activation_rate_[0].assign(d->act_dot, d->act_dot + m->na);
   read_forces(m, d, 0);
   time_ = d->time;
@@ -139,18 +137,19 @@ mjData* RungeKutta::copy_state(const mjModel* m, const mjData* d) {
   return beside_.get();
 }
 
-void RungeKutta::find_slopes(mjModel* m, mjData* d, bool new_control, HeldStages& held,
-                             const FindContacts& find_contacts) {
+void RungeKutta::find_slopes(mjModel* m, mjData* d, bool new_control,
+                             const std::vector<double>& held, const FindContacts& find_contacts) {
   const ErrorGuard guard(d);
   for (int stage = 1; stage < kStages; ++stage) {
-    go_to_stage(m, d, stage, held);
+    go_to_stage(m, d, stage);
     smooth_stage(m, d, new_control, Sensors::kStay, find_contacts);
-    read_slope(m, d, stage, held);
+    read_slope(m, d, stage);
+    hold(stage, held);
     read_forces(m, d, stage);
   }
 }
 
-void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage, const HeldStages& held) {
+void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage) {
   const double part = kPlace[stage], h = m->opt.timestep;
   const auto move = [&](double* x, const std::vector<double>& start,
                         const std::vector<double>& slope, std::vector<double>& scaled) {
@@ -161,8 +160,6 @@ void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage, const HeldS
   };
   mean_velocity_.assign(m->nv, 0.0);
   mju_addToScl(mean_velocity_.data(), velocity_[stage - 1].data(), part, static_cast<int>(m->nv));
-  if (constrained_)
-    mju_addToScl(mean_velocity_.data(), held.way().data(), 1.0 / h, static_cast<int>(m->nv));
   std::copy(position_.begin(), position_.end(), d->qpos);
   mj_integratePos(m, d->qpos, mean_velocity_.data(), h);
   move(d->qvel, velocity_[0], acceleration_[stage - 1], mean_acceleration_);
@@ -170,7 +167,7 @@ void RungeKutta::go_to_stage(const mjModel* m, mjData* d, int stage, const HeldS
   d->time = time_ + part * h;
 }
 
-void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& held) {
+void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage) {
   if (constrained_) {
     mj_solveM(m, d, d->qacc, constraint_force_.data(), 1);
     mju_addTo(d->qacc, d->qacc_smooth, static_cast<int>(m->nv));
@@ -180,38 +177,12 @@ void RungeKutta::read_slope(const mjModel* m, mjData* d, int stage, HeldStages& 
   velocity_[stage].assign(d->qvel, d->qvel + m->nv);
   acceleration_[stage].assign(d->qacc, d->qacc + m->nv);
   for (int dof : sleeping_) acceleration_[stage][dof] = 0.0;
-  find_spring_changes(m, stage, held);
-  add_response_of_springs(m, d, stage);
-  bar(m, d, stage, held);
   activation_rate_[stage].assign(d->act_dot, d->act_dot + m->na);
 }
 
-// The way to a stage is what `mean_velocity_` has led there by.
-void RungeKutta::find_spring_changes(const mjModel* m, int stage, const HeldStages& held) {
-  spring_change_.clear();
-  if (!held.have_mean_springs()) return;
-  for (int i = 0; i < m->nv; ++i) {
-    const double way = stage > 0 ? m->opt.timestep * mean_velocity_[i] : 0.0;
-    spring_change_.push_back(held.spring_change(i, way));
-  }
-}
-
-void RungeKutta::add_response_of_springs(const mjModel* m, mjData* d, int stage) {
-  if (spring_change_.empty()) return;
-  spring_response_.resize(m->nv);
-  mj_solveM(m, d, spring_response_.data(), spring_change_.data(), 1);
-  mju_addTo(acceleration_[stage].data(), spring_response_.data(), static_cast<int>(m->nv));
-}
-
-void RungeKutta::bar(const mjModel* m, const mjData* d, int stage, HeldStages& held) {
-  row_force_[stage] = constraint_force_;
-  if (!constrained_) return;
-  barred_ = acceleration_[stage];
-  held.bar(acceleration_[stage], kWeight[stage]);
-  for (int i = 0; i < m->nv; ++i) barred_[i] -= acceleration_[stage][i];
-  barring_force_.resize(m->nv);
-  mj_mulM(m, d, barring_force_.data(), barred_.data());
-  mju_subFrom(row_force_[stage].data(), barring_force_.data(), static_cast<int>(m->nv));
+void RungeKutta::hold(int stage, const std::vector<double>& held) {
+  for (size_t i = 0; i < held.size(); ++i)
+    if (!std::isnan(held[i])) acceleration_[stage][i] = held[i];
 }
 
 void RungeKutta::find_mean_slope() {
@@ -241,8 +212,6 @@ void RungeKutta::read_forces(const mjModel* m, const mjData* d, int stage) {
   smooth_force_[stage].assign(d->qfrc_smooth, d->qfrc_smooth + m->nv);
   driving_forces(m, d, driving_force_[stage]);
   damping_forces(m, d, damping_force_[stage]);
-  if (spring_change_.empty()) return;
-  mju_addTo(smooth_force_[stage].data(), spring_change_.data(), static_cast<int>(m->nv));
 }
 
 void RungeKutta::find_mean_forces(const mjModel* m) {
@@ -261,7 +230,6 @@ void RungeKutta::find_mean_forces(const mjModel* m) {
   find(smooth_force_, forces_.smooth);
   find(driving_force_, forces_.driving);
   find(damping_force_, forces_.damping);
-  find(row_force_, forces_.rows);
 }
 
 }  // namespace dashpot::host

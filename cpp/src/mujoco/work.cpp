@@ -205,8 +205,7 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
   };
   const double step = m->opt.timestep, gained = gain(change);
   double integrated = step * gained;
-  if (has_stages(motion, tree))
-    return {0.0, 2.0 / step * form(motion.displacement, motion.beyond_stages)};
+  if (has_stages(motion, tree)) return {};
   if (!(*motion.touched)[tree]) {
     if (t.damped) integrated -= (step - trees.implicit_time) * gain(motion.added);
     return {integrated, integrated};
@@ -219,7 +218,6 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
     return {dragged + as_inertia, dragged + kept * as_inertia};
   }
   const double mean = form(motion.displacement, mean_change_.data());
-  if (motion.stages) return {integrated, 2.0 * mean};
   return {integrated, mean + 0.5 * kept * form(motion.displacement, change)};
 }
 

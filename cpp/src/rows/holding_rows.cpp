@@ -80,32 +80,17 @@ void HoldingRows::find_at_start(const StepView& step, const Rows& rows, const Ro
       const double stiffness[kMaxRows] = {before.stiffness,       before.slide_stiffness,
                                           before.slide_stiffness, before.spin_stiffness,
                                           before.roll_stiffness,  before.roll_stiffness};
-      add(rows, trees, i, stiffness, before.sticking != 0.0, step.length, true);
+      add(rows, trees, c, stiffness, before.sticking != 0.0, step.length);
     } else if (c.kind == RowKind::kUnilateral) {
       const RememberedConstraint before = step.memory.constraint(step.constraints[c.input].memory);
       if (before.deformation < 0.0 && !throws_back(c, before.stiffness, -before.deformation))
-        add(rows, trees, i, &before.stiffness, false, step.length, true);
+        add(rows, trees, c, &before.stiffness, false, step.length);
     }
   }
 }
 
-void HoldingRows::find_at_end(const Rows& rows, const RowData& data, const Trees& trees,
-                              double length) {
-  reset(trees);
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
-    const double* stiffness = rows.stiffness.data() + c.row;
-    const double compression = -data.deformation[c.row];
-    if (c.kind == RowKind::kBilateral ||
-        (c.is_unilateral() && compression > 0.0 &&
-         !is_in_hit(rows, c, data, *stiffness, compression, length)))
-      add(rows, trees, i, stiffness, data.sticking[i], length, false);
-  }
-}
-
-void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness,
-                      bool sticks, double length, bool weighted) {
-  const RowGroup& c = rows.group[group];
+void HoldingRows::add(const Rows& rows, const Trees& trees, const RowGroup& c,
+                      const double* stiffness, bool sticks, double length) {
   const int side = held_side(c, trees);
   const auto swings = [&](int i) {
     return stiffness[i] * rows.inverse_mass[c.row + i] * length * length <= 1.0;
@@ -115,7 +100,7 @@ void HoldingRows::add(const Rows& rows, const Trees& trees, size_t group, const 
   for (int i = 0; i < (sticks ? c.dim : 1); ++i) {
     if (swings(i)) continue;
     row_.assign(t.count, 0.0);
-    if (!weighted || c.is_of_one_coordinate(side)) {
+    if (c.is_of_one_coordinate(side)) {
       const int first = side == 0 ? 0 : c.columns[0];
       for (int at = first; at < first + c.columns[side]; ++at)
         row_[rows.column[c.column + at] - t.begin] = rows.value[c.value + i * c.width() + at];
@@ -224,20 +209,6 @@ void HoldingRows::share_borne(const OfTree& held, double scale, std::vector<doub
 
 void HoldingRows::remove(int tree, int n, double* x, double* share) const {
   remove_shares(held_[tree].basis.data(), count_[tree], n, share, x);
-}
-
-double HoldingRows::free_inverse_mass(const Trees& trees, int tree, int i) const {
-  const int n = trees.tree[tree].count;
-  thread_local AlignedDoubles own;  // kept by the thread: no allocation in a step
-  own.assign(n, 0.0);
-  own[i] = 1.0;
-  weight_row(trees, tree, own.data());
-  double left = product(own.data(), own.data(), n);
-  for (int c = 0; c < count_[tree]; ++c) {
-    const double share = product(own.data(), held_[tree].basis.data() + c * n, n);
-    left -= share * share;
-  }
-  return left;
 }
 
 }  // namespace dashpot

@@ -46,7 +46,7 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 4 * held_trees + 6 * held_dofs + 2 * held_coordinates;
+  return 4 * held_trees + 5 * held_dofs + 2 * held_coordinates;
 }
 
 int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
@@ -82,8 +82,7 @@ HeldMotion Memory::held_motion() const {
   motion.displacement = motion.energy + layout_.held_trees;
   motion.potential = motion.displacement + layout_.held_dofs;
   motion.drive = motion.potential + layout_.held_dofs;
-  motion.drive_change = motion.drive + layout_.held_dofs;
-  motion.commanded_change = motion.drive_change + layout_.held_dofs;
+  motion.commanded_change = motion.drive + layout_.held_dofs;
   motion.followed = motion.commanded_change + layout_.held_dofs;
   motion.acceleration = motion.followed + layout_.held_dofs;
   motion.other_force = motion.acceleration + layout_.held_coordinates;

@@ -15,16 +15,14 @@
 //
 // s+ = max(0, s): what it touches ends its fall. Of a face along m the height where the geom comes
 // to it counts, not that of its far end. b is the sag of a tile that is a body itself: how deep it
-// is pressed into what bears it, and that into the next. A plank under a box lies some 10 um deeper
-// than the next one, which caught the box dead. What the other one continues is not seen in the
-// middle of the step past its end (detection/far_pair.hpp).
+// is pressed into what bears it, and that into the next. What the other one continues is not seen
+// in the middle of the step past its end (detection/far_pair.hpp).
 //
 // What rolls over a seam is for a while in touch with the face of one tile and the edge of the
-// other, in one place. Two springs there are as stiff again, and the one on the tile ahead begins
-// without the compression of the one behind: a ball of 1e3 N/m jumped by most of its radius. Of
-// balls, ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper
-// contact stays, and takes over what the other remembers (ContactInput::takes_over), unless the
-// other face lies beneath: a core bears what is pressed through a skin.
+// other, in one place: two springs, of which the one ahead begins without compression. Of balls,
+// ellipsoids, capsules and cylinders, and tiles that are geoms of one body, only the deeper contact
+// stays, and takes over what the other remembers (ContactInput::takes_over), unless the other face
+// lies beneath: a core bears what is pressed through a skin.
 
 #pragma once
 

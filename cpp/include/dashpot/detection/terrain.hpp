@@ -2,8 +2,7 @@
 //
 // MuJoCo collides a geom with every prism beneath it, each of which gives the point where it is
 // deepest: of a box that lies on flat ground any point on each, another one in every step, and
-// along the sides that prisms have in common any normal. What lay there rattled for good, a box of
-// 1 kg on 0.4 W from recovery.
+// along the sides that prisms have in common any normal.
 //
 // A geom touches a surface of triangles in points of its own on faces
 // (detection/terrain_points.hpp), and in corners and edges of the surface that stand out. The first

@@ -4,11 +4,10 @@
 // the lowest line of those that lie, the balls at the ends of capsules, the lowest point of an
 // ellipsoid or a ball, over the triangle beneath it, and over those beside that rise from it.
 //
-// What rolls in a groove or a bowl hits the triangle that rises before it. Found when its lowest
-// point is over that, the overlap of up to a step was recovered, and put in the work of its weight.
-// So triangles in which a round surface lies deeper at the end of the step, at the velocities of
-// its start, are touched as planes too. One that is softer than that, and over several triangles at
-// once, is borne by the deepest alone (terrain_contacts.hpp).
+// What rolls in a groove or a bowl hits the triangle that rises before it. So triangles in which a
+// round surface lies deeper at the end of the step, at the velocities of its start, are touched as
+// planes too. One that is softer than that, and over several triangles at once, is borne by the
+// deepest alone (terrain_contacts.hpp).
 
 #pragma once
 

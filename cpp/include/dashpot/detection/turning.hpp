@@ -18,37 +18,30 @@
 //
 //     H^3 / 8 dT/dt
 //
-// more than the rates of the middle lead it. A pebble that rocks sinks in by that as it swings
-// down, rose by recovery some steps later, under a larger load, and gained 18 % of its energy in
-// 30 s at 2 ms. With what T changed by since the last step this goes along with the rates
-// (RowData::drift); gap and overlap are then of fourth order.
+// more than the rates of the middle lead it. With what T changed by since the last step this goes
+// along with the rates (RowData::drift); gap and overlap are then of fourth order.
 //
 // What goes on far in the step may be past an edge by the middle (detection/far_pair.hpp).
 //
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
-// where the force of that has its centre (hit.hpp): in the middle of the step it would do work
-// on the turn before or after, some percent of an elastic hit's energy at 1 ms and 20 rad/s. That
-// is known of two bodies that hit each other alone (detection/pair_hits.hpp). Of others a blow
-// between round ones that begins or ends early keeps the geometry of the start. Round bodies that
-// fly have the normal of their impact (impacts/flight_contacts.hpp). A hit of SI stiffness lasts as
-// long as its spring swings, and turns them on: two balls of 1e5 N/m that glance at 3 m/s by
-// 0.08 rad, which normals of the impact lacked. It is taken on to the centre of its force, its gap
+// where the force of that has its centre (hit.hpp), or it would do work on the turn before or
+// after. That is known of two bodies that hit each other alone (detection/pair_hits.hpp). Of others
+// a blow between round ones that begins or ends early keeps the geometry of the start. Round bodies
+// that fly have the normal of their impact (impacts/flight_contacts.hpp), and a hit of SI stiffness
+// turns them on as long as its spring swings: it is taken on to the centre of its force, its gap
 // closing when it did.
 //
-// What is apart at the start and comes on is frozen where it is met. Found ahead, an edge has the
-// plane through its nearest point: of a tile 10 um higher, at which a ball of radius r arrives in a
-// step at the speed v, one that rises by v H / r, though the ball has its lowest point there when
-// it arrives. At 2 m/s and 5 ms it jumped by 25 mm, on a cart's wheels as alone, and was stopped by
-// a bar that it passes under. As gaps of convex geoms that pass close ever slower, the planes at
+// What is apart at the start and comes on is frozen where it is met: the plane through the nearest
+// point of an edge ahead rises before what passes over it. As gaps of convex geoms that pass close
+// ever slower, the planes at
 //
 //     t+ = t + g(t) / -g'(t)
 //
 // come to where they meet from below, or to where they pass.
 //
 // Of links the axes of the joints go to the middle (mujoco/moved_axes.hpp), also where they turn
-// above a foot that stands: of its own motion the floor sees none, but a trunk that swung above it
-// gained energy as what rolls does. Their inertia stays that of the start, where smooth forces are:
-// the second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
+// above a foot that stands. Their inertia stays that of the start, where smooth forces are: the
+// second half of the step corrects both (trapezoid.hpp). So does that of free bodies that
 // constraints hold, whose rows have the geometry of the start.
 
 #pragma once

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "dashpot/geometry/pair_motion.hpp"
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 

@@ -55,9 +55,8 @@ class FlightPaths {
   double half_width(const ContactInput& contact) const;
   bool are_round(const ContactInput& contact) const;
 
-  // Follows the geoms of a contact to where they meet or pass by. `departs` (m): how far what holds
-  // them may take them from their smooth motion.
-  void follow(const ContactInput& contact, double departs, Flight& flight) const;
+  // Follows the geoms of a contact to where they meet or pass by.
+  void follow(const ContactInput& contact, Flight& flight) const;
 
  private:
   bool one_is_round(const ContactInput& contact) const;

@@ -8,8 +8,7 @@
 //   half-width, a smaller one where both are round: theirs turn the normal all the way; or which
 //   closes in the step, and may pass an edge,
 // - belongs to free, fixed or mocap bodies on which nothing else can act in the step: no
-//   constraint, no contact that touches or closes, none that what it acts on may come to;
-//   round ones may be held gently, as by a table (flight_disturbance.hpp),
+//   constraint, no contact that touches or closes, none that what it acts on may come to,
 //
 // the time of impact along their smooth motion (flight.hpp) is found. A pair without one in the
 // step is a near miss: its contacts are left out, the next step finds them anew. Where the surfaces
@@ -26,8 +25,7 @@
 
 #include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/impacts/flight.hpp"
-#include "dashpot/impacts/flight_disturbance.hpp"
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
@@ -40,16 +38,16 @@ class FlightContacts {
  public:
   // Corrects the contacts of a step of `length` (s), also in `data`. `reach` is that of the
   // detection that found them.
-  void follow(const mjModel_* model, mjData_* data, const Memory& memory,
-              const host::ReachBuffers& reach, const std::vector<ConstraintInput>& constraints,
-              double length, std::vector<ContactInput>& contacts);
+  void follow(const mjModel_* model, mjData_* data, const host::ReachBuffers& reach,
+              const std::vector<ConstraintInput>& constraints, double length,
+              std::vector<ContactInput>& contacts);
   // Pairs whose contacts follow() left out, sorted.
   const std::vector<GeomPair>& near_misses() const { return misses_; }
 
  private:
   GeomShapes shapes_;
   std::vector<Flight> flights_, redirected_;
-  FlightDisturbance disturbance_;
+  std::vector<char> disturbed_;  // by tree
   std::vector<GeomPair> misses_;
 };
 

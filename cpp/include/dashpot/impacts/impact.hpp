@@ -19,7 +19,7 @@
 
 #include <vector>
 
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/step_clock.hpp"
@@ -45,8 +45,7 @@ struct Part {
 Part part_before_impact(const mjModel_* model, const mjData_* data, const Memory& memory,
                         const std::vector<double>& acceleration,
                         const std::vector<ConstraintInput>& constraints,
-                        const std::vector<ContactInput>& contacts, const StepClock& clock,
-                        ProvenApart& proven);
+                        const std::vector<ContactInput>& contacts, const StepClock& clock);
 
 // Takes out the contacts of some sorted pairs.
 void drop_pairs(const std::vector<GeomPair>& pairs, std::vector<ContactInput>& contacts);

@@ -10,7 +10,7 @@
 
 #include <vector>
 
-#include "dashpot/impacts/proven_apart.hpp"
+#include "dashpot/impacts/geom_pair.hpp"
 #include "dashpot/islands/group_material.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/row_data.hpp"

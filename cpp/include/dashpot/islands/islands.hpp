@@ -27,10 +27,10 @@ inline constexpr double kResolution = 0.6;  // theta
 // Of "auto": with 10, boxes that are pushed creep while they are rocked.
 inline constexpr int kMinimumMicrosteps = 13;
 // Rigid contacts last some three micro-steps when they are hit, too few for what friction and other
-// contacts do meanwhile: a foot that came down off-centre rebounded along the floor. An island of
-// few groups that is hit takes so many times as many micro-steps with "auto", at most
-// max_microsteps, and its rigid rows get no stiffer for it. Where two bodies hit each other alone
-// they are only as stiff as a third of its micro-steps resolves, but at least kFewestOfHits.
+// contacts do meanwhile. An island of few groups that is hit takes so many times as many
+// micro-steps with "auto", at most max_microsteps, and its rigid rows get no stiffer for it. Where
+// two bodies hit each other alone they are only as stiff as a third of its micro-steps resolves,
+// but at least kFewestOfHits.
 inline constexpr int kMicrostepsOfHits = 3;
 inline constexpr double kFewestOfHits = 4.0;  // a hit then lasts two thirds of the step
 inline constexpr int kFewGroups = 24;         // of an island

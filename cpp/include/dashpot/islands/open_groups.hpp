@@ -1,11 +1,9 @@
 // Contacts and limits that are found ahead, but stay open.
 //
 // Detection looks as far as bodies may come in a step, whatever hits them meanwhile. What is found
-// there, and comes and goes with the speeds of the bodies, acts on nothing; but in the bound on the
-// coupling of their rows (row_stiffness.hpp) it would make all rigid rows of its trees softer.
-// Resting stacks, beside which something slid a tenth of a millimetre away, were shaken by their
-// own stiffness that changed by half from step to step: what a spring is compressed less by as it
-// stiffens is overlap that nothing bears, and recovers. So bounds leave out a group of gap g in a
+// there acts on nothing; but in the bound on the coupling of their rows (row_stiffness.hpp) it
+// would make all rigid rows of its trees softer, and change them from step to step. So bounds leave
+// out a group of gap g in a
 // step H with
 //
 //     g >= kMayMeet H (v_1 + v_2) ,

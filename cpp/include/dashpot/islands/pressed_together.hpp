@@ -13,9 +13,7 @@
 //
 // (Rayleigh's quotient: exact where x is a mode, as where a body lands without turning). Damping in
 // proportion to stiffness, d = 2 zeta k / omega, gives this mode the ratio zeta, and one contact
-// alone d = 2 zeta sqrt(k / w). With d = 2 zeta sqrt(k_i / w_i) for each contact on its own, w_i
-// being that of a push off the centre, a post of restitution 0.5 would rebound from its end at
-// 0.3, a thin plate from its side at 0.58.
+// alone d = 2 zeta sqrt(k / w).
 //
 // x is the overlap to which the velocities of the start lead from the onset of the first contact
 // on, half way to the end of the step or to 1 / sqrt(w k) after it: a corner that comes first is

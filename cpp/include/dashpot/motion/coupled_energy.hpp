@@ -16,22 +16,19 @@
 //
 // An impact or a configuration near a singular one leaves no s near 1. Trees that equalities tie to
 // what does not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it
-// away: a taut net, which is singular all the time, would gain energy until it shook. (The momentum
-// of others is their own.) So is a tree that only contacts and limits hold, unless much of it would
-// have to be added; and so it is where the second half would be a large part of its velocity.
+// away. So is a tree that only contacts and limits hold, unless much of it would have to be added,
+// and where the second half would be a large part of its velocity.
 //
 // Nor is there an s where a linkage goes on smoothly and the power of the second half passes
 // through zero: what is left to conserve is of the order (omega H)^3, and no s has a part in it.
 // All of it is taken then, and the speed of those tied to what does not move is made right after
-// it, by at most kSmooth of it. (Without, a crank lost a fiftieth of its energy a turn.)
+// it, by at most kSmooth of it.
 //
 // All this goes by the motion beside the translations that the trees have in common, whose momentum
 // nothing of it changes (common_translation.hpp): `inside`.
 //
-// Springs, weights and servos alone need no such s. At turning points energies determine none, and
-// what is gained there adds up: at omega H = 0.3 the energy of an oscillation grew by some parts in
-// ten thousand a step, at 0.6 by a tenth; and what a slow motion asks for feeds a fast one beside
-// it. Where they bring most of the second half, and are restoring,
+// Springs, weights and servos alone need no such s: at turning points energies determine none.
+// Where they bring most of the second half, and are restoring,
 //
 //     0 < -(df dq) H^2 / (dq'M dq) <= 4,      df: by what they have changed,
 //

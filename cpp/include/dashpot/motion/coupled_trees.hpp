@@ -19,10 +19,8 @@ namespace dashpot {
 // Finds for every tree the first one that equalities couple it to, -1 if none do.
 void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree);
 // Then lets each of the others that contacts or limits may hold be its own first one, but for free
-// bodies and with RK4, whose smooth motion knows how its forces change, unless it has `light` parts
-// (by tree).
-void add_held_trees(const mjModel_* model, const Rows& rows, const std::vector<char>& light,
-                    std::vector<int>& first_tree);
+// bodies.
+void add_held_trees(const mjModel_* model, const Rows& rows, std::vector<int>& first_tree);
 // Then does the same for those that rows held in the last step and hold no more.
 void add_freed_trees(const mjModel_* model, const HeldMotion& before, std::vector<int>& first_tree);
 

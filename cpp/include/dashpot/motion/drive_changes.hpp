@@ -2,23 +2,19 @@
 // goes into the second half of a step (trapezoid.hpp, with the symbols).
 //
 // Most often they follow from the motion: position servos, and controllers that are asked once a
-// step. Held over a step whose positions have both halves they would gain energy as springs do,
-// from omega^2 H / 4; MuJoCo's semi-implicit steps hide it. So a' has their change
+// step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their
+// change
 //
 //     e' - e,    e: all of them but what H1 treats implicitly.
 //
-// Where no s near 1 is left with it, they are taken as held after all. So it is with servos of
-// light fingers that hold something heavy, whose second half alone would throw them about. There
-// what e changed by in the last step and in the one before, the smaller of the two, is taken to go
-// on: half of it is a load beside e, which does its work as e does.
+// Where no s near 1 is left with it, they are taken as held after all, as servos of light fingers
+// that hold something heavy.
 //
 // Forces may also jump, as commands do. A jump is held, as MuJoCo holds it: a push of n steps gives
-// n e H. (Followed, its first half would find no s where the tree rests, and its second half, -e H
-// / 2, one where the tree moves by then.) Apart from what servos change by because joints move,
-// which follows from the motion, it is what two changes, one after the other, differ by, where that
-// is much. But where a force falls at once that was followed on its way up, as a sawtooth does,
-// that much is followed down: of any course it is half a step of its largest value, at most, that
-// is left of the halves.
+// n e H. Apart from what servos change by because joints move, it is what two changes, one after
+// the other, differ by, where that is much. But where a force falls at once that was followed on
+// its way up, that much is followed down: of any course it is half a step of its largest value, at
+// most, that is left of the halves.
 
 #pragma once
 
@@ -42,24 +38,19 @@ class DriveChanges {
             const std::vector<char>& left_half);
   // Of what is followed, counts the part s of a tree.
   void count_followed(const Tree& tree, double s);
-  // Lets a tree's go on as they changed, of which `ahead` of a step is the load.
-  void go_on(const Tree& tree, const HeldMotion& before, double ahead);
   // Keeps a tree's for the next step.
   void keep(const Tree& tree, HeldMotion& now) const;
 
   // By degree of freedom: the change that is followed, and what of it servos have because joints
-  // moved; loads of trees whose drives go on, empty without any.
+  // moved.
   double followed_change(int dof) const { return followed_change_[dof]; }
   double servo_change(int dof) const { return servo_change_[dof]; }
-  const std::vector<double>& load() const { return load_; }
 
  private:
-  // By degree of freedom: e of this step, and its change since the last one; of that, what servos
-  // have because joints moved, the rest, and what of both is followed; what of the rest has been
+  // By degree of freedom: e of this step; of its change since the last one, what servos have
+  // because joints moved, the rest, and what of both is followed; what of the rest has been
   // followed so far.
-  std::vector<double> drive_, change_;
-  std::vector<double> servo_change_, commanded_change_, followed_change_, followed_;
-  std::vector<double> load_;
+  std::vector<double> drive_, servo_change_, commanded_change_, followed_change_, followed_;
 };
 
 }  // namespace dashpot

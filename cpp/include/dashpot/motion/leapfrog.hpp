@@ -6,26 +6,19 @@
 //
 // are leapfrog: q is the position of half a step after v. Trees that rows hold have both in time.
 // Taken for each other, they cost the energy H f v / 2, f the smooth forces, wherever a tree lands
-// and where it leaves again: a ball that falls half a metre by a slide joint and bounces without
-// loss rose to .9876 of it at 2 ms. So a tree that rows hold after a step by MuJoCo's integrator
-// begins where it is in time, with the gaps that it has there, and one that leaves its rows at the
-// end of a step ends ahead:
+// and where it leaves again. So a tree that rows hold after a step by MuJoCo's integrator begins
+// where it is in time, with the gaps that it has there, and one that leaves its rows at the end of
+// a step ends ahead:
 //
 //     q - (l v + l^2 a / 2),    q' + (l v' + l^2 a' / 2),    l = H / 2,
 //
-// a the smooth acceleration there, with that of linear springs: without it, what lands and leaves
-// with other springs tense gained or lost .6 % of its energy each time at omega H = 0.19. One whose
-// rows are still compressed at the end of a step, and hold it no more in the next, where geometry
-// has them apart, goes l v ahead in that. Neither does where this, or the next step after it, would
-// take it into a row: micro-steps move it in time, as if the row held it, until it lands or has
-// room, or it would fall back time and again from what it never reaches, and what leaves a row for
-// less than a step would go on by one and a half steps and then by a half. By MuJoCo's update it
-// would lose or gain H f v / 2 each time: a table on a spring swung nine times as far after a
-// second of a ball that hopped on it. Where rows bar the way back, it goes around them and keeps
-// the part of its lead that they bar. Momentum is that of the forces, always. Contacts are seen
-// where velocities lead from q until the middle of the step, which is H / 2 less far, and rows have
-// the times of where trees fell back to: with half a step of their turn missing, what inertia
-// presses left again in every other step. Free bodies and RK4 do not lead.
+// a the smooth acceleration there, with that of linear springs. One whose rows are still compressed
+// at the end of a step, and hold it no more in the next, where geometry has them apart, goes l v
+// ahead in that. Neither does where this, or the next step after it, would take it into a row:
+// micro-steps move it in time, as if the row held it, until it lands or has room. Momentum is
+// that of the forces, always. Contacts are seen where velocities lead from q until the middle of
+// the step, which is H / 2 less far, and rows have the times of where trees fell back to. Free
+// bodies and RK4 do not lead.
 
 #pragma once
 
@@ -80,7 +73,6 @@ class Leapfrog {
   void find_recovering(const Rows& rows, const RowData& data);
   // Shifts trees that the last step left ahead back; whether there are any.
   bool find_way_back(const TreeMotion& motion, RowData& data);
-  void make_way_for_rows(const TreeMotion& motion, const Rows& rows, RowData& data);
   // Gives rows the deformations and offsets that they have where trees are in time.
   void take_gaps_back(const Rows& rows, RowData& data);
   void take_times_back(Rows& rows) const;
@@ -100,9 +92,7 @@ class Leapfrog {
   // By motion coordinate: how far those that lead, and those that do so late, go ahead, and where
   // the next step would take them.
   AlignedDoubles way_ahead_, late_way_, next_way_, start_velocity_;
-  // By the same: of the lead that fall_back found, what it went back by, what it left, a push, and
-  // the whole way back.
-  AlignedDoubles way_back_, kept_way_, push_, whole_way_back_;
+  AlignedDoubles way_back_;             // by the same, see way_back()
   AlignedDoubles acceleration_, pull_;  // of find_acceleration
 };
 

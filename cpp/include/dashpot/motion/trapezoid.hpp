@@ -35,24 +35,16 @@
 // they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in the
 // step in which the half is added, of whose forces it is a part.
 //
-// Gravity has its second half a step after its first. Where it turns light parts far meanwhile, as
-// the links of a rope on the floor about their own axes, which contacts hold, but not in the turned
-// axes of the start,
+// Gravity has its second half a step after its first. Where it turns light parts far meanwhile,
 //
 //     H^2 m g l / 2 I > 1,    l: from a joint to the centre of mass m of all that hangs on it,
 //
-// that feeds on itself: 24 links that coast at 1 m/s whirled, and stopped, at 2 ms. There gravity
-// is that of the middle of the step, where velocities take the tree, as contacts are
-// (mujoco/gravity_ahead.hpp): a load beside the smooth forces in this step, and no part of the
-// second half, which then has springs alone for p. It is as symplectic as the trapezoidal rule, but
-// of the latter s conserves the energy.
+// as the links of a rope on the floor about their own axes, that feeds on itself. There gravity is
+// that of the middle of the step, as contacts are (mujoco/gravity_ahead.hpp): a load beside the
+// smooth forces in this step, and no part of the second half, which then has springs alone for p.
 //
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
-// (J1 - J0)' lambda, and contacts leave no second half. With RK4, whose stages see how smooth
-// forces change, contacts and limits leave none either. Trees that equalities couple, and those
-// with light parts as above, follow this rule with RK4 too: under row forces that stay as they are,
-// stages take a light link where only its own spring, weight and spin would, far from where heavy
-// ones, or the floor, let it.
+// (J1 - J0)' lambda, and contacts leave no second half.
 //
 // s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
 // that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
@@ -118,8 +110,6 @@ class Trapezoid {
   const double* added_velocity() const { return added_.empty() ? nullptr : added_.data(); }
   // Adds to `impulse`, by row, what rows bore of that.
   void add_borne(std::vector<double>& impulse);
-  // Loads besides the smooth forces (nv) of trees whose drives go on as they changed; null: none.
-  const double* load() const { return drives_.load().empty() ? nullptr : drives_.load().data(); }
   // rad, most that a row of an equality turns in this step (turning_parts.hpp).
   double fastest_turn() const { return fastest_turn_; }
 
@@ -152,8 +142,6 @@ class Trapezoid {
   void book_second_half(EnergyLedger& ledger) const;
   void add_second_half(const Trees& trees, RowData& data);
   void count_followed_changes(const Trees& trees);
-  // Where drives are not followed, lets them go on as they changed.
-  void load_drives(double length, const Memory& memory, const Trees& trees, RowData& data);
   void stop_fast_turns(double length, Rows& rows);
   // Adds a tree's part of a load (nv) to its smooth acceleration.
   void add_load(const std::vector<double>& load, int tree, const Trees& trees, RowData& data);

@@ -7,12 +7,8 @@
 //
 // Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
 // of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
-// take the velocity to which MuJoCo's integrator comes under the mean forces of the rows, and those
-// that dry friction alone slows its position too; those that stiff rows hold go as much farther
-// than in the micro-steps as they do in the stages (held_stages.hpp), unless contacts join them to
-// others, which go as in the micro-steps. That velocity stays where rows move a tree whose joint
-// dampers RK4 does not resolve, and of trees on the trapezoidal rule, which with RK4 are those that
-// equalities couple.
+// that dry friction alone slows take the velocity and position to which MuJoCo's integrator comes
+// under the mean forces of the rows.
 
 #pragma once
 
@@ -30,13 +26,10 @@ struct mjData_;
 
 namespace dashpot {
 
-class HeldStages;
-
 // What rows did to a tree in a step.
 struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
-  bool carries = false;  // some of these are contacts
   bool held = false;     // so did rows that have a position, which dry friction has not
   // In the geometry of a time within the part, its middle or that of a hit.
   bool frozen_ahead = false;
@@ -44,9 +37,6 @@ struct RowsOnTree {
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
   // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
   const double* added_velocity = nullptr;
-  // Of RK4, null without: what rows left of its stages, and its mean velocity, generalized.
-  const HeldStages* stages = nullptr;
-  const double* mean_velocity = nullptr;
 };
 
 class TreeMotion {
@@ -80,8 +70,6 @@ class TreeMotion {
   void damp_in_microsteps(const mjData_* d, int tree);
   // Lets the springs of its joints act there (mujoco/joint_springs.hpp).
   void spring_in_microsteps(int tree);
-  // Takes the dampers of a tree out of the factor of its inertia, after the micro-steps of RK4.
-  void leave_dampers_to_stages(const mjData_* d, int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
   void invert_inertia(const mjData_* d, int tree);
   void invert_inertia(const mjData_* d, const std::vector<RowGroup>& groups, Team& team);
@@ -94,8 +82,7 @@ class TreeMotion {
   void add_velocity(mjData_* d, int tree, const double* change);
   // Decides whether MuJoCo's integrator has the velocity of a tree, which is not accurate; before
   // that has advanced anything.
-  void find_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
-                       const RowData& data);
+  void find_integrated(int tree, const RowsOnTree& by_rows);
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
   // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
@@ -121,12 +108,6 @@ class TreeMotion {
   void stay(int tree, RowData& data);
   void load_from_springs(const mjData_* d, double length, RowData& data);
   void to_coordinates(int tree, const double* generalized, double* coordinates) const;
-  bool is_integrated(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
-                     const RowData& data) const;
-  bool resolves_dampers(const mjData_* d, int tree, double length, const RowsOnTree& by_rows,
-                        const RowData& data) const;
-  void add_way_of_stages(const Tree& tree, double length, const RowsOnTree& by_rows,
-                         RowData& data) const;
   double contact_work(int tree, double length, const RowData& data) const;
   double advance_free_body(mjData_* d, int tree, double length, const RowsOnTree& by_rows,
                            const RowData& data);

@@ -2,8 +2,7 @@
 //
 // They take Coriolis and centrifugal forces as those of the start of the step, or, RK4, of four of
 // its moments; and rows act in the geometry of its start. Where links turn by h w (rad) about
-// several axes, that adds to their energy in every step, until they diverge, as light wrists do
-// that a fall has thrown to 150 rad/s, at steps of 2 ms. So a step in which a joint both turns far
+// several axes, that adds to their energy in every step. So a step in which a joint both turns far
 // and changes its velocity,
 //
 //   turn = h |w|,  bend = h^2 |dw/dt|,  bend > kFollowedBend,  turn + bend > kFollowedTurn,
@@ -18,33 +17,23 @@
 //
 //     bend = turn h |a_t| / |v|,    a_t: what translations have of the acceleration by bias alone,
 //
-// since weight and drives do not turn. Without, a lump on two slides whose centre of mass lay 4 mm
-// beside its hinge had between 0.4 and 2.4 times its energy in free flight, at 5 rad a step, and
-// thrown at a floor up to 1.8 times.
+// since weight and drives do not turn.
 //
 // Axes of ball and free joints turn with them, and against the axes turns what velocity they have
-// across their spin. Integrated to second order, it turns too far by (h w)^3 / 6 in a step. Where a
-// light frame spins about the rotor of a gyroscope, that velocity is all that carries its nutation,
-// which turns more slowly by far: of one that stands on its tip and has a rotor of 200 rad/s, by
-// 0.02 rad where the frame spins by 0.3 rad, 0.0045 rad too far. From there on its energy grew
-// without bound. So a step in which such a joint turns by more than kFollowedTurn is taken in parts
-// as soon as its axis of rotation moves by more than kSteadyAxis. That is small since the smooth
-// acceleration lacks what rows do: in flight the same frame would nod about as fast as it spins, so
-// that its velocity hardly changed in its own axes.
+// across their spin: integrated to second order, too far by (h w)^3 / 6 in a step. So a step in
+// which such a joint turns by more than kFollowedTurn is taken in parts as soon as its axis of
+// rotation moves by more than kSteadyAxis. That is small since the smooth acceleration lacks what
+// rows do.
 //
 // Of trees that rows hold, what joints hang on carries their axes along, and with them the axes
 // along which weight and contacts cancel. The rows have those of the middle, H and what joints damp
-// those of the start: a chain of ball joints that rolled at 0.15 rad a step buckled. So a step in
-// which an axis is carried on by more than kPartTurn is taken in parts, too.
+// those of the start. So a step in which an axis is carried on by more than kPartTurn is taken in
+// parts, too.
 //
 // Equalities turn with what they couple, and the velocities at the end of a step, which lack its
 // second half (trapezoid.hpp), have an energy that is off by half the square of the angle. So a
 // step in which the row of one turns by more than kPartTurn, dJ/dt xi H over the speed that the
 // kinetic energy of all could give it, is taken in parts, too.
-//
-// The numbers are measured: a limp robot whose wrists are three joints in one place still diverged
-// in some falls with 16 or 32 parts, or with parts of 0.15 rad, and with these in none. Gymnasium's
-// environments, which turn by 0.2 rad at most (0.3 with RK4), step whole.
 
 #pragma once
 

@@ -1,15 +1,13 @@
 // The inertia through which rows act: M + H D, with D by integrator.
 //
-//     Euler          joint damping, as MuJoCo's Euler treats it implicitly
+//     Euler, RK4     joint damping, as MuJoCo's Euler treats it implicitly
 //     implicitfast   minus the symmetric derivatives of all smooth forces but the bias, as MuJoCo
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
 //     discrete       of springs, dampers, servos, drag and flexes, with H^2 K (discrete.hpp)
-//     RK4            half of the joint damping: the trapezoidal rule, of second order. Its stages
-//                    see dampers themselves, and M.
 //
-// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp) but with RK4, and H D / 4
-// is left in the inertia through which these rows act. So do the springs of `discrete`, of which
-// D has H K.
+// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp), and H D / 4 is left in
+// the inertia through which these rows act. So do the springs of `discrete`, of which D
+// has H K. The stages of RK4 see dampers themselves, and M.
 
 #pragma once
 
@@ -62,11 +60,8 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
 // Of a sparse tree whose springs couple its bodies: the factor of H, unless the step has it.
 void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
-// micro-steps, and the factor with what is left of H D. Not of free bodies, and not with RK4.
+// micro-steps, and the factor with what is left of H D. Not of free bodies.
 void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
-// Of a tree with joint dampers, which H has: replaces its factor by that of M, and 1 / sqrt(D) of
-// it, for what goes through M; inv(H) stays.
-void factor_inertia_alone(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // The smooth generalized acceleration of a tree through the effective inertia. That of a free body,
 // and of trees whose derivatives were changed, goes through all derivatives as they are, as in
 // MuJoCo: lift and drag of a fluid couple how a body goes with how it turns, and not symmetrically.

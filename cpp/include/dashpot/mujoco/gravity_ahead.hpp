@@ -22,11 +22,11 @@ namespace dashpot::host {
 void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time,
                        std::vector<double>& wrench, double* change);
 
-// How many bodies of a tree whose inverse inertia is known have a joint with t^2 m g l / 2 I of
+// Whether a body of a tree whose inverse inertia is known has a joint with t^2 m g l / 2 I of
 // `least` or more, t: `time` (s): by how much gravity that lags by t / 2 turns a part, relative to
 // what this has turned in t. m: mass of all that hangs on a joint, l: how far its centre is from
 // that.
-int count_light_parts(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
-                      double time, double least);
+bool has_light_part(const mjModel_* m, const mjData_* d, const Trees& trees, int tree, double time,
+                    double least);
 
 }  // namespace dashpot::host

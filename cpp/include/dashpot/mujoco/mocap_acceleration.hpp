@@ -1,9 +1,8 @@
 // Acceleration of mocap bodies within a step.
 //
 // At a constant velocity in each step, that of a body with the acceleration a would jump by a H
-// from one step of length H to the next: boxes on trays slipped by up to (a H)^2 / (2 mu g) in
-// each, and on plates that shook at 0.8 g one step in six had no contact force. So within step n it
-// is linear about its mean v_n,
+// from one step of length H to the next, and what it carries would slip. So within step n it is
+// linear about its mean v_n,
 //
 //     v(t) = v_n + a_n (t - H_n / 2) ,   a_n = c_n + (c_n - c_n-1) / 2 ,
 //     c_n = 2 (v_n - v_n-1) / (H_n + H_n-1) ,

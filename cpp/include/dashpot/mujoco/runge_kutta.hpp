@@ -9,10 +9,8 @@
 //
 // x: positions, velocities and activations; accelerations in f are inv(M) (smooth forces + F).
 // Where F is zero this is mj_RungeKutta to the bit; where F balances the smooth forces, rest stays.
-// Trees that equalities couple follow the trapezoidal rule instead (trapezoid.hpp). Another one
-// that rows hold moves along them as it did in the micro-steps, with the mean force that its
-// springs had there (held_stages.hpp). A light foot would otherwise leave the ground within the
-// stages and take load off the spring of its leg.
+// Trees that rows hold follow the trapezoidal rule instead, as with other integrators
+// (trapezoid.hpp). The stages have them where the mean acceleration of their micro-steps leads.
 
 #pragma once
 
@@ -25,16 +23,13 @@
 struct mjModel_;
 struct mjData_;
 
-namespace dashpot {
-class HeldStages;
-}
-
 namespace dashpot::host {
 
 // Finds the contacts of the present positions, in a room that knows detection.
 using FindContacts = std::function<void(mjModel_*, mjData_*)>;
 
 bool is_runge_kutta(const mjModel_* m);
+bool has_activations(const mjModel_* m);
 // Whether others than MuJoCo may look at the data of a stage, or leave something there.
 bool others_look_at_stages(const mjModel_* m);
 
@@ -48,7 +43,6 @@ struct StageForces {
   StageForce smooth;
   // Parts of it: see driving_forces in mujoco/forces.hpp; of dampers and fluids.
   StageForce driving, damping;
-  StageForce rows;  // F and what rows bar with
 };
 
 // Keeps its arrays from step to step.
@@ -59,10 +53,11 @@ class RungeKutta {
 
   // Finds the motion over the model's time step: `d` has been computed for its present state, up
   // to qacc and qfrc_constraint, and is left so. `new_control` false: within the step the control
-  // callback is not asked. Where a callback raises, and with std::runtime_error where the motion
+  // callback is not asked. `held` (nv): mean accelerations of trees that rows hold, NaN of others,
+  // or empty. Where a callback raises, and with std::runtime_error where the motion
   // diverges, or where callbacks or plugins look at the stages of a model with adhesion, state,
   // controls and applied forces are those of the start again.
-  void find_motion(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+  void find_motion(mjModel_* m, mjData_* d, bool new_control, const std::vector<double>& held,
                    const FindContacts& find_contacts);
   // Advances everything by it. What was computed stays that of the start.
   void advance(mjModel_* m, mjData_* d);
@@ -71,20 +66,17 @@ class RungeKutta {
   const StageForces& forces() const { return forces_; }
   // The velocity (nv) that positions went with in the last step.
   const std::vector<double>& mean_velocity() const { return mean_velocity_; }
-  const std::vector<double>& mean_acceleration() const { return mean_acceleration_; }  // (nv)
 
  private:
   static constexpr int kStages = 4;
   class Start;
 
   mjData_* copy_state(const mjModel_* m, const mjData_* d);
-  void find_slopes(mjModel_* m, mjData_* d, bool new_control, HeldStages& held,
+  void find_slopes(mjModel_* m, mjData_* d, bool new_control, const std::vector<double>& held,
                    const FindContacts& find_contacts);
-  void go_to_stage(const mjModel_* m, mjData_* d, int stage, const HeldStages& held);
-  void find_spring_changes(const mjModel_* m, int stage, const HeldStages& held);
-  void add_response_of_springs(const mjModel_* m, mjData_* d, int stage);
-  void read_slope(const mjModel_* m, mjData_* d, int stage, HeldStages& held);
-  void bar(const mjModel_* m, const mjData_* d, int stage, HeldStages& held);
+  void go_to_stage(const mjModel_* m, mjData_* d, int stage);
+  void read_slope(const mjModel_* m, mjData_* d, int stage);
+  void hold(int stage, const std::vector<double>& held);
   void find_mean_slope();
   void check_mean_slope(const mjModel_* m) const;
   void read_forces(const mjModel_* m, const mjData_* d, int stage);
@@ -102,13 +94,8 @@ class RungeKutta {
   std::vector<double> position_, activation_, start_acceleration_;
   std::array<std::vector<double>, kStages> velocity_, acceleration_, activation_rate_;
   std::vector<double> mean_velocity_, mean_acceleration_, mean_activation_rate_;
-  std::array<std::vector<double>, kStages> smooth_force_, driving_force_, damping_force_,
-      row_force_;
+  std::array<std::vector<double>, kStages> smooth_force_, driving_force_, damping_force_;
   StageForces forces_;
-  std::vector<double> barred_, barring_force_;  // of one stage
-  // Of one stage, by degree of freedom: what is added to the forces of springs, empty where nothing
-  // is, and to accelerations.
-  std::vector<double> spring_change_, spring_response_;
 };
 
 }  // namespace dashpot::host

@@ -44,11 +44,8 @@
 //
 //     H sum w_i f_i v_i  =  f x + H sum w_i (f_i - f) (v_i - v),    f, v: means,  x = H v.
 //
-// The second form holds for the x that rows lead to as well, which goes b = x - H v beyond the
-// stages; what rows have to do with it is in stage_work.hpp. Dampers brake at the velocities that
-// there are, by 2 x'D b / H more, D being half of the joint damping, and of the last sum they take
-// s times theirs: where rows act within a moment, the velocities of the stages are those of no
-// time.
+// Dry friction is all that acts on such trees beside: of the last sum dampers take s times theirs,
+// as where rows act within a moment the velocities of the stages are those of no time.
 
 #pragma once
 
@@ -65,13 +62,11 @@ namespace dashpot::host {
 // How a step moved: generalized velocity at its start, displacement that the change of kinetic
 // energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
 // the tree), smooth acceleration (nv each), and by tree whether rows moved it. `stages`: forces in
-// the stages of RK4, null with others; how far trees went beyond those (nv), and by tree whether
-// RK4 moved it.
+// the stages of RK4, null with others, and by tree whether RK4 moved it.
 struct StepMotion {
   const double *start_velocity, *displacement, *acceleration;
   const std::vector<char>* touched;
   const StageForces* stages;
-  const double* beyond_stages;
   const std::vector<char>* integrated;
   const double* braked;  // RowData::braked
   const double* added;   // velocity that the last step left to trees in flight (nv)

@@ -1,7 +1,7 @@
 // Rows that hold a tree against the ground from one step to the next, and what they leave of a
 // change of its velocity.
 //
-// What smooth forces gain within a step (trapezoid.hpp, runge_kutta.hpp) moves a tree only as far
+// What smooth forces gain within a step (trapezoid.hpp) moves a tree only as far
 // as its rows let it: a foot on the floor bears what the spring of its leg gains. Of a change k of
 // velocity, rows J with J k = 0 leave, after the least change of v'H v / 2,
 //
@@ -47,26 +47,21 @@ class HoldingRows {
   // as all that follows does.
   void find_at_start(const StepView& step, const Rows& rows, const RowData& data,
                      const Trees& trees);
-  // Finds those that hold at the end of this step, after its micro-steps; equalities hold too. H is
-  // the inertia whose factor the trees have then.
-  void find_at_end(const Rows& rows, const RowData& data, const Trees& trees, double length);
 
   // Whether any holds a tree, which is no free body.
   bool hold(int tree) const { return count_[tree] > 0; }
   // Takes from `change`, all motion coordinates of a tree, what its rows bar. `weight`: with which
-  // it adds to what they have borne; find_*() and forget_borne() set that to nothing.
+  // it adds to what they have borne; find_at_start() and forget_borne() set that to nothing.
   void bar(const Trees& trees, int tree, double* change, double weight);
   void forget_borne();
   // Adds to `impulse`, by row, `scale` times what those of a tree have borne.
   void add_borne(int tree, double scale, std::vector<double>& impulse);
-  // What they leave of the inverse mass of degree of freedom i of a tree, of diag(inv(H)).
-  double free_inverse_mass(const Trees& trees, int tree, int i) const;
 
  private:
   void reset(const Trees& trees);
-  // `stiffness`: of every row of the group. `weighted`: its mass-weighted rows have the present H.
-  void add(const Rows& rows, const Trees& trees, size_t group, const double* stiffness, bool sticks,
-           double length, bool weighted);
+  // `stiffness`: of every row of the group.
+  void add(const Rows& rows, const Trees& trees, const RowGroup& group, const double* stiffness,
+           bool sticks, double length);
   void add_row(int tree, int row, double inverse_mass);
   // `share`: of each combination in x.
   void remove(int tree, int n, double* x, double* share) const;

@@ -78,11 +78,12 @@ struct HeldMotion {
   double* displacement = nullptr;   // over the step, by degree of freedom
   double* potential = nullptr;      // p, by degree of freedom
   double* drive = nullptr;          // e, by degree of freedom
-  double* drive_change = nullptr;   // what e had changed by since the step before, by the same
-  double* commanded_change = nullptr;  // of it, what servos do not have because joints move
-  double* followed = nullptr;          // and of all such changes, what was followed
-  double* acceleration = nullptr;      // a, by motion coordinate
-  double* other_force = nullptr;       // g, by motion coordinate
+  // What e had changed by since the step before but what servos have because joints move, by the
+  // same.
+  double* commanded_change = nullptr;
+  double* followed = nullptr;      // and of all such changes, what was followed
+  double* acceleration = nullptr;  // a, by motion coordinate
+  double* other_force = nullptr;   // g, by motion coordinate
 };
 
 // The mean velocity (m/s or rad/s) of a mocap body over a step; c, by which it had changed since

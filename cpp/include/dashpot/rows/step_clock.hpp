@@ -9,7 +9,6 @@ constexpr double kSliverOfStep = 1e-9;
 
 struct StepClock {
   double whole = 0.0;          // s, of the step
-  double rest = 0.0;           // s, of the step from the start of the part on
   double length = 0.0;         // H, s, of the part, which is the whole step if nothing cuts it
   double uncut = 0.0;          // s, of the shortest part so far, had no impact cut any
   double row_turn_rate = 0.0;  // rad/s, of equalities in the part before; 0 in the first
