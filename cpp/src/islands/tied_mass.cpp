@@ -129,7 +129,7 @@ void TiedMass::push(const Scene& scene, const Rows& rows) {
     scatter(rows, rows.group[index], 1, &scene.compression[index], force_.data());
   for (int tree : scene.island.tree) {
     const Tree& t = trees.tree[tree];
-    if (!t.sparse) {
+    if (!trees.sparse[tree]) {
       add_response(trees, tree, force_.data() + t.begin, response_.data() + t.begin);
       continue;
     }
