@@ -82,9 +82,9 @@ void check_body(int contacts, int dim) {
     }
   }
   const Row sparse = Row::Random();
-  for (int k = 0; k < 6; ++k)
-    for (int l = 0; l < 6; ++l)
-      add_entry(k < 3 ? k : k + 1, l < 3 ? l : l + 1, sparse[k] * sparse[l], friction);
+  double of_body[kBodyCoordinates] = {};
+  for (int k = 0; k < 6; ++k) of_body[k < 3 ? k : k + 1] = sparse[k];
+  add_row(of_body, 1.0, friction);
   dense_friction += sparse.transpose() * sparse;
   check_close(bound_of_body(normal, inverse), dense_bound(dense_inverse, dense_normal),
               "bound of normals");

@@ -87,23 +87,24 @@ void check_friction(Contact c, double h, bool load_dependent) {
 
 // Rows of one coordinate are sparse rows of width one.
 void check_joint_rows() {
-  double motion[kBodyCoordinates + 6];
+  double motion[2 * kBodyCoordinates];
   for (double& m : motion) m = uniform(-3.0, 3.0);
   JointLanes joint;
   SparseLanes sparse;
   double value[kLanes];
   alignas(kCacheLine) double room[kLanes][sparse_size(1, 1)] = {};
+  int start[kLanes];
   Lanes impulse[1], rates[2][1];
   for (int lane = 0; lane < kLanes; ++lane) {
     // Two lanes share a coordinate.
     joint.column[lane] = kBodyCoordinates + (lane == 3 ? 0 : 2 * lane);
     joint.value[lane] = value[lane] = uniform(-2.0, 2.0);
-    pack_sparse(value + lane, joint.column + lane, 1, 1, room[lane], lane, sparse);
+    pack_sparse(value + lane, joint.column + lane, 1, 1, room[lane], start + lane, lane, sparse);
     impulse[0][lane] = uniform(-2.0, 2.0);
   }
   gather<1>(joint, motion, rates[0]);
   gather<1>(sparse, motion, rates[1]);
-  double force[2][kBodyCoordinates + 6] = {};
+  double force[2][2 * kBodyCoordinates] = {};
   scatter<1>(joint, impulse, force[0]);
   scatter<1>(sparse, impulse, force[1]);
   for (int lane = 0; lane < kLanes; ++lane) {
@@ -122,7 +123,7 @@ void check_sparse_rows() {
   double motion[kColumns];
   for (double& m : motion) m = uniform(-3.0, 3.0);
   SparseLanes sparse{};
-  int column[kLanes][kColumns], width[kLanes];
+  int column[kLanes][kColumns], width[kLanes], start[kLanes][kColumns];
   double value[kLanes][Dim * kColumns];
   alignas(kCacheLine) double room[kLanes][sparse_size(Dim, kColumns)] = {};
   Lanes impulse[Dim], rate[Dim];
@@ -130,7 +131,7 @@ void check_sparse_rows() {
     width[lane] = 1 + static_cast<int>(uniform(0.0, kColumns));
     for (int k = 0; k < width[lane]; ++k) column[lane][k] = (5 * k + lane) % kColumns;
     for (int i = 0; i < Dim * width[lane]; ++i) value[lane][i] = uniform(-2.0, 2.0);
-    pack_sparse(value[lane], column[lane], Dim, width[lane], room[lane], lane, sparse);
+    pack_sparse(value[lane], column[lane], Dim, width[lane], room[lane], start[lane], lane, sparse);
     for (Lanes& p : impulse) p[lane] = uniform(-2.0, 2.0);
   }
   gather<Dim>(sparse, motion, rate);
@@ -141,7 +142,9 @@ void check_sparse_rows() {
       double expected = 0.0;
       for (int k = 0; k < width[lane]; ++k)
         expected += value[lane][i * width[lane] + k] * motion[column[lane][k]];
-      check(rate[i][lane] == expected, "rate of a sparse row", rate[i][lane], expected);
+      const double error = Dim == 1 ? 1e-14 : 0.0;  // one row alone is summed in another order
+      check(std::abs(rate[i][lane] - expected) <= error, "rate of a sparse row", rate[i][lane],
+            expected);
     }
     for (int k = 0; k < width[lane]; ++k) {
       double sum = 0.0;

@@ -138,6 +138,30 @@ Problem random_problem(int links, int bodies, int equalities, int contacts) {
   return p;
 }
 
+// Free bodies in a row, each held to the next by equalities.
+Problem chain(int bodies) {
+  Problem p;
+  p.trees = random_trees(1, bodies);
+  p.tree.resize(p.trees.tree.size());
+  std::iota(p.tree.begin(), p.tree.end(), 0);
+  p.rows.reset(3 * (bodies - 1));
+  for (int i = 0; i < 3 * (bodies - 1); ++i) {
+    const int first = 1 + i / 3;
+    RowGroup& c = p.rows.append(RowKind::kBilateral, 0, 1, {first, first + 1});
+    for (int side = 0; side < 2; ++side)
+      for (int k : {0, 1, 2, 4, 5, 6}) {
+        p.rows.column.push_back(p.trees.tree[first + side].begin + k);
+        p.rows.value.push_back(uniform(-1.0, 1.0));
+      }
+    c.columns = {6, 6};
+    finish_group(p, c);
+  }
+  p.data.reset_rows(p.rows);
+  for (double& x : p.data.deformation) x = uniform(-1e-3, 1e-3);
+  for (double& offset : p.data.offset) offset = uniform(-1e-3, 1e-3);
+  return p;
+}
+
 void check_close(const Vector& value, const Vector& expected, double tolerance, const char* claim) {
   const double error = (value - expected).norm() / expected.norm();
   if (error <= tolerance) return;
@@ -221,6 +245,7 @@ int main() {
   // By factors, up to the rounding of springs a thousand times as stiff as masses.
   for (int i = 0; i < 200; ++i)
     check(random_problem(1 + below(30), 1 + below(8), 1 + below(8), below(5)), 1e-9);
+  for (int i = 0; i < 3; ++i) check(chain(40), 1e-9);
   // By iterations, as many as there are rows at most, which end at a millionth.
   for (int i = 0; i < 50; ++i) check(random_problem(70, 12, 1 + below(8), below(2)), 1e-5);
   if (failures == 0) std::printf("displacements that recover positions: all claims hold\n");

@@ -43,7 +43,7 @@ void fill_law(double h, SpringLanes& law) {
 
 struct SparseRoom {
   AlignedDoubles values;
-  std::vector<int> columns;
+  std::vector<int> columns, starts;
 };
 
 template <int Dim>
@@ -72,6 +72,7 @@ void fill_jacobian(int bodies, SparseLanes& j, SparseRoom& room) {
   constexpr int kColumns = 5, kSize = padded(sparse_size(Dim, kColumns));
   room.values.assign(kLanes * kSize, 0.0);
   room.columns.resize(kLanes * kColumns);
+  room.starts.resize(kLanes * kColumns);
   for (int lane = 0; lane < kLanes; ++lane) {
     double value[Dim * kColumns];
     for (double& v : value) v = uniform(-1.0, 1.0);
@@ -79,7 +80,8 @@ void fill_jacobian(int bodies, SparseLanes& j, SparseRoom& room) {
     for (int k = 0; k < kColumns; ++k)
       column[k] = kGroundCoordinates + kBodyCoordinates * ((3 * lane + k) % bodies);
     const int width = 1 + static_cast<int>(uniform(0.0, kColumns));
-    pack_sparse(value, column, Dim, width, room.values.data() + lane * kSize, lane, j);
+    pack_sparse(value, column, Dim, width, room.values.data() + lane * kSize,
+                room.starts.data() + lane * kColumns, lane, j);
   }
 }
 

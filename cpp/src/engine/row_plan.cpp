@@ -8,9 +8,9 @@ void RowPlan::find(const mjModel_* model, const StepView& step, const Trees& tre
                    const Options& options, double resolved, const HitFrequency& hit_frequency,
                    Rows& rows, std::vector<GroupMaterial>& materials, RowData& data, Team& team) {
   find_islands(rows, trees);
-  read_solref_at_load(step, data.velocity.data(), rows, materials);
+  read_solref_at_load(step, data.velocity, rows, materials);
   pressed_between_.find(model, step.contacts, rows, materials);
-  sag_times_.find(model, step, rows, data.velocity.data(), team);
+  sag_times_.find(model, step, rows, data.velocity, team);
   find_hits(step, rows, islands(), hit_frequency, data);
   open_groups_.find(step, rows, islands(), static_cast<int>(trees.tree.size()), data);
   pressed_together_.find(model, materials, step.contacts, trees, open_groups_.stays_open(), data,

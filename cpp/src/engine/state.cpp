@@ -47,8 +47,8 @@ bool Stepper::Impl::lands_in_next_step(const RowGroup& c) const {
   if (parameters.options.law == Law::kComFree || !c.can_be_loaded) return false;
   const double gap =
       c.kind == RowKind::kContact ? contacts[c.input].gap : constraints[c.input].position;
-  return overlaps_semi_implicitly(rows, c, gap, velocity_before.data(),
-                                  data.smooth_acceleration.data(), clock.length);
+  return overlaps_semi_implicitly(rows, c, gap, velocity_before, data.smooth_acceleration,
+                                  clock.length);
 }
 
 RowsOnTree Stepper::Impl::rows_on_tree(int tree) const {

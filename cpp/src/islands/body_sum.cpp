@@ -83,10 +83,12 @@ void add_contact(const PairGeometry& pair, int side, int dim, const double* weig
   friction = added;
 }
 
-void add_entry(int k, int l, double value, BodySum& sum) {
-  if (k >= 4 && l >= 4) sum.angular[k - 4][l - 4] += value;
-  if (k < 4 && l >= 4) sum.mixed[k][l - 4] += value;
-  if (k < 4 && l < 4) sum.linear[k][l] += value;
+DASHPOT_VECTOR_CLONES
+void add_row(const double* row, double weight, BodySum& sum) {
+  const Lanes linear = load_lanes(row), angular = load_lanes(row + kLanes);
+  add_product(linear, weight * linear, sum.linear);
+  add_product(angular, weight * linear, sum.mixed);
+  add_product(angular, weight * angular, sum.angular);
 }
 
 void add_sum(const BodySum& term, BodySum& sum) {

@@ -20,11 +20,11 @@ void add_sparse(const Rows& rows, const RowGroup& c, int side, int begin, int di
   const int* column = rows.column.data() + c.column + first;
   const int width = c.width();
   const double* value = rows.value.data() + c.value + begin * width + first;
-  for (int k = 0; k < count; ++k)
-    for (int l = 0; l < count; ++l)
-      for (int i = 0; i < dim; ++i)
-        add_entry(column[k] - t.begin, column[l] - t.begin,
-                  weight[i] * value[i * width + k] * value[i * width + l], sum);
+  for (int i = 0; i < dim; ++i) {
+    double row[kBodyCoordinates] = {};
+    for (int k = 0; k < count; ++k) row[column[k] - t.begin] = value[i * width + k];
+    add_row(row, weight[i], sum);
+  }
 }
 
 // Rounds of the iteration for x, and the fraction of the bound that one has to take off for

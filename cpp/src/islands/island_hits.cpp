@@ -34,12 +34,10 @@ struct Hits {
   };
 
   Motion motion_of(const RowGroup& c) const {
-    double rate[kMaxRows], load[kMaxRows];
-    gather(rows, c, data.velocity.data(), rate);
-    gather(rows, c, data.smooth_acceleration.data(), load);
     const bool contact = c.kind == RowKind::kContact;
     Motion motion{contact ? step.contacts[c.input].gap : step.constraints[c.input].position,
-                  rate[0], load[0] * step.length};
+                  first_rate(rows, c, data.velocity),
+                  first_rate(rows, c, data.smooth_acceleration) * step.length};
     if (c.is_of_round_hit) {
       motion.turn = c.turning[0] * step.length;
       motion.turned = c.turning[0] * c.ahead;

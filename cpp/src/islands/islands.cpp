@@ -61,21 +61,18 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const double gap = data.deformation[c.row];
-    double rate[kMaxRows], load[kMaxRows];
-    gather(rows, c, data.velocity.data(), rate);
-    gather(rows, c, data.smooth_acceleration.data(), load);
+    double rate = first_rate(rows, c, data.velocity);
+    double load = first_rate(rows, c, data.smooth_acceleration);
     if (c.is_of_round_hit) {
-      rate[0] -= c.turning[0] * c.ahead;
-      load[0] += c.turning[0];
+      rate -= c.turning[0] * c.ahead;
+      load += c.turning[0];
     }
     // The parabola's least value within the time: at an end, or where it turns.
-    const double end = gap + time * (rate[0] + 0.5 * load[0] * time);
-    const bool turns = rate[0] < 0.0 && rate[0] + load[0] * time > 0.0;
-    const double least = turns ? gap - 0.5 * rate[0] * rate[0] / load[0] : end;
+    const double end = gap + time * (rate + 0.5 * load * time);
+    const bool turns = rate < 0.0 && rate + load * time > 0.0;
+    const double least = turns ? gap - 0.5 * rate * rate / load : end;
     if (least <= 0.0) return false;
-    double shift[kMaxRows];
-    gather(rows, c, data.shift.data(), shift);
-    if (gap - shift[0] + time * (rate[0] + time * load[0]) <= 0.0) return false;
+    if (gap - first_rate(rows, c, data.shift) + time * (rate + time * load) <= 0.0) return false;
   }
   return true;
 }

@@ -29,11 +29,7 @@ struct GapMotion {
 };
 
 GapMotion motion_of(const Rows& rows, const RowGroup& c, const RowData& data) {
-  const RowGroup normal = c.normal();
-  GapMotion motion;
-  gather(rows, normal, data.velocity.data(), &motion.rate);
-  gather(rows, normal, data.smooth_acceleration.data(), &motion.acceleration);
-  return motion;
+  return {first_rate(rows, c, data.velocity), first_rate(rows, c, data.smooth_acceleration)};
 }
 
 }  // namespace

@@ -98,9 +98,7 @@ void PressedTogether::find_compressions(const Rows& rows, const std::vector<Cont
   double onset = length, lasting = given.is_rigid() ? kRigidMicrostep : 0.0;
   for (size_t i = first; i < last; ++i) {
     const RowGroup& c = rows.group[i];
-    double rate;
-    gather(rows, c.normal(), data.velocity.data(), &rate);
-    approach_.push_back(std::max(0.0, -rate));
+    approach_.push_back(std::max(0.0, -first_rate(rows, c, data.velocity)));
     const double gap = contacts[c.input].gap;
     if (gap <= 0.0)
       onset = 0.0;
@@ -132,7 +130,7 @@ double PressedTogether::square_frequency(const Rows& rows, const Trees& trees, s
   for (size_t i = first; i < last; ++i) {
     const RowGroup& c = rows.group[i];
     const double force = relative_stiffness(c, rigid) * compression_[i];
-    scatter(rows, c.normal(), &force, force_.data());
+    scatter(rows, c, 1, &force, force_.data());
     energy += force * compression_[i];
   }
   for (int tree : touched)

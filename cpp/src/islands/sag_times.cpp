@@ -56,7 +56,7 @@ double SagTimes::held_acceleration(const Rows& rows, const RowGroup& c) const {
 }
 
 void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& rows,
-                    const double* velocity, Team& team) {
+                    const AlignedDoubles& velocity, Team& team) {
   const double gravity = host::gravity(model);
   of_group_.assign(rows.group.size(), SagTime());
   find_dry_friction(rows);
@@ -71,9 +71,7 @@ void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& row
     if (const double held = held_acceleration(rows, c); held > 0.0)
       time.dry_friction = std::sqrt(sag / held);
     if (step.matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
-    double rate[kMaxRows];
-    gather(rows, c, velocity, rate);
-    if (std::abs(rate[0]) * step.length > kStillSag * sag) return;
+    if (std::abs(first_rate(rows, c, velocity)) * step.length > kStillSag * sag) return;
     const double acceleration = kLoadGrowth * step.matches[i].load * rows.inverse_mass[c.row];
     time.load = std::sqrt(sag / std::max(acceleration, gravity));
   });

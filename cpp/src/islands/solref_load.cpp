@@ -29,8 +29,8 @@ constexpr int kOfPoint = 3;  // rows of a connect
 constexpr double kShortestWay = 1e-3;
 
 // Of a limit or an equality, from its row `first` on. All its rows have one kappa.
-void read_solref_at_position(const StepView& step, const double* velocity, size_t first, Rows& rows,
-                             std::vector<GroupMaterial>& materials) {
+void read_solref_at_position(const StepView& step, const AlignedDoubles& velocity, size_t first,
+                             Rows& rows, std::vector<GroupMaterial>& materials) {
   const ConstraintInput& input = step.constraints[rows.group[first].input];
   if (rows.typical_inverse_mass[rows.group[first].row] == 0.0) return;
   const auto kappa_at = [&](double x) {
@@ -42,12 +42,11 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
   double start = 0.0, end = 0.0, length = 0.0;  // norms, squared until all rows are summed up
   for (int i = 0; i < input.together; ++i) {
     const RowGroup& c = rows.group[first + i];
-    double rate[kMaxRows];
-    gather(rows, c, velocity, rate);
+    const double rate = first_rate(rows, c, velocity);
     const double most = c.is_unilateral() ? 0.0 : std::numeric_limits<double>::infinity();
     const double now = step.constraints[c.input].position;
     position[i] = std::min(now, most);
-    way[i] = std::min(now + step.length * rate[0], most) - position[i];
+    way[i] = std::min(now + step.length * rate, most) - position[i];
     mass[i] = 1.0 / rows.typical_inverse_mass[c.row];
     start += position[i] * position[i];
     end += (position[i] + way[i]) * (position[i] + way[i]);
@@ -86,7 +85,7 @@ void read_solref_at_position(const StepView& step, const double* velocity, size_
 
 }  // namespace
 
-void read_solref_at_load(const StepView& step, const double* velocity, Rows& rows,
+void read_solref_at_load(const StepView& step, const AlignedDoubles& velocity, Rows& rows,
                          std::vector<GroupMaterial>& materials) {
   const double following = -std::expm1(-step.length / kFollowing);
   for (size_t i = 0; i < rows.group.size(); ++i) {
@@ -107,11 +106,10 @@ void read_solref_at_load(const StepView& step, const double* velocity, Rows& row
       if (before.solref.load > 0.0) c.solref = before.solref;
       const double borne = typical * before.compression * before.stiffness;
       const double frequency = std::sqrt(given.normalised_stiffness);
-      double rate[kMaxRows];
-      gather(rows, c, velocity, rate);
-      const bool still = std::abs(rate[0]) * frequency <= kStillSpeed * borne;
+      const double speed = std::abs(first_rate(rows, c, velocity));
+      const bool still = speed * frequency <= kStillSpeed * borne;
       c.solref.still = still ? c.solref.still + step.length : 0.0;
-      if (std::abs(rate[0]) * frequency > weight) c.solref.load = std::max(c.solref.load, weight);
+      if (speed * frequency > weight) c.solref.load = std::max(c.solref.load, weight);
       if (c.solref.still * frequency > kStillPhase)
         c.solref.load += following * (std::max(borne, least) - c.solref.load);
     } else if (step.memory.starts() && input.gap < 0.0) {

@@ -29,6 +29,7 @@ struct LanePacker {
   double h = 0.0;
   double recovery_speed = 0.0;
   double* sparse_values = nullptr;
+  int* sparse_starts = nullptr;
 
   void pack_jacobian(const RowGroup& c, int lane, int /*values*/, PairLanes& j) const {
     const PairGeometry& pair = rows.pair[c.pair];
@@ -46,7 +47,7 @@ struct LanePacker {
 
   void pack_jacobian(const RowGroup& c, int lane, int values, SparseLanes& j) const {
     pack_sparse(rows.value.data() + c.value, rows.column.data() + c.column, c.dim, c.width(),
-                sparse_values + values, lane, j);
+                sparse_values + values, sparse_starts + values / kLanes, lane, j);
     spare_sparse(sparse_values, lane, j);
   }
 
@@ -190,6 +191,7 @@ void IslandBlocks::sort(const Rows& rows, const Island& island) {
     if (c.pair < 0 && !of_joint) values += sparse_size(c.dim, c.width());
   }
   sparse_values_.assign(values, 0.0);
+  sparse_starts_.resize(values / kLanes);
   // Blocks of islands before that were larger stay: to make them again would take time.
   const auto make_room = [](auto& list) {
     list.count = static_cast<int>(list.groups.size());
@@ -229,7 +231,8 @@ void IslandBlocks::pack(const Rows& rows, const Trees& trees, const Island& isla
   slices_ = slices_of(island);
   if (slices_ > 1) find_slices_of_trees(rows, static_cast<int>(trees.tree.size()));
   find_ranges();
-  const LanePacker packer{rows, data, h, recovery_speed, sparse_values_.data()};
+  const LanePacker packer{
+      rows, data, h, recovery_speed, sparse_values_.data(), sparse_starts_.data()};
   team.for_each(slices_, 1, [&](int slice) {
     const auto pack_list = [&](auto& list) {
       for (int i = begin(list, slice); i < begin(list, slice + 1); ++i)

@@ -17,9 +17,8 @@ namespace {
 // kappa = k w, under the load b, and damping only brings it nearer.
 bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double recovery_speed,
                     const RowData& data) {
-  double rate = 0.0, load = 0.0;
-  gather(rows, c, data.velocity.data(), &rate);
-  gather(rows, c, data.smooth_acceleration.data(), &load);
+  const double rate = first_rate(rows, c, data.velocity);
+  const double load = first_rate(rows, c, data.smooth_acceleration);
   const double kappa = rows.stiffness[c.row] * rows.inverse_mass[c.row];
   const double balance = load / kappa;
   const double fastest = std::max(std::abs(rate), std::abs(rate - speed));

@@ -1,7 +1,5 @@
 #include "dashpot/microsteps/recovery_system.hpp"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 
 #include "dashpot/islands/islands.hpp"
@@ -11,17 +9,13 @@ namespace dashpot {
 namespace {
 
 constexpr double kSoftness = 0.01;  // of an equality's inverse mass, at least
-// Of more coordinates, the factors of what loops of free bodies couple take longer than iterations.
+// Coordinates of which factors never take long, and of more the work of factors, for each row, from
+// which on iterations take less.
 constexpr int kFewCoordinates = 128;
+constexpr double kMostWork = 8000.0;
 constexpr int kMaxIterations = 20;  // of conjugate gradients
 // Of the squared residual, relative: a millionth of what recovers is left for the next step.
 constexpr double kConverged = 1e-12;
-
-// Calls `function` with every motion coordinate of a tree that moves.
-template <typename Function>
-void for_each_coordinate(const Tree& t, const Function& function) {
-  for (int i = 0; i < t.dof_count; ++i) function(t.begin + (t.free_body && i >= 3 ? i + 1 : i));
-}
 
 }  // namespace
 
@@ -34,6 +28,7 @@ void RecoverySystem::reset(const Rows& rows, const Trees& trees, const Island& i
   target_.clear();
   softness_.clear();
   scale_.clear();
+  held_row_.clear();
   for (int index : island.group) {
     const RowGroup& c = rows.group[index];
     const double x = data.deformation[c.row];
@@ -51,6 +46,7 @@ void RecoverySystem::reset(const Rows& rows, const Trees& trees, const Island& i
       const bool acts = !slips && k > 0.0 && w + softness > 0.0;
       softness_.push_back(acts ? softness : 0.0);
       scale_.push_back(acts ? 1.0 / (w + softness) : 0.0);
+      if (acts) held_row_.push_back({index, row - c.row, softness});
       target_.push_back(0.0);
     }
     // Where the spring is deformed beyond the position there is nothing to recover.
@@ -66,8 +62,8 @@ bool RecoverySystem::empty() const {
 
 void RecoverySystem::solve(std::vector<double>& displacement) {
   multiplier_.assign(target_.size(), 0.0);
-  number_coordinates();
-  if (size_ <= kFewCoordinates)
+  held_.reset(*rows_, *trees_, island_->tree.begin(), island_->tree.end(), held_row_);
+  if (is_worth_factors())
     factorize_and_solve(displacement);
   else
     iterate(displacement);
@@ -80,97 +76,25 @@ double RecoverySystem::square() const {
   return sum;
 }
 
-void RecoverySystem::number_coordinates() {
-  number_.resize(trees_->coordinates);
-  size_ = 0;
-  for (int index : island_->tree)
-    for_each_coordinate(trees_->tree[index], [&](int i) { number_[i] = size_++; });
-}
-
-void RecoverySystem::add_inertia(const Tree& t) {
-  const int first = number_[t.begin];
-  double* diagonal = matrix_.data() + first * (size_ + 1);
-  if (t.free_body) {
-    const double* inverse = trees_->inverse.data() + t.inverse;
-    for (int i = 0; i < 3; ++i) diagonal[i * (size_ + 1)] = 1.0 / inverse[i];
-    const Eigen::Map<const Eigen::Matrix3d, 0, Eigen::OuterStride<4>> rotational(inverse + 4);
-    const Eigen::Matrix3d inertia = rotational.inverse();
-    for (int j = 0; j < 3; ++j)
-      for (int i = j; i < 3; ++i) diagonal[(3 + j) * size_ + 3 + i] = inertia(i, j);
-    return;
-  }
-  // L' D L: of each row of L what it couples, itself and those above it.
-  const int n = t.dof_count;
-  const double* factor = trees_->factor.data() + t.inverse;
-  const int* above = trees_->above.data() + t.dof_begin;
-  const auto next = [&](int i) { return above[i] < 0 ? -1 : above[i] - t.dof_begin; };
-  for (int k = 0; k < n; ++k) {
-    const double* row = factor + trees_->row_begin[t.dof_begin + k];
-    const auto entry = [&](int i) { return i == k ? 1.0 : row[i]; };
-    for (int i = k; i >= 0; i = next(i))
-      for (int j = i; j >= 0; j = next(j)) diagonal[j * size_ + i] += row[k] * entry(i) * entry(j);
-  }
-}
-
-// Adds J' inv(R) J and J' inv(R) t.
-void RecoverySystem::add_rows() {
-  size_t row = 0;
-  for (int index : group_) {
-    const RowGroup& c = rows_->group[index];
-    for (int i = 0; i < c.dim; ++i, ++row) {
-      if (scale_[row] == 0.0) continue;
-      find_columns(c, i);
-      for (size_t a = 0; a < column_.size(); ++a) {
-        const double weighted = entry_[a] / softness_[row];
-        solution_[column_[a]] += weighted * target_[row];
-        for (size_t b = 0; b <= a; ++b) {
-          const auto [left, below] = std::minmax(column_[a], column_[b]);
-          matrix_[left * size_ + below] += weighted * entry_[b];
-        }
-      }
-    }
-  }
-}
-
-// Row i of a group over the coordinates that move.
-void RecoverySystem::find_columns(const RowGroup& c, int i) {
-  column_.clear();
-  entry_.clear();
-  const auto append = [&](int coordinate, double value) {
-    column_.push_back(number_[coordinate]);
-    entry_.push_back(value);
-  };
-  if (c.pair < 0) {
-    for (int k = 0; k < c.columns[0] + c.columns[1]; ++k)
-      append(rows_->column[c.column + k], rows_->value[c.value + i * c.width() + k]);
-    return;
-  }
-  double unit[kMaxRows] = {};
-  unit[i] = 1.0;
-  clear(impulse_);
-  scatter(*rows_, c, unit, impulse_.data());
-  for (int tree : c.tree)
-    if (tree >= 0) for_each_coordinate(trees_->tree[tree], [&](int k) { append(k, impulse_[k]); });
+// Factors know of soft trees what moves each body alone.
+bool RecoverySystem::is_worth_factors() const {
+  return held_.size() <= kFewCoordinates ||
+         (held_.work() <= kMostWork * target_.size() &&
+          std::none_of(island_->tree.begin(), island_->tree.end(),
+                       [&](int tree) { return trees_->is_soft(tree); }));
 }
 
 void RecoverySystem::factorize_and_solve(std::vector<double>& displacement) {
-  matrix_.assign(size_ * size_, 0.0);
-  solution_.assign(size_, 0.0);
-  for (int index : island_->tree) add_inertia(trees_->tree[index]);
-  add_rows();
-  Eigen::Map<Eigen::MatrixXd> matrix(matrix_.data(), size_, size_);
-  Eigen::Map<Eigen::VectorXd> solution(solution_.data(), size_);
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> factors(matrix);
-  if (factors.info() == Eigen::Success)
-    factors.solveInPlace(solution);
-  else  // where rounding leaves nothing of light bodies beside stiff springs, they wait
-    solution.setZero();
-  for (int index : island_->tree)
-    for_each_coordinate(trees_->tree[index],
-                        [&](int i) { displacement[i] = solution_[number_[i]]; });
+  clear(displacement);
+  if (held_.factor()) {
+    for (size_t i = 0; i < target_.size(); ++i)
+      multiplier_[i] = scale_[i] > 0.0 ? target_[i] / softness_[i] : 0.0;
+    scatter_all(multiplier_, impulse_);
+    held_.solve(impulse_.data(), displacement.data());
+  }  // else they wait
   project(displacement, shift_);
   for (size_t i = 0; i < shift_.size(); ++i)
-    if (scale_[i] > 0.0) multiplier_[i] = (target_[i] - shift_[i]) / softness_[i];
+    multiplier_[i] = scale_[i] > 0.0 ? (target_[i] - shift_[i]) / softness_[i] : 0.0;
 }
 
 void RecoverySystem::iterate(std::vector<double>& displacement) {
@@ -221,17 +145,23 @@ void RecoverySystem::project(const std::vector<double>& displacement,
 // displacement = inv(H) J' multiplier.
 void RecoverySystem::displace(const std::vector<double>& multiplier,
                               std::vector<double>& displacement) {
-  clear(impulse_);
   clear(displacement);
-  const double* factor = multiplier.data();
-  for (int index : group_) {
-    const RowGroup& c = rows_->group[index];
-    scatter(*rows_, c, factor, impulse_.data());
-    factor += c.dim;
-  }
+  scatter_all(multiplier, impulse_);
   for (int index : island_->tree) {
     const Tree& t = trees_->tree[index];
     add_response(*trees_, index, impulse_.data() + t.begin, displacement.data() + t.begin);
+  }
+}
+
+// impulse = J' multiplier.
+void RecoverySystem::scatter_all(const std::vector<double>& multiplier,
+                                 std::vector<double>& impulse) const {
+  clear(impulse);
+  const double* of_group = multiplier.data();
+  for (int index : group_) {
+    const RowGroup& c = rows_->group[index];
+    scatter(*rows_, c, of_group, impulse.data());
+    of_group += c.dim;
   }
 }
 

@@ -34,16 +34,13 @@ void take_off(const RowGroup& c, const Trees& trees, AlignedDoubles& ahead, Alig
 
 // Whether a way, by motion coordinate, closes the gap of a row.
 bool enters(const Rows& rows, const RowGroup& c, double gap, const AlignedDoubles& way) {
-  double closing[kMaxRows];
-  gather(rows, c, way.data(), closing);
-  return closing[0] < 0.0 && gap + closing[0] <= 0.0;
+  const double closing = first_rate(rows, c, way);
+  return closing < 0.0 && gap + closing <= 0.0;
 }
 
 // The gap of a row, or its compression, after the shift of positions.
 double shifted_gap(const Rows& rows, const RowGroup& c, const RowData& data) {
-  double way[kMaxRows];
-  gather(rows, c, data.shift.data(), way);
-  return data.deformation[c.row] + way[0];
+  return data.deformation[c.row] + first_rate(rows, c, data.shift);
 }
 
 }  // namespace
@@ -217,12 +214,8 @@ void Leapfrog::go_ahead(double stride, const std::vector<char>& held, const Tree
       take_off(c, motion.trees(), way_ahead_, next_way_);
     }
   }
-  double way[kMaxRows];
-  for (const RowGroup& c : rows.group) {
-    if (!is_of_any(c, leads_)) continue;
-    gather(rows, c, way_ahead_.data(), way);
-    data.deformation[c.row] += way[0];
-  }
+  for (const RowGroup& c : rows.group)
+    if (is_of_any(c, leads_)) data.deformation[c.row] += first_rate(rows, c, way_ahead_);
   for (size_t i = 0; i < way_ahead_.size(); ++i) {
     data.shift[i] += way_ahead_[i];
     data.total_displacement[i] += way_ahead_[i];

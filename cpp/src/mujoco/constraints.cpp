@@ -194,20 +194,33 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
   // `dim` rows over the degrees of freedom of each tree; kept by the thread, as everything that a
   // step needs is: it allocates nothing.
   thread_local std::vector<double> dense[2];
+  int begin[2] = {}, count[2] = {};  // of the range that they reach
   for (int side = 0; side < 2; ++side) {
     if (c.tree[side] < 0) continue;
     const Tree& t = trees.tree[c.tree[side]];
-    dense[side].assign(c.dim * t.dof_count, 0.0);
-    for (int i = 0; i < c.dim; ++i) {
-      double* row = dense[side].data() + i * t.dof_count;
+    int end = t.free_body ? t.dof_count : 0;
+    begin[side] = t.free_body ? 0 : t.dof_count;
+    const auto for_each = [&](int i, const auto& visit) {
       for_each_nonzero(m, d, source + i, [&](int dof, double value) {
-        if (m->dof_treeid[dof] == c.tree[side]) row[dof - t.dof_begin] = value;
+        if (m->dof_treeid[dof] == c.tree[side]) visit(dof - t.dof_begin, value);
       });
+    };
+    for (int i = 0; i < c.dim; ++i)
+      for_each(i, [&](int dof, double) {
+        begin[side] = std::min(begin[side], dof);
+        end = std::max(end, dof + 1);
+      });
+    count[side] = std::max(0, end - begin[side]);
+    dense[side].assign(c.dim * count[side], 0.0);
+    for (int i = 0; i < c.dim; ++i) {
+      double* row = dense[side].data() + i * count[side];
+      for_each(i, [&](int dof, double value) { row[dof - begin[side]] = value; });
       if (t.free_body) to_centre(m, d, t, row);
     }
-    for (int j = 0; j < t.dof_count; ++j) {
+    for (int j = begin[side]; j < end; ++j) {
       bool any = false;
-      for (int i = 0; i < c.dim; ++i) any = any || dense[side][i * t.dof_count + j] != 0.0;
+      for (int i = 0; i < c.dim; ++i)
+        any = any || dense[side][i * count[side] + j - begin[side]] != 0.0;
       if (!any) continue;
       rows.column.push_back(t.begin + (t.free_body && j >= 3 ? j + 1 : j));
       ++c.columns[side];
@@ -220,7 +233,7 @@ void append_rows(const mjModel_* m, const mjData_* d, int source, const Trees& t
       const Tree& t = trees.tree[c.tree[side]];
       const int coordinate = column[k] - t.begin;
       const int dof = t.free_body && coordinate > 3 ? coordinate - 1 : coordinate;
-      rows.value.push_back(dense[side][i * t.dof_count + dof]);
+      rows.value.push_back(dense[side][i * count[side] + dof - begin[side]]);
     }
 }
 

@@ -42,14 +42,18 @@ Acceleration generalized_acceleration(const mjModel* m, const mjData* d, int bod
   return a;
 }
 
-// The same while the motion coordinates are constant: those of a free body are its centre's.
+// The same while the motion coordinates are constant: those of a free body are its centre's and its
+// turn's.
 Acceleration acceleration(const mjModel* m, const mjData* d, int body, const mjtNum* point,
                           const Trees& trees) {
-  Acceleration a = generalized_acceleration(m, d, body, point);
   const int tree = m->body_treeid[body];
-  if (tree < 0 || !trees.tree[tree].free_body) return a;
-  const Acceleration centre = generalized_acceleration(m, d, body, centre_of_motion(m, d, body));
-  mju_subFrom3(a.linear, centre.linear);
+  if (tree < 0 || !trees.tree[tree].free_body) return generalized_acceleration(m, d, body, point);
+  Acceleration a{};
+  const mjtNum* rate = d->cvel + 6 * body;
+  mjtNum arm[3], velocity[3];
+  mju_sub3(arm, point, centre_of_motion(m, d, body));
+  mju_cross(velocity, rate, arm);
+  mju_cross(a.linear, rate, velocity);
   return a;
 }
 

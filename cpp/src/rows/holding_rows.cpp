@@ -28,12 +28,11 @@ int held_side(const RowGroup& c, const Trees& trees) {
 // Whether the spring of a contact or limit, compressed (m, > 0), throws back what hits it.
 bool is_in_hit(const Rows& rows, const RowGroup& c, const RowData& data, double stiffness,
                double compression, double length) {
-  double rate[kMaxRows], load[kMaxRows];
-  gather(rows, c, data.velocity.data(), rate);
-  gather(rows, c, data.smooth_acceleration.data(), load);
+  const double rate = first_rate(rows, c, data.velocity);
+  const double load = first_rate(rows, c, data.smooth_acceleration);
   const double kappa = stiffness * rows.inverse_mass[c.row];
-  const double swing = std::hypot(rate[0], (kappa * compression + load[0]) / std::sqrt(kappa));
-  return swing > std::max(hit_speed(rows, c), 2.0 * std::abs(load[0]) * length);
+  const double swing = std::hypot(rate, (kappa * compression + load) / std::sqrt(kappa));
+  return swing > std::max(hit_speed(rows, c), 2.0 * std::abs(load) * length);
 }
 
 [[gnu::always_inline]] inline double dot(const double* a, const double* b, int count) {

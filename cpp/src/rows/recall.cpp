@@ -73,9 +73,7 @@ bool goes_on_as_hit(double force, const Rows& rows, const RowGroup& c, double le
                     const RowData& data) {
   const double w = rows.inverse_mass[c.row];
   if (!c.is_of_round_hit && !is_short_hit(rows.stiffness[c.row], w, length)) return false;
-  double load[kMaxRows];
-  gather(rows, c, data.smooth_acceleration.data(), load);
-  return force * w > kHitLoads * std::abs(load[0]);
+  return force * w > kHitLoads * std::abs(first_rate(rows, c, data.smooth_acceleration));
 }
 
 // Whether a contact gives back most of what it stores: damping ratio up to 0.2, restitution above a

@@ -18,14 +18,13 @@ constexpr double kSwinging = 0.01;
 // than kHitLoads times the load of smooth forces.
 bool is_hit_on(const Rows& rows, const RowData& data, const RowGroup& c) {
   if (c.kind != RowKind::kContact) return false;
-  double rate[kMaxRows], load[kMaxRows];
-  gather(rows, c, data.velocity.data(), rate);
-  gather(rows, c, data.smooth_acceleration.data(), load);
+  const double rate = first_rate(rows, c, data.velocity);
+  const double load = first_rate(rows, c, data.smooth_acceleration);
   const double square = rows.stiffness[c.row] * rows.inverse_mass[c.row];  // omega^2
-  const double x = data.deformation[c.row], coming = std::min(rate[0], 0.0);
+  const double x = data.deformation[c.row], coming = std::min(rate, 0.0);
   const double swing = square * (square * x * x + coming * coming);
-  return swing > kHitLoads * kHitLoads * load[0] * load[0] &&
-         rate[0] * rate[0] > kSwinging * kSwinging * square * x * x;
+  return swing > kHitLoads * kHitLoads * load * load &&
+         rate * rate > kSwinging * kSwinging * square * x * x;
 }
 
 }  // namespace
@@ -67,18 +66,16 @@ double bearable_of(const Rows& rows, const RowData& data, const RowGroup& c,
   const double bearable = bearable_compression(rows, c, recovery_speed);
   const double kappa = rows.stiffness[c.row] * rows.inverse_mass[c.row];
   if (c.kind != RowKind::kUnilateral || kappa == 0.0) return bearable;
-  double load = 0.0;
-  gather(rows, c, data.smooth_acceleration.data(), &load);
+  const double load = first_rate(rows, c, data.smooth_acceleration);
   return bearable + 2.0 * std::max(0.0, -load) / kappa;
 }
 
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
-                              const double* velocity, const double* acceleration, double time) {
+                              const AlignedDoubles& velocity, const AlignedDoubles& acceleration,
+                              double time) {
   if (!c.is_unilateral() || gap <= 0.0) return false;
-  double rate[kMaxRows], load[kMaxRows];
-  gather(rows, c, velocity, rate);
-  gather(rows, c, acceleration, load);
-  return gap + time * (rate[0] + time * load[0]) <= 0.0;
+  const double rate = first_rate(rows, c, velocity), load = first_rate(rows, c, acceleration);
+  return gap + time * (rate + time * load) <= 0.0;
 }
 
 namespace {

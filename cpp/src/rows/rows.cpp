@@ -109,13 +109,14 @@ std::array<double, 6> pair_row(const PairGeometry& pair, int i, int side) {
   return row;
 }
 
-void gather(const Rows& rows, const RowGroup& c, const double* motion, double* out) {
+void gather(const Rows& rows, const RowGroup& c, int dim, const double* motion, double* out) {
   if (c.pair < 0) {
     const int* column = rows.column.data() + c.column;
     const double* value = rows.value.data() + c.value;
-    for (int i = 0; i < c.dim; ++i, value += c.width()) {
+    const int width = c.width();
+    for (int i = 0; i < dim; ++i, value += width) {
       double sum = 0.0;
-      for (int k = 0; k < c.width(); ++k) sum += value[k] * motion[column[k]];
+      for (int k = 0; k < width; ++k) sum += value[k] * motion[column[k]];
       out[i] = sum;
     }
     return;
@@ -131,21 +132,22 @@ void gather(const Rows& rows, const RowGroup& c, const double* motion, double* o
     }
     add_cross(body + 4, pair.arm[side].data(), sign, linear);
   }
-  for (int i = 0; i < c.dim; ++i)
+  for (int i = 0; i < dim; ++i)
     out[i] = dot(pair.frame.data() + 3 * (i % 3), i < 3 ? linear : angular);
 }
 
-void scatter(const Rows& rows, const RowGroup& c, const double* impulse, double* force) {
+void scatter(const Rows& rows, const RowGroup& c, int dim, const double* impulse, double* force) {
   if (c.pair < 0) {
     const int* column = rows.column.data() + c.column;
     const double* value = rows.value.data() + c.value;
-    for (int i = 0; i < c.dim; ++i, value += c.width())
-      for (int k = 0; k < c.width(); ++k) force[column[k]] += value[k] * impulse[i];
+    const int width = c.width();
+    for (int i = 0; i < dim; ++i, value += width)
+      for (int k = 0; k < width; ++k) force[column[k]] += value[k] * impulse[i];
     return;
   }
   const PairGeometry& pair = rows.pair[c.pair];
   double linear[3] = {}, angular[3] = {};
-  for (int i = 0; i < c.dim; ++i)
+  for (int i = 0; i < dim; ++i)
     for (int j = 0; j < 3; ++j)
       (i < 3 ? linear : angular)[j] += pair.frame[3 * (i % 3) + j] * impulse[i];
   for (int side = 0; side < 2; ++side) {

@@ -146,6 +146,11 @@ void add_response(const Trees& trees, int tree, const double* force, double* acc
   }
   if (!t.sparse) return respond(column, force, t.dof_count, t.count, acceleration);
   if (trees.sparse[tree]) return trees.sparse[tree]->add_solution(force, acceleration);
+  if (t.diagonal) {
+    const double* root = trees.inverse_root.data() + t.begin;
+    for (int i = 0; i < t.dof_count; ++i) acceleration[i] += force[i] * root[i] * root[i];
+    return;
+  }
   thread_local std::vector<double> solution;  // a step allocates nothing
   solution.assign(force, force + t.dof_count);
   solve_inertia(trees, tree, trees.factor.data() + t.inverse, solution.data());
@@ -233,11 +238,14 @@ double inertia_form(const Trees& trees, int tree, const double* factor, const do
 }
 
 void invert_inertia(Trees& trees, int tree, const double* factor) {
-  const Tree& t = trees.tree[tree];
+  Tree& t = trees.tree[tree];
   const Above above(trees, t);
   if (!t.sparse) invert(factor, above, t.dof_count, t.count, trees.inverse.data() + t.inverse);
-  for (int i = 0; i < t.dof_count; ++i)
+  t.diagonal = t.sparse;
+  for (int i = 0; i < t.dof_count; ++i) {
     trees.inverse_root[t.begin + i] = 1.0 / std::sqrt(factor[above.row[i] + i]);
+    for (int j : above.of(i)) t.diagonal = t.diagonal && factor[above.row[i] + j] == 0.0;
+  }
 }
 
 }  // namespace dashpot

@@ -24,9 +24,8 @@ void add_rows(const PairGeometry& pair, int side, int first, int dim, const doub
 void add_contact(const PairGeometry& pair, int side, int dim, const double* weight, BodySum& normal,
                  BodySum& friction);
 
-// Adds to the entry of two coordinates of the body, numbered as in Trees; below the mixed block, to
-// none.
-void add_entry(int k, int l, double value, BodySum& sum);
+// The same of one row over the coordinates of the body, as in Trees.
+void add_row(const double* row, double weight, BodySum& sum);
 
 void add_sum(const BodySum& term, BodySum& sum);
 

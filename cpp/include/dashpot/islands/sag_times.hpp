@@ -23,8 +23,8 @@ class SagTimes {
   // if it is thin (host::bearing_radius). Without gravity there is no weight. `velocity`: at the
   // start of the step, in motion coordinates; loads of contacts that close or open in it are not
   // known.
-  void find(const mjModel_* model, const StepView& step, const Rows& rows, const double* velocity,
-            Team& team);
+  void find(const mjModel_* model, const StepView& step, const Rows& rows,
+            const AlignedDoubles& velocity, Team& team);
 
   const std::vector<SagTime>& of_group() const { return of_group_; }
 

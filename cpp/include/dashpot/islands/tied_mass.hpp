@@ -5,10 +5,9 @@
 // tie more to them. E are the rows of these, and f = J' x is the push of the contacts between two
 // bodies that are compressed by x. The inverse masses without and with what is tied are
 //
-//     w = f' inv(H) f,      w_tied = w - a' inv(E inv(H) E') a,      a = E inv(H) f
+//     w = f' inv(H) f,      w_tied = f' inv(H + E' inv(R) E) f
 //
-// by Gauss's principle. Conjugate gradients solve the system. After k steps they know what is up to
-// k rows away, and their w_tied is an upper bound.
+// with next to no compliance R (rows/held_inertia.hpp).
 
 #pragma once
 
@@ -17,6 +16,7 @@
 #include "dashpot/islands/group_material.hpp"
 #include "dashpot/islands/islands.hpp"
 #include "dashpot/lanes/aligned.hpp"
+#include "dashpot/rows/held_inertia.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/step_view.hpp"
@@ -45,15 +45,15 @@ class TiedMass {
   };
   void find_in(const Scene& scene, Rows& rows);
   double tied(const Scene& scene, const Rows& rows, double speed);
-  void push(const Scene& scene, const Rows& rows, const std::vector<int>& groups,
-            const std::vector<double>& impulse);
+  void push(const Scene& scene, const Rows& rows);
   double work_of_push(const Scene& scene) const;
-  double solve(const Scene& scene, const Rows& rows);
+  bool hold(const Scene& scene, const Rows& rows);
 
   std::vector<int> equality_, limit_;  // groups that hold, or may
   std::vector<int> hit_, held_;        // groups of a hit, and those that hold it
-  std::vector<double> weight_;         // by hit_
-  std::vector<double> rate_, impulse_, residual_, direction_, image_, scaled_;  // by held_
+  std::vector<int> factored_;          // held_ of which the factors of the island are
+  std::vector<HeldRow> held_row_;
+  HeldInertia inertia_;
   AlignedDoubles force_, response_;
 };
 

@@ -69,6 +69,7 @@ class IslandBlocks {
   std::vector<BlockRanges> ranges_;  // by slice
   std::vector<unsigned> of_tree_;    // slices that act on it, by bit; of islands of several slices
   AlignedDoubles sparse_values_;     // what SparseLanes point to: zeros, for lanes to spare, first
+  std::vector<int> sparse_starts_;   // the same of their runs, one for each four values
 };
 
 }  // namespace dashpot

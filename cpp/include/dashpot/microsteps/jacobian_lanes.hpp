@@ -28,26 +28,43 @@ struct JointLanes {
   int column[kLanes];
 };
 
-// The Jacobian of four groups of sparse rows; lanes to spare have none. Values are stored twice:
-// row by row, each as wide as a multiple of four, and column by column, each four (or eight) rows.
+// The Jacobian of four groups of sparse rows; lanes to spare have none. Values are stored by runs
+// of four coordinates, each row after row, with zeros where there is no column, and, of several
+// rows, column by column, each four (or eight) rows.
 struct SparseLanes {
-  const double *by_row[kLanes], *by_column[kLanes];
-  const int* column[kLanes];
-  int width[kLanes];
+  const double *by_run[kLanes], *by_column[kLanes];
+  const int *start[kLanes], *column[kLanes];
+  int runs[kLanes], width[kLanes];
   int common_width = 0;  // columns for which every lane has values, of its own or zeros
 };
-// Numbers that `dim` rows of `width` values take in both orders.
+// Numbers that `dim` rows of `width` values take in both orders, at most.
 inline constexpr int sparse_size(int dim, int width) {
-  return dim * padded(width) + padded(dim) * width;
+  return (dim * kLanes + padded(dim)) * width;
 }
 // Fills one lane with `dim` rows of `width` values, which are stored in `room`: sparse_size zeros.
+// `start`: room for as many numbers as there are columns.
 inline void pack_sparse(const double* value, const int* column, int dim, int width, double* room,
-                        int lane, SparseLanes& j) {
-  double* by_column = room + dim * padded(width);
-  for (int i = 0; i < dim; ++i)
-    for (int k = 0; k < width; ++k)
-      room[i * padded(width) + k] = by_column[k * padded(dim) + i] = value[i * width + k];
-  j.by_row[lane] = room;
+                        int* start, int lane, SparseLanes& j) {
+  double* by_column = room + dim * kLanes * width;
+  for (int k = 0; k < width; ++k)
+    for (int i = 0; i < dim && dim > 1; ++i) by_column[k * padded(dim) + i] = value[i * width + k];
+  int runs = 0;
+  for (int k = 0; k < width; ++runs) {
+    int last = k;
+    while (last + 1 < width && column[last + 1] > column[last] &&
+           column[last + 1] < column[k] + kLanes)
+      ++last;
+    // No run reaches the coordinates of a tree that it does not move, which begin at such
+    // multiples.
+    const int aligned = column[k] / kLanes * kLanes;
+    start[runs] = column[last] < aligned + kLanes ? aligned : column[k];
+    for (; k <= last; ++k)
+      for (int i = 0; i < dim; ++i)
+        room[(runs * dim + i) * kLanes + column[k] - start[runs]] = value[i * width + k];
+  }
+  j.by_run[lane] = room;
+  j.start[lane] = start;
+  j.runs[lane] = runs;
   j.by_column[lane] = by_column;
   j.column[lane] = column;
   j.width[lane] = width;
@@ -168,6 +185,15 @@ template <int Dim>
                                                  Lanes* out) {
   constexpr int kParts = padded(Dim) / kLanes;
   Lanes sum[kParts][kLanes] = {};
+  if constexpr (Dim == 1) {
+    for (int lane = 0; lane < kLanes; ++lane)
+      for (int run = 0; run < j.runs[lane]; ++run)
+        sum[0][lane] +=
+            load_lanes(j.by_run[lane] + run * kLanes) * load_lanes(motion + j.start[lane][run]);
+    transpose(sum[0]);
+    out[0] = (sum[0][0] + sum[0][1]) + (sum[0][2] + sum[0][3]);
+    return;
+  }
   const auto add_column = [&](int lane, int k) __attribute__((always_inline)) {
     const double* value = j.by_column[lane] + k * kParts * kLanes;
     const double of_column = motion[j.column[lane][k]];
@@ -190,20 +216,18 @@ template <int Dim, int Count>
 [[gnu::always_inline]] static inline void scatter_all(const SparseLanes& j,
                                                       const Lanes* const (&impulse)[Count],
                                                       double* const (&force)[Count]) {
-  for (int lane = 0; lane < kLanes; ++lane) {
-    const int width = j.width[lane], stride = padded(width);
-    const int* column = j.column[lane];
-    for (int first = 0; first < width; first += kLanes) {
+  for (int lane = 0; lane < kLanes; ++lane)
+    for (int run = 0; run < j.runs[lane]; ++run) {
       Lanes sum[Count] = {};
       for (int row = 0; row < Dim; ++row) {
-        const Lanes of_row = load_lanes(j.by_row[lane] + row * stride + first);
+        const Lanes of_row = load_lanes(j.by_run[lane] + (run * Dim + row) * kLanes);
         for (int i = 0; i < Count; ++i) sum[i] += of_row * impulse[i][row][lane];
       }
-      const int count = std::min(kLanes, width - first);
-      for (int k = 0; k < count; ++k)
-        for (int i = 0; i < Count; ++i) force[i][column[first + k]] += sum[i][k];
+      for (int i = 0; i < Count; ++i) {
+        double* at = force[i] + j.start[lane][run];
+        store_lanes(load_lanes(at) + sum[i], at);
+      }
     }
-  }
 }
 
 template <int Dim>

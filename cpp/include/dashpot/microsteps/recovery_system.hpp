@@ -2,17 +2,18 @@
 //
 //     d = inv(H) J' e ,   (A + R) e = t ,   A = J inv(H) J' .
 //
-// Where few coordinates move it is solved as
+// It is solved as
 //
 //     (H + J' inv(R) J) d = J' inv(R) t ,   e = inv(R) (t - J d)
 //
-// by Cholesky's factors, else by conjugate gradients for e, preconditioned by the diagonal of A +
-// R.
+// by Cholesky's factors (rows/held_inertia.hpp), or, where these take longer, by conjugate
+// gradients for e, preconditioned by the diagonal of A + R.
 
 #pragma once
 
 #include <vector>
 
+#include "dashpot/rows/held_inertia.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 #include "dashpot/rows/trees.hpp"
@@ -39,14 +40,12 @@ class RecoverySystem {
   double square() const;                                       // d' H d
 
  private:
-  void number_coordinates();
-  void add_inertia(const Tree& tree);
-  void add_rows();
-  void find_columns(const RowGroup& group, int row);
+  bool is_worth_factors() const;
   void factorize_and_solve(std::vector<double>& displacement);
   void iterate(std::vector<double>& displacement);
   void project(const std::vector<double>& displacement, std::vector<double>& out) const;
   void displace(const std::vector<double>& multiplier, std::vector<double>& displacement);
+  void scatter_all(const std::vector<double>& multiplier, std::vector<double>& impulse) const;
   void clear(std::vector<double>& motion) const;
 
   const Rows* rows_ = nullptr;
@@ -56,12 +55,9 @@ class RecoverySystem {
   // By row of these groups: t, R and 1 / diag(A + R), 0 of rows that take no part.
   std::vector<double> target_, softness_, scale_;
   std::vector<double> multiplier_, shift_;  // e, J d
-  int size_ = 0;                            // coordinates that move
-  std::vector<int> number_;                 // by motion coordinate, among those that move
-  std::vector<double> matrix_, solution_;   // H + J' inv(R) J, its lower half; d
-  std::vector<int> column_;                 // of a row, by number, and
-  std::vector<double> entry_;               // its entries
-  std::vector<double> impulse_;             // J' e
+  std::vector<HeldRow> held_row_;           // those that take part
+  HeldInertia held_;
+  std::vector<double> impulse_;  // J' e
   std::vector<double> residual_, direction_, image_;
 };
 

@@ -80,7 +80,8 @@ struct RowData {
 // update, which moves a row load time^2 / 2 farther than its parabola. `velocity` (at
 // the start) and `acceleration` (smooth) are in motion coordinates.
 bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
-                              const double* velocity, const double* acceleration, double time);
+                              const AlignedDoubles& velocity, const AlignedDoubles& acceleration,
+                              double time);
 
 // bearable_compression() (rows.hpp); of a limit beside what smooth forces press it with, twice: a
 // light lever that a spring holds at the end of its range recovers, what two rows squeeze does not.

@@ -177,12 +177,6 @@ struct RowGroup {
   // normal: it belongs to no island.
   bool can_be_loaded = true;
 
-  // Its first row alone.
-  RowGroup normal() const {
-    RowGroup first = *this;
-    first.dim = 1;
-    return first;
-  }
   // Pushes one way: a contact or a limit.
   bool is_unilateral() const { return kind == RowKind::kContact || kind == RowKind::kUnilateral; }
   // One row over one coordinate of a tree, as limits and dry friction of hinges and slides have.
@@ -224,10 +218,23 @@ struct Rows {
   RowGroup& append(RowKind kind, int input, int dim, std::array<int, 2> tree);
 };
 
-// out = J xi: the rates of a group's rows.
-void gather(const Rows& rows, const RowGroup& group, const double* motion, double* out);
-// force += J' impulse.
-void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force);
+// out = J xi: the rates of a group's rows, or of the first `dim` of them.
+void gather(const Rows& rows, const RowGroup& group, int dim, const double* motion, double* out);
+inline void gather(const Rows& rows, const RowGroup& group, const double* motion, double* out) {
+  gather(rows, group, group.dim, motion, out);
+}
+// That of the first row: a contact's normal.
+inline double first_rate(const Rows& rows, const RowGroup& group, const AlignedDoubles& motion) {
+  double rate;
+  gather(rows, group, 1, motion.data(), &rate);
+  return rate;
+}
+// force += J' impulse, of all rows or of the first `dim`.
+void scatter(const Rows& rows, const RowGroup& group, int dim, const double* impulse,
+             double* force);
+inline void scatter(const Rows& rows, const RowGroup& group, const double* impulse, double* force) {
+  scatter(rows, group, group.dim, impulse, force);
+}
 
 // What of RowGroup::turning is the turn of a contact's normal and arms, m/s^2.
 inline double turn_of_normal(const RowGroup& group) {

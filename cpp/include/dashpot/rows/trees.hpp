@@ -45,6 +45,7 @@ struct Tree {
   int begin = 0;              // range of motion coordinates
   int count = 0;              // a multiple of four
   bool sparse = false;        // inv(H) is not filled in (below)
+  bool diagonal = false;      // and its factor couples nothing, as of vertices that slide
   bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
   int inverse = 0;            // offset in Trees::inverse
   bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
