@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detection/hull_vertices.hpp"
 
 namespace dashpot::host {
 
@@ -17,35 +18,28 @@ using Eigen::Vector3d;
 // Cosine of the angle to an edge from which it runs along a direction no more.
 constexpr double kAlong = 0.9;
 
-// What `make` makes of the vertices and polygons of a mesh's hull, none where the model holds none.
-template <typename Make>
-auto of_hull(const mjModel* m, int mesh, const Make& make) {
-  Eigen::Matrix3Xd vertices(3, m->mesh_vertnum[mesh]);
-  const float* const vertex = m->mesh_vert + 3 * m->mesh_vertadr[mesh];
-  for (int i = 0; i < vertices.size(); ++i) vertices.data()[i] = vertex[i];
-  std::vector<std::vector<int>> polygons(m->mesh_polynum[mesh]);
-  for (int i = 0; i < m->mesh_polynum[mesh]; ++i) {
-    const int polygon = m->mesh_polyadr[mesh] + i;
-    const int* const begin = m->mesh_polyvert + m->mesh_polyvertadr[polygon];
-    polygons[i].assign(begin, begin + m->mesh_polyvertnum[polygon]);
-  }
-  return make(vertices, polygons);
+// Hold the mutex.
+const CoarseHull& made_hull(const mjModel* m, int mesh, HullFaces& hulls) {
+  hulls.of_mesh.resize(m->nmesh);
+  std::optional<CoarseHull>& hull = hulls.of_mesh[mesh];
+  if (hull) return *hull;
+  const HullVertices given(m, mesh);
+  Eigen::Matrix3Xd vertices(3, given.count());
+  for (int i = 0; i < given.count(); ++i) vertices.col(i) = given.at(i);
+  return hull.emplace(coarse_hull(vertices));
 }
 
 const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
   const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
   buffers.hulls->faces_of_mesh.resize(m->nmesh);
   std::optional<std::vector<FlatFace>>& faces = buffers.hulls->faces_of_mesh[mesh];
-  if (!faces) faces = of_hull(m, mesh, flat_faces);
+  if (!faces) faces = flat_faces(made_hull(m, mesh, *buffers.hulls));
   return *faces;
 }
 
-const HullSurface& hull_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
+const CoarseHull& hull_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
   const std::lock_guard<std::mutex> lock(buffers.hulls->mutex);
-  buffers.hulls->of_mesh.resize(m->nmesh);
-  std::optional<HullSurface>& hull = buffers.hulls->of_mesh[mesh];
-  if (!hull) hull = of_hull(m, mesh, hull_surface);
-  return *hull;
+  return made_hull(m, mesh, *buffers.hulls);
 }
 
 }  // namespace

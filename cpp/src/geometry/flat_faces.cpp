@@ -2,13 +2,13 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 namespace dashpot {
 
-using Eigen::Matrix3Xd;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
@@ -111,81 +111,61 @@ void keep_corners(const std::vector<Corner>& corners, FlatFace& face) {
   face.kept_count = static_cast<int>(std::count(face.kept.begin(), face.kept.end(), 1));
 }
 
-// Twice the area of a polygon, along its normal.
-Vector3d doubled_area(const Matrix3Xd& vertices, const std::vector<int>& polygon) {
-  Vector3d area = Vector3d::Zero();
-  const Vector3d first = vertices.col(polygon[0]);
-  for (size_t i = 2; i < polygon.size(); ++i)
-    area += (vertices.col(polygon[i - 1]) - first).cross(vertices.col(polygon[i]) - first);
-  return area;
-}
-
 }  // namespace
 
-std::vector<FlatFace> flat_faces(const Matrix3Xd& vertices,
-                                 const std::vector<std::vector<int>>& polygons) {
+std::vector<FlatFace> flat_faces(const CoarseHull& hull) {
   std::vector<FlatFace> faces;
-  std::vector<int> hull;
-  for (const std::vector<int>& polygon : polygons)
-    hull.insert(hull.end(), polygon.begin(), polygon.end());
-  std::sort(hull.begin(), hull.end());
-  hull.erase(std::unique(hull.begin(), hull.end()), hull.end());
-  if (hull.empty()) return faces;
-  const Vector3d centre = 0.5 * (vertices(Eigen::all, hull).rowwise().minCoeff() +
-                                 vertices(Eigen::all, hull).rowwise().maxCoeff());
-  const double radius =
-      std::sqrt((vertices(Eigen::all, hull).colwise() - centre).colwise().squaredNorm().maxCoeff());
-
-  std::vector<Vector3d> area(polygons.size());
-  for (size_t i = 0; i < polygons.size(); ++i) area[i] = doubled_area(vertices, polygons[i]);
-  std::vector<int> order(polygons.size());
+  const int count = static_cast<int>(hull.facet.size());
+  const double radius = hull.radius;
+  std::vector<Vector3d> area(count);
+  std::vector<double> size(count);
+  for (int i = 0; i < count; ++i) {
+    area[i] = hull.doubled_area(hull.facet[i]);
+    size[i] = area[i].norm();
+  }
+  std::vector<int> order(count);
   std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(),
-            [&](int a, int b) { return area[a].norm() > area[b].norm(); });
-  std::vector<std::vector<int>> polygons_at(vertices.cols());
-  for (size_t i = 0; i < polygons.size(); ++i)
-    for (int vertex : polygons[i]) polygons_at[vertex].push_back(static_cast<int>(i));
-  std::vector<int> seen(vertices.cols(), -1);  // the polygon of the last face to do with a vertex
-  std::vector<char> taken(polygons.size(), 0);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return size[a] > size[b]; });
+  std::vector<int> seen(hull.corner.cols(), -1);  // the seed of the last face to do with a corner
+  std::vector<char> taken(count, 0);
   std::vector<Corner> corners;
   for (int seed : order) {
-    if (0.5 * area[seed].norm() < kLeastArea * radius * radius) break;
+    if (0.5 * size[seed] < kLeastArea * radius * radius) break;
     if (taken[seed]) continue;
+    const std::array<int, 3>& first = hull.facet[seed].corner;
     FlatFace face;
     face.normal = area[seed].normalized();
-    face.origin = vertices(Eigen::all, polygons[seed]).rowwise().mean();
-    const auto depth = [&](int vertex) {
-      return face.normal.dot(face.origin - vertices.col(vertex));
-    };
-    const auto is_here = [&](int vertex) { return depth(vertex) <= kOnePlane * radius; };
-    // Its vertices, one reached from the other, and those next to them: of a convex body others
+    face.origin = hull.corner(Eigen::all, first).rowwise().mean();
+    const auto depth = [&](int at) { return face.normal.dot(face.origin - hull.corner.col(at)); };
+    const auto is_here = [&](int at) { return depth(at) <= kOnePlane * radius; };
+    // Its corners, one reached from the other, and those next to them: of a convex body others
     // are not met before these.
-    std::vector<int> here = polygons[seed], beside;
-    for (int vertex : here) seen[vertex] = seed;
+    std::vector<int> here(first.begin(), first.end()), beside;
+    for (int at : here) seen[at] = seed;
     for (size_t i = 0; i < here.size(); ++i)
-      for (int polygon : polygons_at[here[i]]) {
-        const std::vector<int>& around = polygons[polygon];
-        if (std::all_of(around.begin(), around.end(), is_here)) taken[polygon] = 1;
-        for (int vertex : around) {
-          if (seen[vertex] == seed) continue;
-          seen[vertex] = seed;
-          (is_here(vertex) ? here : beside).push_back(vertex);
+      for (int k = hull.around_begin[here[i]]; k < hull.around_begin[here[i] + 1]; ++k) {
+        const std::array<int, 3>& around = hull.facet[hull.around[k]].corner;
+        if (std::all_of(around.begin(), around.end(), is_here)) taken[hull.around[k]] = 1;
+        for (int at : around) {
+          if (seen[at] == seed) continue;
+          seen[at] = seed;
+          (is_here(at) ? here : beside).push_back(at);
         }
       }
 
-    const Vector3d x = (vertices.col(polygons[seed][0]) - face.origin).normalized();
+    const Vector3d x = (hull.corner.col(first[0]) - face.origin).normalized();
     const Vector3d y = face.normal.cross(x);
-    const auto place = [&](int vertex) {
-      const Vector3d arm = vertices.col(vertex) - face.origin;
+    const auto place = [&](int at) {
+      const Vector3d arm = hull.corner.col(at) - face.origin;
       return Vector2d(x.dot(arm), y.dot(arm));
     };
     corners.clear();
-    for (int vertex : here) corners.push_back({place(vertex), vertices.col(vertex)});
+    for (int at : here) corners.push_back({place(at), hull.corner.col(at)});
     corners = outline(corners, kOnePlane * radius);
     if (corners.size() < 3) continue;
     double tilt = 2.0 * kMostTilt;
-    for (int vertex : beside)
-      tilt = std::min(tilt, std::atan2(depth(vertex), distance_outside(place(vertex), corners)));
+    for (int at : beside)
+      tilt = std::min(tilt, std::atan2(depth(at), distance_outside(place(at), corners)));
     tilt *= 0.5;
     if (width_of(corners) * std::tan(tilt) < kLift * radius) continue;
     face.cosine = std::cos(tilt);

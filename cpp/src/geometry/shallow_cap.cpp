@@ -5,7 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <utility>
 
 namespace dashpot {
 
@@ -14,7 +14,11 @@ using Eigen::Vector3d;
 namespace {
 
 // Fraction of the width of a cap between points that are one.
-constexpr double kSamePlace = 1e-7;
+constexpr double kSamePlace = 1e-5;
+// Fraction of a segment that leads beyond a side.
+constexpr double kHair = 1e-9;
+// Fraction of the radius of a hull up to which corners are in one plane.
+constexpr double kOnePlane = 2e-5;
 
 // Whether a point lies to the left of all sides of a face, seen from outside.
 bool is_over(const PlacedFace& face, const Vector3d& point) {
@@ -24,27 +28,6 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
     if ((end - begin).cross(point - begin).dot(face.normal) < 0.0) return false;
   }
   return true;
-}
-
-// Corners of a hull that are put in order by distance: a cap of a few of its sides has more of them
-// than kMostPoints, and it is little work for the finest of meshes.
-constexpr int kMostSpread = 256;
-
-// By vertex, its place in an order in which each is as far as can be from all before it; beyond the
-// first kMostSpread the order is that of the vertices.
-std::vector<int> spread_out(const Eigen::Matrix3Xd& vertices) {
-  const int count = static_cast<int>(vertices.cols()), last = std::min(count, kMostSpread);
-  std::vector<int> place(count);
-  std::iota(place.begin(), place.end(), kMostSpread);
-  Eigen::RowVectorXd square =
-      Eigen::RowVectorXd::Constant(count, std::numeric_limits<double>::infinity());
-  for (int next = 0, i = 0; next < last; ++next) {
-    place[i] = next;
-    square = square.cwiseMin((vertices.colwise() - vertices.col(i)).colwise().squaredNorm());
-    square[i] = -1.0;
-    square.maxCoeff(&i);
-  }
-  return place;
 }
 
 // The place of one of `count` points along a line in an order in which those before any lie evenly:
@@ -62,109 +45,102 @@ int spread_place(int index, int count) {
 
 }  // namespace
 
-HullSurface hull_surface(const Eigen::Matrix3Xd& vertices,
-                         const std::vector<std::vector<int>>& polygons) {
-  HullSurface hull;
-  std::vector<int> corner_of(vertices.cols(), -1);
-  for (const std::vector<int>& polygon : polygons)
-    for (int vertex : polygon) corner_of[vertex] = 0;
-  int count = 0;
-  for (int& corner : corner_of)
-    if (corner == 0) corner = count++;
-  hull.corner.resize(3, count);
-  for (int vertex = 0; vertex < vertices.cols(); ++vertex)
-    if (corner_of[vertex] >= 0) hull.corner.col(corner_of[vertex]) = vertices.col(vertex);
-  hull.place = spread_out(hull.corner);
-  for (const std::vector<int>& polygon : polygons) {
-    HullFacet facet;
-    for (int vertex : polygon) facet.corner.push_back(corner_of[vertex]);
-    const auto corner = [&](size_t i) { return hull.corner.col(facet.corner[i]); };
-    Vector3d area = Vector3d::Zero();
-    for (size_t i = 2; i < facet.corner.size(); ++i)
-      area += (corner(i - 1) - corner(0)).cross(corner(i) - corner(0));
-    if (area.norm() == 0.0) continue;
-    facet.normal = area.normalized();
-    facet.offset = -std::numeric_limits<double>::infinity();
-    for (size_t i = 0; i < facet.corner.size(); ++i)
-      facet.offset = std::max(facet.offset, facet.normal.dot(corner(i)));
-    hull.facet.push_back(std::move(facet));
-  }
-  std::sort(hull.facet.begin(), hull.facet.end(),
-            [](const HullFacet& a, const HullFacet& b) { return a.normal.z() < b.normal.z(); });
-  return hull;
-}
-
-bool ShallowCap::find(const HullSurface& hull, const Pose& pose, const Vector3d& up,
+bool ShallowCap::find(const CoarseHull& hull, const Pose& pose, const Vector3d& up,
                       double least_width) {
-  const Vector3d local_up = pose.rotation.transpose() * up;
+  if (hull.facet.empty()) return false;
+  hull_ = &hull;
+  pose_ = pose;
+  up_ = pose.rotation.transpose() * up;
   int axis = 0;
-  local_up.cwiseAbs().minCoeff(&axis);
-  const Vector3d x = (Vector3d::Unit(axis) - local_up[axis] * local_up).normalized();
-  const Vector3d y = x.cross(local_up);  // counterclockwise seen from outside
-  std::array<double, kMostCorners> cosine, sine;
-  std::array<Vector3d, kMostCorners> farthest;
-  std::array<double, kMostCorners> reach;
-  reach.fill(-std::numeric_limits<double>::infinity());
-  for (int k = 0; k < kMostCorners; ++k) {
-    const double angle = 2.0 * EIGEN_PI * k / kMostCorners;
-    cosine[k] = std::cos(angle);
-    sine[k] = std::sin(angle);
-  }
-  const double shallow = std::cos(kShallow), steep = std::cos(kSteep);
-  plane_.clear();
-  corner_.clear();
-  is_corner_.assign(hull.corner.cols(), 0);
-  double lowest = std::numeric_limits<double>::infinity();
-  // Unit vectors that are kSteep apart differ by less than that in each coordinate.
-  const auto first =
-      std::lower_bound(hull.facet.begin(), hull.facet.end(), -local_up.z() - kSteep,
-                       [](const HullFacet& facet, double z) { return facet.normal.z() < z; });
-  for (auto it = first; it != hull.facet.end() && it->normal.z() <= -local_up.z() + kSteep; ++it) {
-    const HullFacet& facet = *it;
-    const double slope = facet.normal.dot(local_up);
-    if (slope > -steep) continue;
-    const Vector3d normal = pose.rotation * facet.normal;
-    plane_.push_back({normal, facet.offset + normal.dot(pose.position), slope});
-    if (slope > -shallow) continue;
-    for (int index : facet.corner) {
-      if (is_corner_[index]) continue;
-      is_corner_[index] = 1;
-      const Vector3d corner = hull.corner.col(index);
-      corner_.push_back({pose.position + pose.rotation * corner, hull.place[index]});
-      if (const double height = corner.dot(local_up); height < lowest) {
-        lowest = height;
-        outline_.origin = corner_.back().position;
-      }
-      const double along_x = corner.dot(x), along_y = corner.dot(y);
-      for (int k = 0; k < kMostCorners; ++k) {
-        const double along = cosine[k] * along_x + sine[k] * along_y;
-        if (along <= reach[k]) continue;
-        reach[k] = along;
-        farthest[k] = corner;
-      }
-    }
-  }
-  if (corner_.empty()) return false;
+  up_.cwiseAbs().minCoeff(&axis);
+  const Vector3d x = (Vector3d::Unit(axis) - up_[axis] * up_).normalized();
+  const Vector3d y = x.cross(up_);  // counterclockwise seen from outside
+  lowest_ = hull.farthest(-up_, 0);
+  for (int i = hull.around_begin[lowest_]; i < hull.around_begin[lowest_ + 1]; ++i)
+    if (looks_down(facet_ = hull.around[i])) break;
+  // The corner of the cap that is farthest along a direction is the lowest of the hull tilted so.
+  std::array<int, kMostCorners> farthest;
   width_ = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kMostCorners / 2; ++k)
-    width_ = std::min(width_, reach[k] + reach[k + kMostCorners / 2]);
-  if (width_ < least_width) return false;
+  for (int k = 0; k < kMostCorners / 2; ++k) {
+    const double angle = 2.0 * EIGEN_PI * k / kMostCorners;
+    const Vector3d along = std::cos(angle) * x + std::sin(angle) * y;
+    const Vector3d down = -std::cos(kShallow) * up_, aside = std::sin(kShallow) * along;
+    const int near = hull.farthest(down + aside, lowest_);
+    const int far = hull.farthest(down - aside, lowest_);
+    farthest[k] = near;
+    farthest[k + kMostCorners / 2] = far;
+    width_ = std::min(width_, along.dot(hull.corner.col(near) - hull.corner.col(far)));
+    if (width_ < least_width) return false;
+  }
   outline_.normal = -up;
+  outline_.origin = pose.position + pose.rotation * hull.corner.col(lowest_);
   outline_.count = 0;
   for (int k = 0; k < kMostCorners; ++k)
     if (farthest[k] != farthest[(k + kMostCorners - 1) % kMostCorners])
-      outline_.corner[outline_.count++] = pose.position + pose.rotation * farthest[k];
+      outline_.corner[outline_.count++] =
+          pose.position + pose.rotation * hull.corner.col(farthest[k]);
   return outline_.count > 2;
 }
 
-double ShallowCap::height_over(const Vector3d& point) const {
-  double height = -std::numeric_limits<double>::infinity();
-  for (const Plane& plane : plane_) height = std::max(height, plane.height_over(point));
-  return height;
+bool ShallowCap::is_of_cap(int corner) const {
+  const double steep = std::cos(kShallow);
+  bool found = false;
+  hull_->for_around(corner, [&](const HullFacet& facet) {
+    const Vector3d area = hull_->doubled_area(facet);
+    found = found || area.dot(up_) <= -steep * area.norm();
+  });
+  return found;
 }
 
-// From one end to the other the highest plane gives way to the first that meets it, which rises
-// more.
+// Those lower than any height hang together: a walk from the lowest one meets them all.
+template <typename Keep>
+void ShallowCap::add_corners(const Vector3d& origin, double margin, const Keep& keep) {
+  is_met_.assign(hull_->corner.cols(), 0);
+  corner_.assign(1, lowest_);
+  is_met_[lowest_] = 1;
+  for (size_t i = 0; i < corner_.size(); ++i) {
+    const int corner = corner_[i];
+    const Vector3d position = pose_.position + pose_.rotation * hull_->corner.col(corner);
+    const double distance = -outline_.normal.dot(position - origin);
+    if (distance > margin || !is_of_cap(corner)) continue;
+    if (keep(position))
+      point_.push_back(
+          {{position + 0.5 * distance * outline_.normal, distance}, hull_->place[corner]});
+    hull_->for_next(corner, [&](int next) {
+      if (is_met_[next]) return;
+      is_met_[next] = 1;
+      corner_.push_back(next);
+    });
+  }
+}
+
+bool ShallowCap::looks_down(int facet) const {
+  return hull_->doubled_area(hull_->facet[facet]).dot(up_) < 0.0;
+}
+
+double ShallowCap::inside_of(const HullFacet& facet, int k, const Vector3d& point) const {
+  const Vector3d begin = hull_->corner.col(facet.corner[k]);
+  const Vector3d end = hull_->corner.col(facet.corner[(k + 1) % 3]);
+  return (point - begin).cross(end - begin).dot(up_);
+}
+
+double ShallowCap::height_over(const HullFacet& facet, const Vector3d& point) const {
+  const Vector3d area = hull_->doubled_area(facet);
+  return area.dot(hull_->corner.col(facet.corner[0]) - point) / area.dot(up_);
+}
+
+// Seen along `up` the facets below are a regular triangulation, in which such a walk ends.
+int ShallowCap::facet_over(const Vector3d& point) {
+  for (size_t steps = 0; steps < hull_->facet.size(); ++steps) {
+    const HullFacet& facet = hull_->facet[facet_];
+    int k = 0;
+    while (k < 3 && (inside_of(facet, k, point) >= 0.0 || !looks_down(facet.across[k]))) ++k;
+    if (k == 3) break;
+    facet_ = facet.across[k];
+  }
+  return facet_;
+}
+
 const std::vector<Vector3d>& ShallowCap::cross_ridges(const Vector3d& begin, const Vector3d& end,
                                                       double margin) {
   crossing_.clear();
@@ -178,30 +154,35 @@ const std::vector<Vector3d>& ShallowCap::cross_ridges(const Vector3d& begin, con
     if (at_begin < 0.0) first = std::max(first, at_begin / (at_begin - at_end));
     if (at_end < 0.0) last = std::min(last, at_begin / (at_begin - at_end));
   }
-  line_.clear();
-  Line highest;
-  for (const Plane& plane : plane_) {
-    const double height = plane.height_over(begin);
-    const Line line{height, plane.height_over(end) - height};
-    // The surface lies below no plane.
-    if (std::min(line.at(first), line.at(last)) > margin) return crossing_;
-    line_.push_back(line);
-    if (line.at(first) > highest.at(first)) highest = line;
-  }
-  while (first < last) {
-    const Line* next = nullptr;
-    double soonest = last;
-    for (const Line& line : line_) {
-      if (line.rise <= highest.rise) continue;
-      const double meets = (highest.height - line.height) / (line.rise - highest.rise);
-      if (meets >= soonest) continue;
-      soonest = meets;
-      next = &line;
+  if (first >= last) return crossing_;
+  const auto local = [&](double part) -> Vector3d {
+    return pose_.rotation.transpose() * (begin + part * (end - begin) - pose_.position);
+  };
+  const Vector3d local_begin = local(0.0), local_end = local(1.0);
+  // Whether two facets are one, which was cut in two.
+  const auto is_flat = [&](const HullFacet& facet, const HullFacet& next) {
+    const Vector3d normal = hull_->doubled_area(facet).normalized();
+    return (normal.transpose() * hull_->corner(Eigen::all, next.corner)).minCoeff() >
+           normal.dot(hull_->corner.col(facet.corner[0])) - kOnePlane * hull_->radius;
+  };
+  // From facet to facet, each time from a hair beyond the side through which the segment leaves.
+  for (;;) {
+    const HullFacet& here = hull_->facet[facet_over(local(first))];
+    double leaves = last;
+    int next = -1;
+    for (int k = 0; k < 3; ++k) {
+      const double at_begin = inside_of(here, k, local_begin);
+      const double at_end = inside_of(here, k, local_end);
+      if (at_end >= at_begin) continue;
+      const double part = at_begin / (at_begin - at_end);
+      if (part <= first || part >= leaves) continue;
+      leaves = part;
+      next = here.across[k];
     }
-    if (!next) break;
-    highest = *next;
-    first = soonest;
-    if (highest.at(first) <= margin) crossing_.push_back(begin + first * (end - begin));
+    if (next < 0) break;
+    if (height_over(here, local(leaves)) <= margin && !is_flat(here, hull_->facet[next]))
+      crossing_.push_back(begin + leaves * (end - begin));
+    first = leaves + kHair;
   }
   return crossing_;
 }
@@ -230,13 +211,8 @@ void ShallowCap::take_points(FaceManifold& manifold) {
 FaceManifold ShallowCap::meet_plane(const Vector3d& origin, double margin) {
   FaceManifold manifold;
   manifold.normal = -outline_.normal;
-  const Vector3d& up = manifold.normal;
   point_.clear();
-  for (const Corner& corner : corner_) {
-    const double distance = up.dot(corner.position - origin);
-    if (distance <= margin)
-      point_.push_back({{corner.position - 0.5 * distance * up, distance}, corner.place});
-  }
+  add_corners(origin, margin, [](const Vector3d&) { return true; });
   take_points(manifold);
   return manifold;
 }
@@ -244,16 +220,25 @@ FaceManifold ShallowCap::meet_plane(const Vector3d& origin, double margin) {
 FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const Vector3d& nearest,
                                    double tolerance) {
   const Vector3d& up = face.normal;
+  FaceManifold manifold;
+  manifold.normal = up;
+  point_.clear();
+  add_corners(face.origin, margin, [&](const Vector3d& point) { return is_over(face, point); });
+  const auto* const first = outline_.corner.data();
+  if (std::all_of(first, first + outline_.count,
+                  [&](const Vector3d& corner) { return is_over(face, corner); })) {
+    take_points(manifold);
+    return manifold;
+  }
   const FaceManifold outline =
       dashpot::meet_face(face, outline_, std::numeric_limits<double>::infinity());
-  FaceManifold manifold;
-  manifold.normal = outline.normal;
   const auto on_face = [&](const Vector3d& point) -> Vector3d {
     return point - up.dot(point - face.origin) * up;
   };
   // The point over one of the face, midway between that and what lies above or below it.
   const auto point_over = [&](const Vector3d& place) {
-    const double distance = height_over(place);
+    const Vector3d local = pose_.rotation.transpose() * (place - pose_.position);
+    const double distance = height_over(hull_->facet[facet_over(local)], local);
     return FacePoint{place + 0.5 * distance * up, distance};
   };
   const auto add_over = [&](const Vector3d& over, int place) {
@@ -261,12 +246,6 @@ FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const 
     const FacePoint point = point_over(over);
     if (point.distance <= margin) point_.push_back({point, place});
   };
-  point_.clear();
-  for (const Corner& corner : corner_) {
-    const double distance = up.dot(corner.position - face.origin);
-    if (distance <= margin && is_over(face, corner.position))
-      point_.push_back({{corner.position - 0.5 * distance * up, distance}, corner.place});
-  }
   for (int i = 0; i < outline.count; ++i) add_over(on_face(outline.point[i].position), kFirst);
   for (int side = 0; side < face.count; ++side) {
     const std::vector<Vector3d>& crossing =

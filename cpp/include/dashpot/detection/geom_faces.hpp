@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dashpot/detection/surplus_contacts.hpp"
+#include "dashpot/geometry/coarse_hull.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/flat_faces.hpp"
 #include "dashpot/geometry/shallow_cap.hpp"
@@ -25,7 +26,7 @@ inline constexpr double kOfFace = 0.999999;
 struct HullFaces {
   std::mutex mutex;
   std::vector<std::optional<std::vector<FlatFace>>> faces_of_mesh;
-  std::vector<std::optional<HullSurface>> of_mesh;
+  std::vector<std::optional<CoarseHull>> of_mesh;
 };
 
 // Kept from step to step: a step allocates nothing. Of one thread, but for the hulls.

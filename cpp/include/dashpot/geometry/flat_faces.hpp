@@ -12,6 +12,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "dashpot/geometry/coarse_hull.hpp"
+
 namespace dashpot {
 
 // Corners that stand for a face: of a circle's corners they leave out 3 % of the radius at most.
@@ -33,9 +35,7 @@ struct FlatFace {
   int kept_count = 0;
 };
 
-// `vertices` (m), and the polygons of the surface of their hull, counterclockwise from outside.
-std::vector<FlatFace> flat_faces(const Eigen::Matrix3Xd& vertices,
-                                 const std::vector<std::vector<int>>& polygons);
+std::vector<FlatFace> flat_faces(const CoarseHull& hull);
 
 // The face whose normal is nearest to `direction` (unit, in the frame of the hull); null where
 // there are none.

@@ -7,15 +7,15 @@
 // hull in each corner of that, in each corner of the face and where ridges cross its sides: these
 // are the points. Of a selection, the nearest, the deepest, MuJoCo's three on a plane, some come as
 // others go by a hair of turn, and what rests on them rocks for good on what recovers of overlaps
-// that no spring has taken up. Where there is no room for all, of fine meshes that are pressed
-// flat, a tremble is left of that (docs/limits.md).
+// that no spring has taken up. So that there is room for all, also of fine meshes, their hull is a
+// coarse one.
 
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
 #include <vector>
 
+#include "dashpot/geometry/coarse_hull.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/shape.hpp"
 
@@ -24,36 +24,12 @@ namespace dashpot {
 // Tilt (rad) up to which a facet belongs to the cap.
 inline constexpr double kShallow = 0.05;
 
-// Tilt (rad) up to which other facets bound its height, where its outline spans notches of it:
-// those that lean more are too narrow to matter, seen along the normal.
-inline constexpr double kSteep = 0.2;
-
-// A polygon of the surface of a hull.
-struct HullFacet {
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward
-  double offset = 0.0;                               // of its plane along it, m
-  std::vector<int> corner;                           // columns of HullSurface::corner
-};
-
-struct HullSurface {
-  Eigen::Matrix3Xd corner;  // m, in its frame
-  // By corner: its place in an order in which each of the first 256 is as far as can be from all
-  // before it.
-  std::vector<int> place;
-  std::vector<HullFacet> facet;  // sorted by the third component of their normals
-};
-
-// The hull of `vertices` (m) that these polygons, counterclockwise from outside, are the surface
-// of; without those that have no area.
-HullSurface hull_surface(const Eigen::Matrix3Xd& vertices,
-                         const std::vector<std::vector<int>>& polygons);
-
 // Kept by the thread: finding one allocates nothing once there was one as large.
 class ShallowCap {
  public:
   // The facets that look against `up` (world, unit: out of what it lies on). Whether their outline
-  // is `least_width` (m) wide; of a finely meshed ball it is not.
-  bool find(const HullSurface& hull, const Pose& pose, const Eigen::Vector3d& up,
+  // is `least_width` (m) wide; of a finely meshed ball it is not. The hull must outlive it.
+  bool find(const CoarseHull& hull, const Pose& pose, const Eigen::Vector3d& up,
             double least_width);
 
   // Its corners within `margin` (m) of a plane through `origin` that looks along `up`.
@@ -65,23 +41,6 @@ class ShallowCap {
                          double tolerance);
 
  private:
-  struct Plane {
-    Eigen::Vector3d normal;  // outward, world
-    double offset, slope;    // along it; of it along `up`
-
-    double height_over(const Eigen::Vector3d& point) const {
-      return (offset - normal.dot(point)) / slope;
-    }
-  };
-  struct Corner {
-    Eigen::Vector3d position;  // world, m
-    int place;                 // see HullSurface
-  };
-  // Height of a plane over a segment: at its beginning, and to its end from there, m.
-  struct Line {
-    double height = -std::numeric_limits<double>::infinity(), rise = 0.0;
-    double at(double part) const { return height + part * rise; }
-  };
   // One that meets something, and its place among the corners.
   struct Point {
     FacePoint at;
@@ -91,8 +50,19 @@ class ShallowCap {
   };
   static constexpr int kFirst = -1;
 
-  // How far the surface lies above a point, along `up`, m.
-  double height_over(const Eigen::Vector3d& point) const;
+  // Adds the corners within `margin` (m) of a plane that `keep` lets in.
+  template <typename Keep>
+  void add_corners(const Eigen::Vector3d& origin, double margin, const Keep& keep);
+  // Whether a corner is one of a facet that all but lies flat.
+  bool is_of_cap(int corner) const;
+  bool looks_down(int facet) const;
+  // How far a point lies inside of the side of a facet from its corner k, seen along `up`; of all
+  // points to one scale.
+  double inside_of(const HullFacet& facet, int k, const Eigen::Vector3d& point) const;
+  // How far a facet's plane lies above a point, along `up`, m.
+  double height_over(const HullFacet& facet, const Eigen::Vector3d& point) const;
+  // The facet over a point (in the frame of the hull), in a walk from the last one.
+  int facet_over(const Eigen::Vector3d& point);
   // The points of the part of a segment within the outline, seen along `up`, over which ridges
   // cross it no higher than `margin` (m) above it.
   const std::vector<Eigen::Vector3d>& cross_ridges(const Eigen::Vector3d& begin,
@@ -102,13 +72,16 @@ class ShallowCap {
   // The points found; of more than there is room for those that touch, farthest apart.
   void take_points(FaceManifold& manifold);
 
-  std::vector<Plane> plane_;
-  std::vector<Corner> corner_;
-  std::vector<char> is_corner_;  // by corner of the hull
-  double width_ = 0.0;           // of the outline, m
+  const CoarseHull* hull_ = nullptr;
+  Pose pose_;
+  Eigen::Vector3d up_ = Eigen::Vector3d::Zero();  // in the frame of the hull
+  int lowest_ = 0;                                // corner
+  int facet_ = 0;                                 // the last one found over a point
+  double width_ = 0.0;                            // of the outline, m
   // Its corners are farthest along directions that are fixed in the hull; its origin is the lowest.
   PlacedFace outline_;
-  std::vector<Line> line_;  // by plane, of the last segment
+  std::vector<int> corner_;  // met in a walk
+  std::vector<char> is_met_;
   std::vector<Eigen::Vector3d> crossing_;
   std::vector<Point> point_;
 };
