@@ -19,6 +19,7 @@ from dashpot.calibrate import twin
 from dashpot.cli import view
 from dashpot.cli.problem_file import read_problem
 from dashpot.cli.problem_format import FORMAT
+from dashpot.cli.recordings import read_csv
 from dashpot.data import CubeTosses, save_cube_tosses
 from dashpot.data.cube_tosses import make_toss
 
@@ -80,6 +81,7 @@ def test_every_command_has_help(capsys, words):
         ["simulate", "ball", "--duration", "nan"],
         ["simulate", "ball", "--threads", "0"],
         ["simulate", "ball", "--out", "states.csv"],
+        ["simulate", "ball", "--save", "states.npz"],
         ["view", "ball", "--threads", "1.5"],
         ["calibrate", "p.toml", "--threads", "0"],
         ["calibrate", "p.toml", "--plot", "fit.txt"],
@@ -144,9 +146,23 @@ def test_simulate_uses_the_materials_given(scene, tmp_path):
             assert rebound / approach == pytest.approx(0.5, abs=0.03)
 
 
+def test_simulate_tells_what_happens_and_writes_a_table(capsys, scene, tmp_path):
+    """What it writes is a recording that `calibrate` reads."""
+    assert cli.main(["simulate", str(scene), "--seconds", "0.5", "--save", "motion.csv"]) == 0
+    printed = capsys.readouterr().out
+    assert "What happens" in printed
+    assert "dissipated" in printed
+    table = read_csv(tmp_path / "motion.csv", ("ball",))
+    with np.load("states.npz") as states:
+        np.testing.assert_array_equal(table["position"][:, 0], states["qpos"][:, :3])
+        np.testing.assert_array_equal(table["time"], states["time"])
+
+
 def test_compare_prints_and_stores(capsys, scene, tmp_path):
     words = ["compare", str(scene), "--duration", "0.3", "--settings", "dashpot, elliptic"]
-    assert cli.main([*words, "--out", str(tmp_path / "c")]) == 0
+    words += ["--out", str(tmp_path / "c"), "--report", "c.html"]
+    assert cli.main(words) == 0
+    assert "elliptic" in (tmp_path / "c.html").read_text()
     printed = capsys.readouterr().out
     assert "elliptic" in printed
     assert "ball: 0.3 s at 2 ms" in printed
@@ -164,6 +180,7 @@ def test_compare_prints_and_stores(capsys, scene, tmp_path):
         (["compare", "ball", "--material", "bal:stiffness=1"], "did you mean 'ball'"),
         (["simulate", "ball", "--duration", "1e-9"], "less than a time step"),
         (["calibrate", "nowhere.toml"], "nowhere.toml"),
+        (["simulate", "ball", "--fit", "nowhere.json"], "nowhere.json"),
         (["demo", "--data", "nowhere"], "dashpot data cube-tosses"),
         (["data", "cube-tosses", "--base-url", "http://127.0.0.1:9/", "--out", "d"], "download"),
     ],
@@ -354,6 +371,25 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
     # The observations have no noise: only the search's own tolerance is left.
     assert estimate["value"] == pytest.approx(TRUTH, rel=1e-3)
     assert estimate["identified"] is True
+
+
+def test_a_fit_goes_from_one_command_to_the_other(capsys, scene, tmp_path):
+    """The saved fit, put into the scene, moves as the recording that it was fitted to."""
+    poses = drop(scene)
+    first = np.concatenate([poses["position"][0], poses["quaternion"][0]])
+    np.savez(tmp_path / "drop.npz", initial_qpos=first, initial_qvel=np.zeros(6), **poses)
+    problem = {**PROBLEM, "trajectories": [{"file": "drop.npz", "bodies": ["ball"]}]}
+    (tmp_path / "problem.json").write_text(json.dumps(problem))
+    words = ["calibrate", "problem.json", "--save", "ball.json", "--report", "ball.html"]
+    assert cli.main(words) == 0
+    assert "wrote ball.html" in capsys.readouterr().out
+    assert "Calibration: problem" in (tmp_path / "ball.html").read_text()
+    words = ["simulate", str(scene), "--fit", "ball.json", "--seconds", "0.4", "--save", "m.csv"]
+    assert cli.main(words) == 0
+    moved = read_csv(tmp_path / "m.csv", ("ball",))["position"][:, 0]
+    np.testing.assert_allclose(moved, poses["position"], atol=1e-6)
+    (tmp_path / "ball.json").write_text("{}")
+    assert "ball.json: it is no fit" in fails(capsys, *words)
 
 
 @pytest.mark.parametrize(

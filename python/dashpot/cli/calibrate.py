@@ -24,6 +24,12 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
     )
+    parser.add_argument(
+        "--report", type=new_file, metavar="FILE", help="write a report as one HTML file"
+    )
+    parser.add_argument(
+        "--save", type=new_file, metavar="FILE", help="write the fit, for `dashpot simulate --fit`"
+    )
     parser.add_argument("--threads", type=count, help="default: one per core")
     parser.set_defaults(run=run)
 
@@ -32,12 +38,16 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import json
     import sys
+    from pathlib import Path
 
     from rich.console import Console
 
     from dashpot.calibrate import fit
     from dashpot.cli.problem_file import read_problem
+    from dashpot.rendering import need_templates
 
+    if arguments.report is not None:
+        need_templates()
     problem, options = read_problem(arguments.problem)
     try:
         result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
@@ -70,4 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plot is not None:
         result.plot(arguments.plot)
         print(f"wrote {arguments.plot}")
+    if arguments.save is not None:
+        result.save(arguments.save)
+        print(f"wrote {arguments.save}")
+    if arguments.report is not None:
+        result.report(arguments.report, title=f"Calibration: {Path(arguments.problem).stem}")
+        print(f"wrote {arguments.report}")
     return 0

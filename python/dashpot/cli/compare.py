@@ -11,6 +11,7 @@ from dashpot.cli.options import (
     add_threads,
     folder,
     load_engine,
+    new_file,
     positive,
     progress_bar,
 )
@@ -38,6 +39,9 @@ def add_to(commands: Any) -> None:
     parser.add_argument(
         "--out", type=folder, metavar="DIR", help="write comparison.json and comparison.png there"
     )
+    parser.add_argument(
+        "--report", type=new_file, metavar="FILE", help="write a report as one HTML file"
+    )
     parser.set_defaults(run=run)
 
 
@@ -49,7 +53,10 @@ def run(arguments: argparse.Namespace) -> int:
     from rich.console import Console
 
     from dashpot import compare
+    from dashpot.rendering import need_templates
 
+    if arguments.report is not None:
+        need_templates()
     settings: tuple[str, ...] = compare.DEFAULT_SETTINGS
     if arguments.settings is not None:
         settings = tuple(name.strip() for name in arguments.settings.split(","))
@@ -79,4 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         (out / "comparison.json").write_text(json.dumps(comparison.to_dict()), encoding="utf-8")
         comparison.plot(out / "comparison.png")
         print(f"wrote {out / 'comparison.json'} and {out / 'comparison.png'}")
+    if arguments.report is not None:
+        comparison.report(arguments.report)
+        print(f"wrote {arguments.report}")
     return 0
