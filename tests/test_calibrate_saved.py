@@ -14,7 +14,7 @@ import pytest
 
 import dashpot
 from ball_throws import BALL, SIDEWAYS, ball_engine, ball_parameters, observe
-from dashpot.calibrate import Fit, Parameter, Problem, fit
+from dashpot.calibrate import Fit, Parameter, Problem, fit, saved
 from dashpot.calibrate.saved import apply_fit
 
 
@@ -200,6 +200,12 @@ def test_files_with_bytes_changed_are_read_or_refused(file, tmp_path):
     damaged.write_text("[" * 100_000)
     with pytest.raises(ValueError, match="nested too deeply"):
         Fit.load(damaged)
+
+
+def test_a_file_that_is_too_large_is_not_read(file, monkeypatch):
+    monkeypatch.setattr(saved, "_MOST_BYTES", 1000)
+    with pytest.raises(ValueError, match=r"ball\.json is larger than a fit can be, 1000 bytes"):
+        Fit.load(file)
 
 
 def test_a_fit_of_geoms_without_names_comes_back(tmp_path):

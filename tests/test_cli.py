@@ -386,6 +386,7 @@ def test_a_fit_goes_from_one_command_to_the_other(capsys, scene, tmp_path):
     assert "Calibration: problem" in (tmp_path / "ball.html").read_text()
     words = ["simulate", str(scene), "--fit", "ball.json", "--seconds", "0.4", "--save", "m.csv"]
     assert cli.main(words) == 0
+    assert "fitted: stiffness = 20000" in capsys.readouterr().out
     moved = read_csv(tmp_path / "m.csv", ("ball",))["position"][:, 0]
     np.testing.assert_allclose(moved, poses["position"], atol=1e-6)
     (tmp_path / "ball.json").write_text("{}")

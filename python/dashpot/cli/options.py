@@ -198,6 +198,8 @@ def load_engine(
 
         try:
             loaded = Fit.load(fit)
+            told = (f"{name} = {value:.6g}" for name, value in loaded.values.items())
+            print(f"fitted: {', '.join(told)}")
             engine = apply_fit(loaded, engine.model, trajectory=trajectory, nthread=nthread)
         except ValueError as error:
             raise ValueError(f"{fit}: {str(error).removeprefix(f'{fit}: ')}") from error
