@@ -204,6 +204,17 @@ def test_profiles_are_parabolas_at_the_estimate(turning):
         np.testing.assert_allclose(profile.rise, expected, rtol=0.35, atol=0.05)
 
 
+def test_profiles_without_noise_are_told_in_standard_errors():
+    """Their rise over a variance of nothing would be beyond all axes."""
+    throw = observe(ball_engine(), SIDEWAYS)
+    problem = Problem(ball_engine(), ball_parameters()[:1], [throw], 1e-4, 1e-3)
+    found = fit(replace(problem, system=ball_engine(damping=20.0)), starts=0)
+    assert found.residual_variance < 1e-6
+    (profile,) = found.record().profiles
+    inner = [2, 3, 4, 5, 6]
+    np.testing.assert_allclose(profile.rise[inner], [1.0, 0.25, 0.0, 0.25, 1.0], atol=0.1)
+
+
 def test_a_loaded_fit_writes_the_same_report(fitted, monkeypatch, tmp_path):
     monkeypatch.setattr(page, "embedded", lambda figure: f"data:,{len(figure.axes)} panels")
     monkeypatch.setattr(page, "animation", lambda clip, _: ShownFigure())

@@ -62,7 +62,7 @@ def draw_penetration(axes: Axes, comparison: Comparison) -> None:
     shallowest = [1e3 * float(np.percentile(depths, 5)) for depths in bulk if len(depths)]
     if shallowest:
         axes.set_ylim(bottom=max(0.3 * min(shallowest), 1e3 * _DEPTH_FLOOR))
-    _finish(axes, "penetration [mm], mean (thick) and max (thin)")
+    _finish(axes, "penetration [mm]; thin: deepest")
 
 
 def draw_energy(axes: Axes, comparison: Comparison) -> None:

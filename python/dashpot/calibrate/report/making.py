@@ -31,7 +31,8 @@ Array = NDArray[np.float64]
 
 _DRAWS = 16
 _SEED = 0
-# Values of a profile, in standard errors.
+# Variance of residuals of data without noise; values of a profile, in standard errors.
+_NO_NOISE = 1e-6
 _ALONG = np.array([-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0])
 
 
@@ -133,6 +134,19 @@ def _draws(fit: Fit, around: Neighbourhood, nthread: int) -> list[list[Mapping[s
     return result
 
 
+def _unit_of_rise(fit: Fit, rise: Array) -> float:
+    """Return what a rise of the cost is measured in: the variance of the residuals.
+
+    Where errors are clustered, or there is no noise, intervals do not go by that: it is then what
+    makes the middle of the profile a parabola that reaches 1 at one standard error.
+    """
+    if fit.errors != "clustered" and fit.residual_variance > _NO_NOISE:
+        return fit.residual_variance
+    inner = (np.abs(_ALONG) <= 1.0) & (_ALONG != 0.0) & np.isfinite(rise)
+    steepness = float(np.mean(rise[inner] / _ALONG[inner] ** 2)) if inner.any() else 0.0
+    return steepness if steepness > 0.0 else 1.0
+
+
 def _profiles(
     fit: Fit, objective: Objective, around: Neighbourhood, point: Array
 ) -> tuple[Profile, ...]:
@@ -164,7 +178,7 @@ def _profiles(
             Profile(
                 fit.estimates[i].name,
                 np.array([coordinates[i].to_value(float(z)) for z in parameters[:, i]]),
-                (cost - begin) / max(fit.residual_variance, 1e-300),
+                (cost - begin) / _unit_of_rise(fit, cost - begin),
             )
         )
     return tuple(result)

@@ -132,7 +132,8 @@ class Profile:
     value
         (k,) ascending.
     rise
-        (k,) of twice the cost, over the variance of the residuals; NaN where simulations fail.
+        (k,) of twice the cost, over the variance of the residuals; NaN where simulations fail. Of
+        clustered errors, or data without noise, in a unit of which it has 1 at a standard error.
     """
 
     name: str
