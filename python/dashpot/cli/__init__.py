@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("dashpot: interrupted", file=sys.stderr)
         return 130
-    except (ValueError, TypeError, KeyError, OSError, RuntimeError, ImportError) as error:
+    except (ValueError, TypeError, KeyError, OSError, RuntimeError) as error:
         print(f"dashpot: error: {_one_line(error)}", file=sys.stderr)
         return 1
 

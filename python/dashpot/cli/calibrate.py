@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count, new_file, new_picture
+from dashpot.cli.options import count, new_file, new_picture, new_report
 from dashpot.cli.problem_format import FORMAT
 
 
@@ -22,13 +22,13 @@ def add_to(commands: Any) -> None:
     parser.add_argument("problem", help="problem file, .toml or .json (format below)")
     parser.add_argument("--out", type=new_file, metavar="FILE", help="write the result as JSON")
     parser.add_argument(
-        "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
-    )
-    parser.add_argument(
-        "--report", type=new_file, metavar="FILE", help="write a report as one HTML file"
+        "--report", type=new_report, metavar="FILE", help="write a report as one HTML file"
     )
     parser.add_argument(
         "--save", type=new_file, metavar="FILE", help="write the fit, for `dashpot simulate --fit`"
+    )
+    parser.add_argument(
+        "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
     )
     parser.add_argument("--threads", type=count, help="default: one per core")
     parser.set_defaults(run=run)
@@ -38,16 +38,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import json
     import sys
-    from pathlib import Path
 
     from rich.console import Console
 
     from dashpot.calibrate import fit
     from dashpot.cli.problem_file import read_problem
-    from dashpot.rendering import need_templates
 
-    if arguments.report is not None:
-        need_templates()
     problem, options = read_problem(arguments.problem)
     try:
         result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
@@ -84,6 +80,6 @@ def run(arguments: argparse.Namespace) -> int:
         result.save(arguments.save)
         print(f"wrote {arguments.save}")
     if arguments.report is not None:
-        result.report(arguments.report, title=f"Calibration: {Path(arguments.problem).stem}")
+        result.report(arguments.report, title=f"Calibration: {arguments.problem}")
         print(f"wrote {arguments.report}")
     return 0

@@ -11,7 +11,7 @@ from dashpot.cli.options import (
     add_threads,
     folder,
     load_engine,
-    new_file,
+    new_report,
     positive,
     progress_bar,
 )
@@ -40,7 +40,7 @@ def add_to(commands: Any) -> None:
         "--out", type=folder, metavar="DIR", help="write comparison.json and comparison.png there"
     )
     parser.add_argument(
-        "--report", type=new_file, metavar="FILE", help="write a report as one HTML file"
+        "--report", type=new_report, metavar="FILE", help="write a report as one HTML file"
     )
     parser.set_defaults(run=run)
 
@@ -53,10 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from rich.console import Console
 
     from dashpot import compare
-    from dashpot.rendering import need_templates
 
-    if arguments.report is not None:
-        need_templates()
     settings: tuple[str, ...] = compare.DEFAULT_SETTINGS
     if arguments.settings is not None:
         settings = tuple(name.strip() for name in arguments.settings.split(","))

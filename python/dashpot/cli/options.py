@@ -63,6 +63,17 @@ def _new_file_of(text: str, suffix: str) -> Path:
     return file
 
 
+def new_report(text: str) -> Path:
+    """Return where a report can be written, or raise what argparse reports."""
+    import importlib.util
+
+    if importlib.util.find_spec("jinja2") is None:
+        raise argparse.ArgumentTypeError(
+            "reports need the package jinja2: pip install 'dashpot[report]'"
+        )
+    return new_file(text)
+
+
 def new_picture(text: str) -> Path:
     """Return where a picture can be written, or raise what argparse reports."""
     from matplotlib.figure import Figure
