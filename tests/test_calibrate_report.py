@@ -215,6 +215,20 @@ def test_profiles_without_noise_are_told_in_standard_errors():
     np.testing.assert_allclose(profile.rise[inner], [1.0, 0.25, 0.0, 0.25, 1.0], atol=0.1)
 
 
+def test_bands_have_the_noise_that_was_estimated(problem, tmp_path):
+    """Stated ten times too large, of a tenth of a millimetre."""
+    loud = replace(problem, position_sigma=1e-3, noise="estimate")
+    found = fit(loud, starts=0)
+    loaded = Fit.load(found.save(tmp_path / "f.json"))
+    for each in (found, loaded):
+        assert each.record().noise == "estimated"
+        assert repr(each.channels) == repr(found.channels)
+        assert [c.channel for c in each.channels if c.count] == ["position"]
+        for shown in each.record().trajectories:
+            for curve in shown.curves:
+                assert curve.sigma == pytest.approx(1e-4, rel=0.15)
+
+
 def test_a_loaded_fit_writes_the_same_report(fitted, monkeypatch, tmp_path):
     monkeypatch.setattr(page, "embedded", lambda figure: f"data:,{len(figure.axes)} panels")
     monkeypatch.setattr(page, "animation", lambda clip, _: ShownFigure())

@@ -55,6 +55,8 @@ def test_a_loaded_fit_says_what_the_saved_one_said(fitted, file):
     assert loaded.metrics() == fitted.metrics()
     assert loaded.combinations == fitted.combinations
     assert loaded.made == fitted.made
+    assert repr(loaded.channels) == repr(fitted.channels)
+    assert repr(loaded.misfits) == repr(fitted.misfits)
     assert loaded.sample(8, seed=1) == fitted.sample(8, seed=1)
     np.testing.assert_array_equal(loaded.covariance, fitted.covariance)
     np.testing.assert_array_equal(loaded.initial_velocity, fitted.initial_velocity)

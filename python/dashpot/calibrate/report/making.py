@@ -71,6 +71,7 @@ def make_record(fit: Fit, nthread: int | None = None) -> Record:
             for t in median_and_worst(trajectories)
         ),
         note=note,
+        noise="estimated" if problem.noise == "estimate" else "stated",
     )
 
 

@@ -24,6 +24,7 @@ from dashpot.calibrate.report.page_tables import (
     comparison_table,
     making_rows,
     metric_heading,
+    misfit_table,
     parameters_table,
     pooled_errors,
 )
@@ -98,6 +99,7 @@ def write_report(
             )
         ],
         "channels": channels_table(record),
+        "misfits": misfit_table(fit),
         "residuals": embedded(residual_figure(record.trajectories, colours[name])),
         "autocorrelation": embedded(autocorrelation_figure(record.trajectories, colours[name])),
         "beside_names": ", ".join(others),
@@ -128,9 +130,11 @@ def _summary(fit: Fit, record: Record) -> str:
     explained = "explains" if fit.noise_explains else "does not explain"
     text = (
         f"{known} of {len(fit.estimates)} parameters identified from {count} "
-        f"trajector{'y' if count == 1 else 'ies'}, stepped by {record.stepper}. The stated noise "
-        f"{explained} the residuals, whose variance is {fit.residual_variance:.3g}."
+        f"trajector{'y' if count == 1 else 'ies'}, stepped by {record.stepper}. The {record.noise} "
+        f"noise {explained} the residuals, whose variance is {fit.residual_variance:.3g}."
     )
+    if fit.misfits:
+        text += f" Residuals hang together in time: {', '.join(map(str, fit.misfits))}."
     return text if fit.converged else f"Not converged: {fit.message}. {text}"
 
 

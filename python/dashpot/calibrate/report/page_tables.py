@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dashpot.calibrate.inference.estimate import (
-    Estimate,
     interval_digits,
     interval_ends,
     percent,
 )
 from dashpot.calibrate.report.drawings import autocorrelation, by_channel
+from dashpot.calibrate.report.fit_report import grade_word
 from dashpot.calibrate.report.prediction_report import prediction_errors
 from dashpot.calibrate.report.record import Record
 from dashpot.calibrate.result import Fit
@@ -34,16 +34,12 @@ def parameters_table(fit: Fit, record: Record) -> dict[str, Any]:
                 record.units.get(e.name, ""),
                 f"{e.value:.{interval_digits(e.lower, e.upper)}g}",
                 " – ".join(interval_ends(e.lower, e.upper)),
-                _grade(e),
+                grade_word(e),
                 e.statement,
             )
             for e in fit.estimates
         ],
     }
-
-
-def _grade(estimate: Estimate) -> str:
-    return str(getattr(estimate, "grade", "yes" if estimate.identified else "no"))
 
 
 def channels_table(record: Record) -> dict[str, Any]:
@@ -77,12 +73,42 @@ def channels_table(record: Record) -> dict[str, Any]:
     header = (
         "channel",
         "numbers",
-        "stated σ",
+        f"{record.noise} σ",
         "residuals, rms",
         "rms [σ]",
         "with the one before",
     )
     return {"header": header, "rows": rows}
+
+
+def misfit_table(fit: Fit) -> dict[str, Any] | None:
+    """Return what residuals say of each channel; None of a fit that does not say it."""
+    if not fit.channels:
+        return None
+    return {
+        "header": (
+            "channel",
+            "numbers",
+            "rms [σ]",
+            "correlation of neighbours",
+            "in deviations of noise",
+            "left over of what it shows",
+            "misfit",
+        ),
+        "rows": [
+            (
+                c.channel,
+                c.count,
+                f"{c.size:.3g}",
+                f"{c.correlation:+.2f}",
+                f"{c.deviations:.1f}",
+                f"{100 * c.left_over:.2g} %",
+                "yes" if c.misfit else "no",
+            )
+            for c in fit.channels
+            if c.count
+        ],
+    }
 
 
 def comparison_table(

@@ -197,6 +197,8 @@ class Record:
         Of the median and the worst trajectory, by the size of their residuals.
     note
         What could not be found, and why.
+    noise
+        ``"stated"`` or ``"estimated"``.
     """
 
     stepper: Literal["dashpot", "MuJoCo"]
@@ -206,3 +208,4 @@ class Record:
     profiles: tuple[Profile, ...] = ()
     clips: tuple[Clip, ...] = ()
     note: str = ""
+    noise: Literal["stated", "estimated"] = "stated"
