@@ -9,11 +9,11 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from matplotlib.figure import Figure
 
 import dashpot
 from dashpot import compare
 from dashpot.compare.plots import draw_energy, draw_penetration
+from dashpot.figures import ShownFigure, legend_above
 
 SETTINGS = ("dashpot", "mujoco-default", "elliptic", "solref-direct")
 
@@ -34,7 +34,7 @@ def picture_of_the_pile() -> np.ndarray:
 def main() -> None:
     """Draw and write the picture."""
     comparison = compare.run("pile", settings=SETTINGS)
-    figure = Figure(figsize=(12, 3.9), layout="constrained")
+    figure = ShownFigure(figsize=(12, 3.9), layout="constrained")
     image, penetration, energy = figure.subplots(1, 3, width_ratios=(0.9, 1.2, 1.2))
     image.imshow(picture_of_the_pile())
     image.set_axis_off()
@@ -42,6 +42,7 @@ def main() -> None:
     draw_energy(energy, comparison)
     for axes in (penetration, energy):
         axes.set_xlim(0, comparison.duration)
+    legend_above(figure, energy)
     figure.savefig(Path(__file__).with_suffix(".png"), dpi=105, pil_kwargs={"optimize": True})
 
 

@@ -80,6 +80,7 @@ def test_every_command_has_help(capsys, words):
         ["simulate", "ball", "--duration", "nan"],
         ["simulate", "ball", "--threads", "0"],
         ["simulate", "ball", "--out", "states.csv"],
+        ["simulate", "ball", "--save", "states.npz"],
         ["view", "ball", "--threads", "1.5"],
         ["calibrate", "p.toml", "--threads", "0"],
         ["calibrate", "p.toml", "--plot", "fit.txt"],
@@ -144,9 +145,25 @@ def test_simulate_uses_the_materials_given(scene, tmp_path):
             assert rebound / approach == pytest.approx(0.5, abs=0.03)
 
 
+def test_simulate_tells_what_happens_and_writes_a_table(capsys, scene, tmp_path):
+    """What it writes has the columns of a recording."""
+    assert cli.main(["simulate", str(scene), "--seconds", "0.5", "--save", "motion.csv"]) == 0
+    printed = capsys.readouterr().out
+    assert "What happens" in printed
+    assert "dissipated" in printed
+    table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)
+    assert table.dtype.names == ("time", "x", "y", "z", "qw", "qx", "qy", "qz")
+    with np.load("states.npz") as states:
+        np.testing.assert_array_equal(table["time"], states["time"])
+        for column, name in enumerate(table.dtype.names[1:]):
+            np.testing.assert_array_equal(table[name], states["qpos"][:, column])
+
+
 def test_compare_prints_and_stores(capsys, scene, tmp_path):
     words = ["compare", str(scene), "--duration", "0.3", "--settings", "dashpot, elliptic"]
-    assert cli.main([*words, "--out", str(tmp_path / "c")]) == 0
+    words += ["--out", str(tmp_path / "c"), "--report", "c.html"]
+    assert cli.main(words) == 0
+    assert "elliptic" in (tmp_path / "c.html").read_text()
     printed = capsys.readouterr().out
     assert "elliptic" in printed
     assert "ball: 0.3 s at 2 ms" in printed
@@ -164,6 +181,7 @@ def test_compare_prints_and_stores(capsys, scene, tmp_path):
         (["compare", "ball", "--material", "bal:stiffness=1"], "did you mean 'ball'"),
         (["simulate", "ball", "--duration", "1e-9"], "less than a time step"),
         (["calibrate", "nowhere.toml"], "nowhere.toml"),
+        (["simulate", "ball", "--fit", "nowhere.json"], "nowhere.json"),
         (["demo", "--data", "nowhere"], "dashpot data cube-tosses"),
         (["data", "cube-tosses", "--base-url", "http://127.0.0.1:9/", "--out", "d"], "download"),
     ],
@@ -354,6 +372,34 @@ def test_calibrate_recovers_what_a_file_asks_for(capsys, scene, tmp_path, form):
     # The observations have no noise: only the search's own tolerance is left.
     assert estimate["value"] == pytest.approx(TRUTH, rel=1e-3)
     assert estimate["identified"] is True
+
+
+@pytest.mark.parametrize("command", [["calibrate", "p.toml"], ["compare", "ball"]])
+def test_a_report_without_its_package_is_refused_at_once(capsys, monkeypatch, command):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([*command, "--report", "x.html"])
+    assert "dashpot[report]" in capsys.readouterr().err
+
+
+def test_a_fit_goes_from_one_command_to_the_other(capsys, scene, tmp_path):
+    """The saved fit, put into the scene, moves as the recording that it was fitted to."""
+    poses = drop(scene)
+    first = np.concatenate([poses["position"][0], poses["quaternion"][0]])
+    np.savez(tmp_path / "drop.npz", initial_qpos=first, initial_qvel=np.zeros(6), **poses)
+    problem = {**PROBLEM, "trajectories": [{"file": "drop.npz", "bodies": ["ball"]}]}
+    (tmp_path / "problem.json").write_text(json.dumps(problem))
+    words = ["calibrate", "problem.json", "--save", "ball.json", "--report", "ball.html"]
+    assert cli.main(words) == 0
+    assert "wrote ball.html" in capsys.readouterr().out
+    assert "Calibration: problem.json" in (tmp_path / "ball.html").read_text()
+    words = ["simulate", str(scene), "--fit", "ball.json", "--seconds", "0.4", "--save", "m.csv"]
+    assert cli.main(words) == 0
+    assert "fitted: stiffness = 20000" in capsys.readouterr().out
+    moved = np.genfromtxt(tmp_path / "m.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(moved["z"], poses["position"][:, 2], atol=1e-6)
+    (tmp_path / "ball.json").write_text("{}")
+    assert "ball.json: it is no fit" in fails(capsys, *words)
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ PAGES = (
     "docs/from_mujoco.md",
     "docs/limits.md",
     "docs/method.md",
+    "docs/reports.md",
 )
 LINKS = [
     (page, link) for page in PAGES for link in re.findall(r"\]\((?!http)([^)]+)\)", read(page))
@@ -92,6 +93,26 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     printed = capsys.readouterr().out
     assert "Energy(" in printed
     assert "[[9.81 0.   0.  ]]" in printed  # the ball has come to rest: its weight
+
+
+def test_the_script_about_reports_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    script = "\n".join(re.findall(r"```python\n(.*?)```", read("docs/reports.md"), re.DOTALL))
+    names: dict[str, Any] = {}
+    exec(compile(script, "docs/reports.md", "exec"), names)
+    for name, truth in {"stiffness": 1e4, "restitution": 0.8}.items():
+        estimate = names["result"][name]
+        assert estimate.lower <= truth <= estimate.upper
+    assert str(names["same"]) == str(names["result"])
+    assert (
+        names["fitted"].pair_materials
+        == names["result"].problem.build(names["result"].values).pair_materials
+    )
+    assert "As custom numerics" in capsys.readouterr().out
+    written = {file.name for file in tmp_path.iterdir()}
+    assert written == {"ball.html", "again.html", "ball.json", "ball.xml"}
 
 
 def test_the_script_of_the_guide_runs() -> None:

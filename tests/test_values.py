@@ -89,8 +89,10 @@ def test_a_report_shows_its_lines_in_a_session(results):
 def test_tables_are_shown_in_notebooks():
     comparison = compare.run("ball", duration=0.05, settings=["dashpot", "mujoco-default"])
     shown = comparison._repr_html_()
-    assert shown.startswith("<pre")
-    assert "mujoco-default" in shown
+    assert shown.startswith("<table")
+    assert shown.count("<tr>") == 3  # of the headings and two settings
+    assert ">mujoco-default</td>" in shown
+    assert ">settled mean [mm]</th>" in shown
 
 
 def test_tables_are_text_where_rich_sees_a_notebook(monkeypatch, capsys):

@@ -13,8 +13,9 @@ from rich.console import Console
 from dashpot import compare
 from dashpot.calibrate import tosses as toss_calibration
 from dashpot.calibrate import twin
-from dashpot.colours import COLOURS
+from dashpot.colours import COLOURS, colours_of
 from dashpot.data import CubeTosses, load_cube_tosses
+from dashpot.figures import ShownFigure, clean, legend_above
 from dashpot.report import Picture, Section, Table, Text, write_report
 
 __all__ = ["run_demo"]
@@ -139,7 +140,7 @@ def _twin_section(seed: int, threads: int | None, screen: Console) -> Section:
 
 
 def _twin_figure(experiment: twin.Twin) -> Figure:
-    figure = Figure(figsize=(10, 3.4), layout="constrained")
+    figure = ShownFigure(figsize=(10, 3.4), layout="constrained")
     intervals, cost = figure.subplots(1, 2)
     for index, estimate in enumerate(experiment.fit.estimates):
         truth = experiment.truth[estimate.name]
@@ -162,9 +163,7 @@ def _twin_figure(experiment: twin.Twin) -> Figure:
     cost.semilogy(experiment.fit.cost_history, color=COLOURS[0])
     cost.set_xlabel("evaluation")
     cost.set_ylabel("lowest cost so far")
-    for axes in (intervals, cost):
-        axes.grid(True, linewidth=0.4, alpha=0.5)
-        axes.spines[["top", "right"]].set_visible(False)
+    clean(intervals, cost)
     return figure
 
 
@@ -250,23 +249,23 @@ def _toss_section(
 
 
 def _toss_figure(studies: dict[str, toss_calibration.Study]) -> Figure:
-    figure = Figure(figsize=(10, 3.6), layout="constrained")
+    figure = ShownFigure(figsize=(10, 3.6), layout="constrained")
+    colours = colours_of(studies)
     for axes, field, label in zip(
         figure.subplots(1, 2, sharey=True),
         ("position", "rotation"),
         ("mean position error [% of width]", "mean rotation error [°]"),
         strict=True,
     ):
-        for colour, (name, study) in zip(COLOURS, studies.items(), strict=False):
+        for name, study in studies.items():
             values = np.sort(getattr(study.unseen, field))
             share = 100 * np.arange(1, len(values) + 1) / len(values)
-            axes.plot(values, share, color=colour, label=name)
+            axes.plot(values, share, color=colours[name], label=name)
         axes.set_xlabel(label)
         axes.set_xlim(left=0)
-        axes.grid(True, linewidth=0.4, alpha=0.5)
-        axes.spines[["top", "right"]].set_visible(False)
+        clean(axes)
     figure.axes[0].set_ylabel("unseen tosses [%]")
-    figure.axes[0].legend(frameon=False, loc="lower right")
+    legend_above(figure, figure.axes[0])
     return figure
 
 

@@ -15,6 +15,7 @@ from dashpot.contacts import Contacts, Energy, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
 from dashpot.materials import CombinationRules, Material
+from dashpot.mjcf_materials import read_materials
 from dashpot.model_locks import new_lock
 from dashpot.object_ids import Element, object_id
 
@@ -208,6 +209,8 @@ class Engine(ReadableOptions):
         self._contact_capacity = _core.reserve_memory(self.model._address)
         self._geom_material: dict[int, Material] = {}
         self._pair_material: dict[tuple[int, int], Material] = {}
+        if self.law != "comfree":
+            self._geom_material, self._pair_material = read_materials(self.model)
         self._lock = new_lock()
         self._built = _Built()
         self._scratch: mujoco.MjData | None = None

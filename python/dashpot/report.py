@@ -23,7 +23,7 @@ __all__ = ["Picture", "Section", "Table", "Text", "write_report"]
 FILE_NAME = "report.html"
 _DPI = 150
 
-_STYLE = """
+STYLE = """
 :root { --ink: #1c2430; --muted: #5b6776; --line: #d9dee5; --accent: #0072b2; }
 * { box-sizing: border-box; }
 body { margin: 0; background: #fff; color: var(--ink); text-rendering: optimizeLegibility;
@@ -206,7 +206,7 @@ def _page(title: str, summary: str, body: str, footer: str) -> str:
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{html.escape(title)}</title>
-<style>{_STYLE}</style>
+<style>{STYLE}</style>
 </head>
 <body>
 <main>

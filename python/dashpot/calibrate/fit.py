@@ -22,6 +22,9 @@ from dashpot.calibrate.inference.settlement import End, settle
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
 from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.setters import model_of
+from dashpot.calibrate.problem.systems import own_system
+from dashpot.calibrate.provenance import provenance
 from dashpot.calibrate.report.progress import ProgressBar
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.losses import Loss, LossName
@@ -230,6 +233,7 @@ def fit(
         method=method,
         errors=errors_kind,
         confidence=confidence,
+        seed=seed,
     )
 
 
@@ -244,6 +248,7 @@ def _result(
     method: str,
     errors: str,
     confidence: float,
+    seed: int,
 ) -> Fit:
     point, residuals, estimated = end.point, end.residuals, end.covariance
     correlation = estimated.correlation
@@ -304,6 +309,7 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
+        made=provenance(model_of(own_system(problem.system, problem.start)), seed),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,10 @@ from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.least_squares import least_squares
 from dashpot.calibrate.search.search import Search
 from dashpot.checks import number, positive_number, thread_count
+from dashpot.tables import table_html, table_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 Array = NDArray[np.float64]
 
@@ -70,6 +74,34 @@ class Prediction:
     sensor_errors: Mapping[str, Array] = field(default_factory=dict, repr=False)
     moments: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
+    def __str__(self) -> str:
+        """Return the errors as a table of text."""
+        return str(Predictions([self]))
+
+    def _repr_html_(self) -> str:
+        """Return the errors as a table for notebooks."""
+        return Predictions([self])._repr_html_()
+
+
+class Predictions(tuple[Prediction, ...]):
+    """Predictions of several trajectories; a tuple that shows their errors as a table."""
+
+    __slots__ = ()
+
+    def table(self) -> Table:
+        """Return a rich table of root mean square errors, one row for each trajectory."""
+        from dashpot.calibrate.report.prediction_report import prediction_table
+
+        return prediction_table(self)
+
+    def __str__(self) -> str:
+        """Return the table as text."""
+        return table_text(self.table())
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(self.table())
+
 
 def predict(
     problem: Problem,
@@ -80,7 +112,7 @@ def predict(
     loss: LossName = "linear",
     loss_scale: float = 1.0,
     nthread: int | None = None,
-) -> tuple[Prediction, ...]:
+) -> Predictions:
     """Simulate trajectories to their ends with `values`, as a fit does, and compare.
 
     A simulation starts somewhere. Without `head` it starts in the state that the trajectory carries
@@ -164,7 +196,7 @@ def predict(
 
 def predictions(
     problem: Problem, values: Mapping[str, float], states: Array, nthread: int
-) -> tuple[Prediction, ...]:
+) -> Predictions:
     """Return what `values` predict of a problem's trajectories, from unknowns of their `states`.
 
     These are as in points of the search (`dashpot.calibrate.residuals.objective`): velocity and
@@ -200,7 +232,7 @@ def predictions(
                 },
             )
         )
-    return tuple(result)
+    return Predictions(result)
 
 
 def _initial_states(heads: Problem, values: Mapping[str, float], loss: Loss, nthread: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,9 +19,11 @@ from dashpot.calibrate.inference.metrics import root_mean_squares
 from dashpot.calibrate.inference.misfit_report import ChannelReport
 from dashpot.calibrate.inference.sampling import draw
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
-from dashpot.calibrate.prediction import Prediction, predict, predictions
+from dashpot.calibrate.outputs import Outputs
+from dashpot.calibrate.prediction import Predictions, predict, predictions
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.provenance import Provenance
 from dashpot.calibrate.residuals.losses import LossName
 from dashpot.checks import positive_count, thread_count, whole_number
 from dashpot.tables import table_html, table_text
@@ -28,11 +31,13 @@ from dashpot.tables import table_html, table_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dashpot.calibrate.report.record import Record
+
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(Outputs):
     """Estimates, their intervals and how well they explain the data.
 
     It can be pickled where the functions of its parameters and system can. A search goes on from it
@@ -75,6 +80,8 @@ class Fit:
         What the residuals say of each channel: their size, and whether they hang together.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
+    made
+        Versions, seed, date and the hash of the model.
     """
 
     estimates: tuple[Estimate, ...]
@@ -97,6 +104,8 @@ class Fit:
     initial_velocity: Array | None = None
     initial_displacement: Array | None = None
     channels: tuple[ChannelReport, ...] = ()
+    made: Provenance | None = None
+    _record: Record | None = field(default=None, repr=False)
 
     def __getitem__(self, name: str) -> Estimate:
         for estimate in self.estimates:
@@ -116,8 +125,11 @@ class Fit:
         return table_text(self.table())
 
     def _repr_html_(self) -> str:
-        """Return the table for notebooks."""
-        return table_html(self.table())
+        """Return the table for notebooks, and the statements."""
+        said = "".join(
+            f"<li>{html.escape(e.name)}: {html.escape(e.statement)}</li>" for e in self.estimates
+        )
+        return f"{table_html(self.table())}<ul>{said}</ul>"
 
     def __repr__(self) -> str:
         """Return estimates and how the search ended, without the arrays."""
@@ -271,7 +283,7 @@ class Fit:
         *,
         head: float | None = None,
         nthread: int | None = None,
-    ) -> tuple[Prediction, ...]:
+    ) -> Predictions:
         """Simulate trajectories to their ends with the estimates, and compare.
 
         Parameters
@@ -292,6 +304,11 @@ class Fit:
         TypeError, ValueError
             As `dashpot.calibrate.predict`; and for a `head` without `trajectories`.
         """
+        if not isinstance(self.problem, Problem):
+            raise ValueError(
+                f"predict needs the problem, which the fit was loaded without: {self.problem}; "
+                "give it to Fit.load"
+            )
         if trajectories is not None:
             return predict(
                 self.problem,
@@ -316,6 +333,8 @@ class Fit:
         ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector),
         ``events.NAME_rms``, ``scalars.NAME_rms``, and ``residual_variance``.
         """
+        if self._record is not None:
+            return dict(self._record.metrics)
         result = root_mean_squares(self.problem, self.channel_residuals)
         return {**result, "residual_variance": self.residual_variance}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from dashpot.cli.options import count, new_file, new_picture
+from dashpot.cli.options import count, new_file, new_picture, new_report
 from dashpot.cli.problem_format import FORMAT
 
 
@@ -21,6 +21,12 @@ def add_to(commands: Any) -> None:
     )
     parser.add_argument("problem", help="problem file, .toml or .json (format below)")
     parser.add_argument("--out", type=new_file, metavar="FILE", help="write the result as JSON")
+    parser.add_argument(
+        "--report", type=new_report, metavar="FILE", help="write a report as one HTML file"
+    )
+    parser.add_argument(
+        "--save", type=new_file, metavar="FILE", help="write the fit, for `dashpot simulate --fit`"
+    )
     parser.add_argument(
         "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
     )
@@ -70,4 +76,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.plot is not None:
         result.plot(arguments.plot)
         print(f"wrote {arguments.plot}")
+    if arguments.save is not None:
+        result.save(arguments.save)
+        print(f"wrote {arguments.save}")
+    if arguments.report is not None:
+        result.report(arguments.report, title=f"Calibration: {arguments.problem}")
+        print(f"wrote {arguments.report}")
     return 0

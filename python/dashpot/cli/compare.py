@@ -11,6 +11,7 @@ from dashpot.cli.options import (
     add_threads,
     folder,
     load_engine,
+    new_report,
     positive,
     progress_bar,
 )
@@ -37,6 +38,9 @@ def add_to(commands: Any) -> None:
     add_threads(parser)
     parser.add_argument(
         "--out", type=folder, metavar="DIR", help="write comparison.json and comparison.png there"
+    )
+    parser.add_argument(
+        "--report", type=new_report, metavar="FILE", help="write a report as one HTML file"
     )
     parser.set_defaults(run=run)
 
@@ -79,4 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         (out / "comparison.json").write_text(json.dumps(comparison.to_dict()), encoding="utf-8")
         comparison.plot(out / "comparison.png")
         print(f"wrote {out / 'comparison.json'} and {out / 'comparison.png'}")
+    if arguments.report is not None:
+        comparison.report(arguments.report)
+        print(f"wrote {arguments.report}")
     return 0

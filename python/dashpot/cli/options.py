@@ -48,10 +48,30 @@ def new_file(text: str) -> Path:
 
 def new_archive(text: str) -> Path:
     """Return where an .npz file can be written, or raise what argparse reports."""
+    return _new_file_of(text, ".npz")
+
+
+def new_table(text: str) -> Path:
+    """Return where a .csv file can be written, or raise what argparse reports."""
+    return _new_file_of(text, ".csv")
+
+
+def _new_file_of(text: str, suffix: str) -> Path:
     file = new_file(text)
-    if file.suffix.lower() != ".npz":
-        raise argparse.ArgumentTypeError(f"{text!r} does not end in .npz")
+    if file.suffix.lower() != suffix:
+        raise argparse.ArgumentTypeError(f"{text!r} does not end in {suffix}")
     return file
+
+
+def new_report(text: str) -> Path:
+    """Return where a report can be written, or raise what argparse reports."""
+    import importlib.util
+
+    if importlib.util.find_spec("jinja2") is None:
+        raise argparse.ArgumentTypeError(
+            "reports need the package jinja2: pip install 'dashpot[report]'"
+        )
+    return new_file(text)
 
 
 def new_picture(text: str) -> Path:
@@ -158,8 +178,18 @@ def geom_names(engine: Engine) -> set[str]:
     return {engine.model.geom(index).name for index in range(engine.model.ngeom)} - {""}
 
 
-def load_engine(scene: str, given: list[tuple[str, Material]], nthread: int) -> Engine:
-    """Return an engine of a scene file or shipped scene, with the materials of ``--material``."""
+def load_engine(
+    scene: str,
+    given: list[tuple[str, Material]],
+    nthread: int,
+    fit: str | None = None,
+    trajectory: str | None = None,
+) -> Engine:
+    """Return an engine of a scene file or shipped scene, with the materials of ``--material``.
+
+    Those of a saved `fit` are put in first, with its options and other values, of one of its
+    trajectories where these differ.
+    """
     import mujoco
 
     from dashpot.compare import SCENES
@@ -173,6 +203,17 @@ def load_engine(scene: str, given: list[tuple[str, Material]], nthread: int) -> 
             engine.set_material(geom, value)
     else:
         engine = Engine(load_model(scene), nthread=nthread)
+    if fit is not None:
+        from dashpot.calibrate import Fit
+        from dashpot.calibrate.saved import apply_fit
+
+        try:
+            loaded = Fit.load(fit)
+            told = (f"{name} = {value:.6g}" for name, value in loaded.values.items())
+            print(f"fitted: {', '.join(told)}")
+            engine = apply_fit(loaded, engine.model, trajectory=trajectory, nthread=nthread)
+        except ValueError as error:
+            raise ValueError(f"{fit}: {str(error).removeprefix(f'{fit}: ')}") from error
     apply_materials(engine, given)
     return engine
 

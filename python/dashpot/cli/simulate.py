@@ -11,6 +11,7 @@ from dashpot.cli.options import (
     add_threads,
     load_engine,
     new_archive,
+    new_table,
     positive,
     progress_bar,
 )
@@ -21,16 +22,38 @@ def add_to(commands: Any) -> None:
     parser = commands.add_parser(
         "simulate",
         help="step a scene with dashpot and store its states",
-        description="Step a scene from its first keyframe (or reference pose) and write time, "
-        "qpos, qvel, energies and contact counts of every step to a numpy .npz file.",
+        description="Step a scene from its first keyframe (or reference pose), print what happens, "
+        "and write time, qpos, qvel, energies and contact counts of every step to a numpy .npz "
+        "file.",
     )
     add_scene(parser)
     parser.add_argument(
-        "--duration", type=positive, default=2.0, metavar="S", help="seconds (%(default)g)"
+        "--duration",
+        "--seconds",
+        type=positive,
+        default=2.0,
+        metavar="S",
+        help="seconds (%(default)g)",
     )
     parser.add_argument("--timestep", type=positive, metavar="S", help="default: the scene's")
+    parser.add_argument(
+        "--fit",
+        metavar="FILE",
+        help="step with the values of a fit, as Fit.save or `dashpot calibrate --save` wrote it",
+    )
+    parser.add_argument(
+        "--trajectory",
+        metavar="NAME",
+        help="of the fit: whose values count, where parameters have one for each",
+    )
     add_material(parser)
     add_threads(parser)
+    parser.add_argument(
+        "--save",
+        type=new_table,
+        metavar="FILE",
+        help="write the poses of the moving bodies as a .csv table that `calibrate` reads",
+    )
     parser.add_argument(
         "--out",
         type=new_archive,
@@ -44,11 +67,15 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     import numpy as np
+    from rich.console import Console
 
+    from dashpot.cli.motion import happenings, write_poses
     from dashpot.compare.runner import start
     from dashpot.features import Report
 
-    engine = load_engine(arguments.scene, arguments.material, arguments.threads)
+    engine = load_engine(
+        arguments.scene, arguments.material, arguments.threads, arguments.fit, arguments.trajectory
+    )
     if arguments.timestep is not None:
         engine.model.opt.timestep = arguments.timestep
     step = float(engine.model.opt.timestep)
@@ -95,6 +122,10 @@ def run(arguments: argparse.Namespace) -> int:
             record(stats.touching, stats.max_penetration)
             bar.advance(task)
     arrays: dict[str, Any] = {name: np.array(column) for name, column in rows.items()}
+    Console().print(happenings(arrays))
+    if arguments.save is not None:
+        write_poses(arguments.save, engine.model, arrays)
+        print(f"wrote {arguments.save}")
     with arguments.out.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
     print(

@@ -14,6 +14,8 @@ from dashpot.checks import number
 from dashpot.tables import table_html, table_text
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.figure import Figure
     from rich.table import Table
 
@@ -147,6 +149,8 @@ class Comparison:
         s; statistics split there into "falling" and "settled".
     runs
         In the order of the settings.
+    model
+        SHA-256 of the compiled model, in hexadecimal digits; empty where it is not known.
     """
 
     scene: str
@@ -154,6 +158,7 @@ class Comparison:
     duration: float
     settled_after: float
     runs: tuple[Run, ...]
+    model: str = ""
 
     def __getitem__(self, name: str) -> Run:
         for candidate in self.runs:
@@ -257,6 +262,28 @@ class Comparison:
         if path is not None:
             figure.savefig(path, dpi=150)
         return figure
+
+    def report(self, path: str | os.PathLike[str], *, title: str | None = None) -> Path:
+        """Write a report as one HTML file that needs nothing from outside.
+
+        It has the table, both plots, penetration and energy of each setting, and what settings
+        mean. Needs the extra ``report`` (Jinja2), and no display.
+
+        Parameters
+        ----------
+        path
+            Of the file.
+        title
+            Of the page; None: the scene's name.
+
+        Raises
+        ------
+        ImportError
+            Where Jinja2 is not installed, naming the extra.
+        """
+        from dashpot.compare.page import write_report
+
+        return write_report(self, path, f"Comparison: {self.scene}" if title is None else title)
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything as plain numbers and lists, for JSON; NaN becomes None."""

@@ -28,6 +28,7 @@ from dashpot.compare.settings import (
 )
 from dashpot.engine import DivergenceError, Engine
 from dashpot.materials import Material
+from dashpot.versions import model_hash
 
 SceneLike: TypeAlias = "str | os.PathLike[str] | Scene | mujoco.MjModel | Engine"
 
@@ -118,7 +119,14 @@ def run(
             runs.append(_run_dashpot(engine, steps, observer, report))
         else:
             runs.append(_run_mujoco(setting, engine, steps, observer, report))
-    return Comparison(own_name if name is None else name, step, steps * step, split, tuple(runs))
+    return Comparison(
+        own_name if name is None else name,
+        step,
+        steps * step,
+        split,
+        tuple(runs),
+        model_hash(engine.model),
+    )
 
 
 def _prepare(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from dashpot.calibrate.inference.estimate import interval_digits, interval_ends, percent
+from dashpot.calibrate.inference.estimate import Estimate, interval_digits, interval_ends, percent
 from dashpot.calibrate.result import Fit
 
 
@@ -23,6 +24,8 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
         caption += ", so that noise is stated too large"
     if fit.errors == "independent":
         caption += "; intervals are scaled with it"
+    if fit.misfits:
+        caption += f"\nresiduals hang together: {', '.join(map(str, fit.misfits))}"
     if not fit.converged:
         caption = f"not converged: {fit.message}\n{caption}"
     table = Table(
@@ -40,9 +43,16 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
             row.append(f"{truth[e.name]:.{interval_digits(e.lower, e.upper)}g}")
         digits = interval_digits(e.lower, e.upper)
         row += [f"{e.value:.{digits}g}", " – ".join(interval_ends(e.lower, e.upper))]
-        row.append("yes" if e.identified else "no")
+        row.append(grade_word(e))
         table.add_row(*row)
     return table
+
+
+def grade_word(estimate: Estimate) -> str:
+    """Return whether data identify a parameter, in a word or two."""
+    if not estimate.identified:
+        return "no"
+    return "within the misfit" if estimate.grade == "within misfit" else "yes"
 
 
 def fit_dict(fit: Fit) -> dict[str, Any]:
@@ -57,6 +67,8 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
                 "upper": e.upper,
                 "identified": e.identified,
                 "nonlinearity": e.nonlinearity,
+                "grade": e.grade,
+                "widening": e.widening if np.isfinite(e.widening) else None,
                 "statement": e.statement,
             }
             for e in fit.estimates
@@ -83,5 +95,12 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
         "noise_explains": fit.noise_explains,
         "noise_overstated": fit.noise_overstated,
         "message": fit.message,
+        "channels": [
+            {
+                name: value if not isinstance(value, float) or np.isfinite(value) else None
+                for name, value in asdict(channel).items()
+            }
+            for channel in fit.channels
+        ],
         "metrics": fit.metrics(),
     }

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from dashpot.calibrate.result import Fit
 from dashpot.colours import COLOURS
+from dashpot.figures import ShownFigure, clean, legend_above
 
 Array = NDArray[np.float64]
 
@@ -17,16 +17,15 @@ _SPAN = 5.0
 _BINS = 40
 
 
-def plot_fit(fit: Fit) -> Figure:
+def plot_fit(fit: Fit) -> ShownFigure:
     """Return a figure with residuals over time, their distribution, and correlations."""
-    figure = Figure(figsize=(12, 3.6), layout="constrained")
+    figure = ShownFigure(figsize=(12, 3.6), layout="constrained")
     over_time, distribution, correlation = figure.subplots(1, 3, width_ratios=(4, 3, 3))
     draw_residuals(over_time, fit)
     draw_distribution(distribution, fit)
     draw_correlation(correlation, fit)
-    for axes in (over_time, distribution):
-        axes.grid(True, linewidth=0.4, alpha=0.5)
-        axes.spines[["top", "right"]].set_visible(False)
+    clean(over_time, distribution)
+    legend_above(figure, distribution)
     return figure
 
 
@@ -35,6 +34,11 @@ def measured_residuals(fit: Fit) -> list[list[tuple[Array, Array]]]:
 
     Those of what was not measured are NaN.
     """
+    if fit._record is not None:  # a fit that was loaded has no problem
+        return [
+            [(residual.time, residual.weighted[:, None]) for residual in shown.residuals]
+            for shown in fit._record.trajectories
+        ]
     return [
         [
             (channel.time, np.where(channel.measured, residuals[channel.name], np.nan))
@@ -47,14 +51,18 @@ def measured_residuals(fit: Fit) -> list[list[tuple[Array, Array]]]:
 
 
 def draw_residuals(axes: Axes, fit: Fit) -> None:
-    """Draw the root mean square residual of each time, a line for a channel of a trajectory."""
-    for index, channels in enumerate(measured_residuals(fit)):
-        for time, residuals in channels:
-            lost = np.isnan(residuals)
-            squares = np.sum(np.where(lost, 0.0, residuals) ** 2, axis=1)
-            with np.errstate(invalid="ignore"):  # times at which nothing was measured are left out
-                size = np.sqrt(squares / np.count_nonzero(~lost, axis=1))
-            axes.plot(time, size, color=COLOURS[index % len(COLOURS)], linewidth=0.8)
+    """Draw the root mean square residual of each time, one line a trajectory."""
+    rows = measured_residuals(fit)
+    for channels in rows:
+        if not channels:
+            continue
+        times = np.concatenate([np.repeat(time, r.shape[1]) for time, r in channels])
+        pooled = np.concatenate([residuals.ravel() for _, residuals in channels])
+        seen = np.isfinite(pooled)
+        moments, place = np.unique(times[seen], return_inverse=True)
+        squares = np.bincount(place, pooled[seen] ** 2, len(moments))
+        size = np.sqrt(squares / np.bincount(place, minlength=len(moments)))
+        axes.plot(moments, size, color=COLOURS[0], lw=0.8, alpha=0.8 / len(rows) ** 0.3)
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_ylim(bottom=0)
     axes.set_xlabel("time [s]")
@@ -81,7 +89,6 @@ def draw_distribution(axes: Axes, fit: Fit) -> None:
     axes.plot(x, normal, color="black", linewidth=0.8, label="stated noise")
     axes.set_xlabel(f"residual [σ]; beyond {_SPAN:g} at the ends")
     axes.set_title(f"variance {fit.residual_variance:.3g}", fontsize="medium")
-    axes.legend(fontsize="small", frameon=False)
 
 
 def draw_correlation(axes: Axes, fit: Fit) -> None:
