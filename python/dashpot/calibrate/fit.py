@@ -15,6 +15,7 @@ from dashpot.calibrate.inference.intervals import check_count
 from dashpot.calibrate.inference.settlement import End, settle
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
+from dashpot.calibrate.problem.idle_parameters import warn_of_idle_friction
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.report.progress import ProgressBar
 from dashpot.calibrate.residuals.losses import Loss, LossName
@@ -183,6 +184,7 @@ def fit(
         "initial_state='pose_and_velocity'",
     )
     warn_of_strange_falls(problem)
+    warn_of_idle_friction(problem)
     with ProgressBar(progress, max_evaluations) as bar:
         budget = Budget(max_evaluations, bar.report)
         if automatic:
