@@ -68,6 +68,7 @@ def minimise(
     cost_tolerance: float,
     step_tolerance: float,
     level_tolerance: float = 0.0,
+    longest: float = np.inf,
 ) -> Minimum:
     """Return a minimum of the summed loss of residuals.
 
@@ -92,6 +93,8 @@ def minimise(
     level_tolerance
         Change of the cost, of residuals of unit variance, at which it stops on rough ground: where
         several evaluations one after the other do not reach it, and the last is not predicted to.
+    longest
+        Longest step of a parameter.
     """
     lower, upper = bounds
     count = len(lower)
@@ -108,9 +111,17 @@ def minimise(
     costs = [cost]
     for _ in range(most_evaluations - 1):
         room = lower - point[:count], upper - point[:count]
-        step = step_in_bounds(linear, scale, radius, *room)
-        predicted = linear.reduction(step)
-        if not predicted > 0.0:
+        for _ in range(_MOST_CORRECTIONS):
+            step = step_in_bounds(linear, scale, radius, *room)
+            farthest = np.abs(step[:count]).max(initial=0.0)
+            if farthest > longest:
+                step *= longest / farthest
+            predicted = linear.reduction(step)
+            if predicted > 0.0:
+                break
+            # Bounds may turn a long step uphill, but no short one.
+            radius *= _SHRINK
+        else:
             return Minimum(point, residuals, True, "no step lowers the cost")
         new_point = point + step
         new_point[:count] = np.clip(new_point[:count], lower, upper)
