@@ -34,9 +34,8 @@ def least_squares(
     A step to a point whose simulation fails is taken back, as one that raises the cost is.
     """
     objective = search.objective
-    per_iteration = 2 * objective.parameters + objective.initial_size + 1
-    # Evaluations of the residuals are counted; each usually comes with a Jacobian.
-    iterations = min(max(1, search.budget.left // per_iteration), most_iterations)
+    # Evaluations of the residuals are counted; each but the last usually comes with a Jacobian.
+    iterations = min(1 + max(0, search.budget.left - 1) // search.iteration, most_iterations)
     lower, upper = objective.bounds()
     start = np.clip(start, lower, upper)
     before = search.best_cost
