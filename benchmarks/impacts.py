@@ -163,8 +163,7 @@ class Room:
         """Return an engine in which everything is of one material, and data at the start."""
         model = mujoco.MjModel.from_xml_string(self.xml)
         engine = dashpot.Engine(model, impact=impact)
-        for geom in range(model.ngeom):
-            engine.set_material(geom, material)
+        engine.set_materials(dict.fromkeys(range(model.ngeom), material))
         data = engine.make_data()
         data.qvel[:] = self.velocity
         return engine, data

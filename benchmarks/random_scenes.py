@@ -29,8 +29,7 @@ class RandomScene:
         model = mujoco.MjModel.from_xml_string(self.xml)
         model.opt.timestep = self.timestep
         engine = dashpot.Engine(model)
-        for geom, material in self.materials.items():
-            engine.set_material(geom, material)
+        engine.set_materials(self.materials)
         return engine
 
 

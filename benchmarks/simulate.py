@@ -127,8 +127,7 @@ def prepare(
 def make_engine(scene: Scene, model: mujoco.MjModel, **options: Any) -> dashpot.Engine:
     """Return an engine with the scene's materials."""
     engine = dashpot.Engine(model, **options)
-    for geom, material in scene.materials.items():
-        engine.set_material(geom, material)
+    engine.set_materials(scene.materials)
     for (first, second), material in scene.pair_materials.items():
         engine.set_pair_material(first, second, material)
     return engine

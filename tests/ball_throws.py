@@ -41,8 +41,8 @@ def make_trajectory(**changes):
 
 def ball_engine(stiffness=1e4, damping=20.0, friction=0.3):
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(BALL))
-    engine.set_material("ball", dashpot.Material(stiffness, damping=damping, friction=friction))
-    engine.set_material("floor", dashpot.Material(friction=0.0))
+    ball = dashpot.Material(stiffness, damping=damping, friction=friction)
+    engine.set_materials({"ball": ball, "floor": dashpot.Material(friction=0.0)})
     return engine
 
 

@@ -239,6 +239,38 @@ def test_a_search_that_creeps_on_rough_ground_ends(each, most):
     assert count <= most
 
 
+VALLEY = np.array([[1.0, 2.0], [0.01, 0.0]])  # along (2, -1), with its minimum at (10, -5)
+
+
+def valley_end(bound, **options):
+    seen = []
+
+    def residuals(x):
+        seen.append(x.copy())
+        return VALLEY @ x - [0.0, 0.1]
+
+    end = minimise(
+        residuals, lambda _: ArrowMatrix.of_dense(VALLEY), np.zeros(2),
+        (np.full(2, -bound), np.full(2, bound)), loss=Loss(), hold=1e-9, most_evaluations=100,
+        cost_tolerance=1e-12, step_tolerance=1e-12, **options,
+    )  # fmt: skip
+    return end, np.array(seen)
+
+
+@pytest.mark.parametrize("bound", [0.5, 1.0, 3.0])
+def test_bounds_that_turn_a_long_step_uphill_end_no_search(bound):
+    """The full step (10, -5) is beyond both bounds, and their corner is off the valley."""
+    end, _ = valley_end(bound)
+    assert end.converged
+    np.testing.assert_allclose(end.point, [bound, -0.5 * bound], atol=1e-3 * bound)
+
+
+def test_parameters_move_by_no_more_than_the_longest_step():
+    end, seen = valley_end(99.0, longest=1.0)
+    assert np.abs(np.diff(seen, axis=0)).max() <= 1.0 + 1e-12
+    np.testing.assert_allclose(end.point, [10.0, -5.0], atol=1e-6)
+
+
 def test_steps_that_fail_are_no_level_ground():
     problem, way = Growth(), 1e-6
 

@@ -103,7 +103,7 @@ def test_profiles_of_linear_residuals_are_parabolas(own):
     size = dense.shape[1]
     profiles = Profiles(Loss(), (np.full(2, -3.0), np.full(2, 3.0)), np.ones(size), 0.5)
     begin = Place(np.zeros(size), offset, 0.5 * float(offset @ offset))
-    found = profiles.around(rows(dense, offset), begin, jacobian, np.array([0.1, 0.1]))
+    found, _ = profiles.around(rows(dense, offset), begin, jacobian, np.array([0.1, 0.1]))
     inverse = np.linalg.inv(dense.T @ dense)
     for i, sides in enumerate(found):
         for sign, places in zip((-1.0, 1.0), sides, strict=True):
@@ -140,7 +140,7 @@ def test_a_profile_finds_the_other_valley_of_a_double_well():
     jacobian = ArrowMatrix.of_dense(np.stack(columns, axis=1))
     profiles = Profiles(Loss(), (np.full(2, -3.0), np.full(2, 3.0)), np.full(2, 6.0), 0.5)
     begin = Place(start, at, 0.5 * float(at @ at))
-    (_, above), _ = profiles.around(residuals, begin, jacobian, np.array([0.1, np.inf]))
+    ((_, above), _), _ = profiles.around(residuals, begin, jacobian, np.array([0.1, np.inf]))
     lowest = min(above, key=lambda place: place.cost)
     assert lowest.cost < begin.cost - 0.2
     assert lowest.point[0] > 1.0
@@ -171,7 +171,7 @@ def test_a_walk_ends_where_simulations_fail():
     jacobian = ArrowMatrix.of_dense(np.full((30, 1), 0.01))
     profiles = Profiles(Loss(), (np.array([-3.0]), np.array([3.0])), np.array([6.0]), 0.5)
     begin = Place(np.zeros(1), np.ones(30), 15.0)
-    ((below, above),) = profiles.around(residuals, begin, jacobian, np.array([0.2]))
+    ((below, above),), _ = profiles.around(residuals, begin, jacobian, np.array([0.2]))
     assert [float(place.point[0]) for place in above] == pytest.approx([0.2, 0.4, 0.8])
     assert [float(place.point[0]) for place in below] == pytest.approx(
         [-0.2, -0.4, -0.8, -1.6, -3.0]

@@ -149,9 +149,8 @@ LOAD_TRUTH = {"loaded_friction": 0.6}
 def thrown(cube, material, count, frames, generator, name="throw"):
     """Return tosses simulated by dashpot's own engine from states at random, and no noise."""
     engine = dashpot.Engine(cube.model(timestep=1.0 / RATE / 4))
-    for geom in cube.geoms:
-        engine.set_material(geom, material)
-    engine.set_material("table", dashpot.Material(friction=0.0))
+    table = dashpot.Material(friction=0.0)
+    engine.set_materials({**dict.fromkeys(cube.geoms, material), "table": table})
     made = []
     for i in range(count):
         data = engine.make_data()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
@@ -14,6 +15,7 @@ from dashpot.contact_material import ContactMaterial
 from dashpot.contacts import Contacts, Energy, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
+from dashpot.idle_friction import warn_of_idle_friction
 from dashpot.materials import CombinationRules, Material
 from dashpot.mjcf_materials import read_materials
 from dashpot.model_locks import new_lock
@@ -24,6 +26,7 @@ __all__ = ["DivergenceError", "Engine", "StepStats"]
 DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
 _Key = TypeVar("_Key", int, tuple[int, int])
+_Geom = TypeVar("_Geom", bound=Element)
 
 
 @dataclass
@@ -245,7 +248,7 @@ class Engine(ReadableOptions):
     def body_geoms(self, body: Element) -> tuple[int, ...]:
         """Ids of a body's own geoms (not its children's): many have no names of their own.
 
-        ``for geom in engine.body_geoms("hand"): engine.set_material(geom, rubber)``.
+        ``engine.set_materials(dict.fromkeys(engine.body_geoms("hand"), rubber))``.
         """
         index = object_id(self.model, body, "body", "body")
         first = int(self.model.body_geomadr[index])
@@ -257,15 +260,27 @@ class Engine(ReadableOptions):
         By default the larger friction of the two counts, as in MuJoCo: for less, set both geoms,
         or the pair with :meth:`set_pair_material`. A material with friction takes the place of that
         of a ``<pair>`` of the MJCF, too: the other geom then counts with its own.
+
+        A ``UserWarning`` names friction that no contact of the geom takes, as those of all geoms
+        that it could touch count. Where these follow, give all at once with :meth:`set_materials`.
         """
-        self._set(self._geom_material, self.geom_id(geom), material)
+        self._give({geom: material})
+        self._warn_of_idle_friction([geom])
+
+    def set_materials(self, materials: Mapping[_Geom, Material | None]) -> None:
+        """Give several geoms a material each, as :meth:`set_material` does, all at once or none.
+
+        ``engine.set_materials({"box": wood, "floor": steel})``
+        """
+        self._give(materials)
+        self._warn_of_idle_friction(materials)
 
     def set_pair_material(self, geom1: Element, geom2: Element, material: Material | None) -> None:
         """Give contacts between two geoms a material of their own, in place of the combination.
 
         None: the combination again.
         """
-        self._set(self._pair_material, self._geom_pair(geom1, geom2), material)
+        self._put_in(self._pair_material, {self._geom_pair(geom1, geom2): material})
 
     def material(self, geom: Element) -> Material:
         """Material set for a geom; ``Material()`` where none was.
@@ -463,16 +478,35 @@ class Engine(ReadableOptions):
         self._materials_changed()
         self._scratch = None
 
-    def _set(self, materials: dict[_Key, Material], key: _Key, material: Material | None) -> None:
-        """Put a material in its place, or take away the one that is there."""
-        if not isinstance(material, Material | None):
-            raise TypeError(f"material is {type(material).__name__}; it must be a Material or None")
+    def _give(self, materials: Mapping[_Geom, Material | None]) -> None:
+        """Give geoms their materials and say nothing."""
+        self._put_in(self._geom_material, {self.geom_id(g): m for g, m in materials.items()})
+
+    def _put_in(self, present: dict[_Key, Material], new: Mapping[_Key, Material | None]) -> None:
+        """Put materials in their places, or take away those that are there."""
+        for material in new.values():
+            if not isinstance(material, Material | None):
+                raise TypeError(
+                    f"material is {type(material).__name__}; it must be a Material or None"
+                )
         self._check_takes_materials()
-        if material is None:
-            materials.pop(key, None)
-        else:
-            materials[key] = material
+        for key, material in new.items():
+            if material is None:
+                present.pop(key, None)
+            else:
+                present[key] = material
         self._materials_changed()
+
+    def _warn_of_idle_friction(self, geoms: Iterable[Element]) -> None:
+        """Warn what called a method that calls this of friction that has no effect."""
+        warn_of_idle_friction(
+            self.model,
+            self._geom_material,
+            self._pair_material,
+            self._options.rules,
+            map(self.geom_id, geoms),
+            stack_level=3,
+        )
 
     def _materials_changed(self) -> None:
         """Forget what was made of materials. Threads that make it still do so for nobody."""

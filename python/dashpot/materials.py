@@ -7,15 +7,16 @@ import math
 import numbers
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot import _core
-from dashpot.checks import number
+from dashpot import _core, hertz
+from dashpot.checks import number, positive_number
+from dashpot.known_materials import KnownMaterial, Quantity, known
 
-__all__ = ["CombinationRules", "Material"]
+__all__ = ["CombinationRules", "KnownMaterial", "Material", "Quantity", "known"]
 
 
 def _number(
@@ -175,6 +176,88 @@ class Material:
             "tangential_damping_ratio",
             _number("Material", "tangential_damping_ratio", self.tangential_damping_ratio),
         )
+
+    @classmethod
+    def from_elasticity(
+        cls,
+        youngs_moduli: Sequence[float],
+        poisson_ratios: Sequence[float],
+        radii: Sequence[float],
+        *,
+        load: float | None = None,
+        speed: float | None = None,
+        mass: float | None = None,
+        **fields: Any,
+    ) -> Material:
+        """Return the material of a pair of elastic bodies, for `Engine.set_pair_material`.
+
+        Bodies that touch at a point are stiffer the harder they are pressed together (Hertz:
+        Johnson, Contact Mechanics, 1985, sections 4.2 and 11.4), by a force
+        ``F = 4/3 E* sqrt(R) delta^1.5`` over their approach delta, where
+        ``1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`` and ``1/R = 1/R1 + 1/R2``. A `Material` has one
+        stiffness, which is right at one load or for one impact:
+
+        * with `load`, the slope ``dF/d(delta) = (6 R E*^2 F)^(1/3)`` there: vibrations about the
+          load are right, the approach itself is two thirds of Hertz's;
+        * with `speed` and `mass`, that of a spring that the impact compresses as far, by
+          ``delta = (15/16 m v^2 / (sqrt(R) E*))^0.4``: it takes 7 % longer, at a peak force that is
+          a fifth lower. Eight times the load has twice the stiffness, 32 times the speed four
+          times.
+
+        It holds while the circle of contact, of radius ``sqrt(R delta)``, is small beside radii and
+        thicknesses (a tenth: errors of some per cent), surfaces are smooth and do not stick, and
+        bodies are isotropic and do not yield. Metals yield early: where the peak pressure
+        ``2 E*/pi sqrt(delta/R)`` is 1.6 times the yield strength (Johnson, section 6.1). Impacts
+        have to be slow beside waves in the bodies. Contacts of flat sides have no such law.
+
+        Parameters
+        ----------
+        youngs_moduli : (E1, E2)
+            Young's moduli of the bodies, Pa, > 0; infinite for a rigid body. `known` has some.
+        poisson_ratios : (nu1, nu2)
+            Poisson's ratios, above -1 and at most 0.5.
+        radii : (R1, R2)
+            Radii at the point of contact, m: infinite for a plane, negative for a hollow. Cylinders
+            crossed at right angles are a sphere of radius ``sqrt(R1 R2)`` on a plane, to 1, 2 and
+            5 % of the approach for radii in a ratio of 2, 3 and 5.
+        load : float
+            Normal force F, N, > 0.
+        speed, mass : float
+            Speed of approach v, m/s, and mass m, kg, > 0: that of the only body that moves, or
+            ``m1 m2 / (m1 + m2)``.
+        **fields
+            Other fields of the material: one of `damping`, `damping_ratio` and `restitution`,
+            `friction` and so on. Elasticity says nothing of them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For what is out of range, and where not exactly one of `load`, and `speed` with `mass`,
+            is given.
+
+        Examples
+        --------
+        A steel ball of 10 mm on a steel plate, dropped from 5 cm::
+
+            steel = dashpot.materials.known("steel")
+            modulus, ratio = steel.youngs_modulus.middle, steel.poisson_ratio.middle
+            contact = dashpot.Material.from_elasticity(
+                (modulus, modulus), (ratio, ratio), (0.01, math.inf),
+                speed=1.0, mass=0.033, restitution=0.9,
+            )
+            engine.set_pair_material("ball", "plate", contact)
+        """
+        modulus = hertz.contact_modulus(youngs_moduli, poisson_ratios)
+        radius = hertz.effective_radius(radii)
+        if (load is None) == (speed is None) or (speed is None) != (mass is None):
+            raise ValueError("give either load, or speed and mass")
+        if load is not None:
+            found = hertz.stiffness_at_load(modulus, radius, positive_number("load", load))
+        else:
+            found = hertz.stiffness_of_impact(
+                modulus, radius, positive_number("speed", speed), positive_number("mass", mass)
+            )
+        return cls(found, **fields)
 
     def _to_core(self) -> _core.Material:
         """Return the C++ form; friction left to the MJCF is NaN there."""

@@ -51,6 +51,12 @@ def object_id(model: mujoco.MjModel, key: Element, kind: str, argument: str) -> 
     return index
 
 
+def geom_label(model: mujoco.MjModel, geom: int) -> str:
+    """Return the name of a geom in quotes or, where it has none, its id."""
+    name = model.geom(geom).name
+    return repr(name) if name else str(geom)
+
+
 def id_of_name(model: mujoco.MjModel, object_type: mujoco.mjtObj, name: str) -> int:
     """Return the id of what has exactly this name, -1 for none: MuJoCo reads up to a NUL."""
     return -1 if "\0" in name else int(mujoco.mj_name2id(model, object_type, name))

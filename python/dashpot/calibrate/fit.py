@@ -18,9 +18,11 @@ from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import check_count
 from dashpot.calibrate.inference.misfit_report import sizes_differ
 from dashpot.calibrate.inference.noise_estimate import with_estimated_noise
-from dashpot.calibrate.inference.settlement import End, settle
+from dashpot.calibrate.inference.settlement import End, reserve_for, settle
 from dashpot.calibrate.inference.stated_noise import noise_explains, noise_overstated
+from dashpot.calibrate.inference.sunk_bodies import warn_of_sunk_bodies
 from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_of_strange_falls
+from dashpot.calibrate.problem.idle_parameters import warn_of_idle_friction
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
 from dashpot.calibrate.problem.systems import own_system
@@ -32,9 +34,10 @@ from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.residuals.whiteness import EXACT
 from dashpot.calibrate.residuals.workers import Workers, checked_executor
 from dashpot.calibrate.result import Fit
+from dashpot.calibrate.search.advice import advice
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.search import Search
-from dashpot.calibrate.search.strategy import Method, run_automatic, run_searches
+from dashpot.calibrate.search.strategy import Method, finish, run_automatic, run_searches
 from dashpot.checks import (
     flag,
     number,
@@ -131,15 +134,16 @@ def fit(
         Number of extra starts, spread over the parameters' ranges by a Sobol sequence and evaluated
         in one batch; those whose simulation fails are left out. None: none, or, where `windows` is
         None too, chosen: 31. The search of ``method="least_squares"`` from the given start
-        then takes at most a quarter of the budget; budgets too small for 64 more simulations get
-        no starts.
+        then takes at most half of the budget, and all of one that does not suffice for a search
+        from others.
     local_searches
         At most how many of the best starts are searched from, >= 1; one after the other until the
         stated noise explains the residuals. CMA-ES starts from the best alone.
     max_evaluations
-        Budget of the search in simulated sets of trajectories, those for its derivatives included.
-        It takes one iteration at least; derivatives for the intervals, and what follows the cost
-        along the parameters, come on top, and ``Fit.evaluations`` counts all.
+        Budget in simulated sets of trajectories, as ``Fit.evaluations`` counts them: of the search,
+        its derivatives, and the intervals, for which searches leave up to half of it where they
+        converge. It may be overrun by one batch of derivatives. Where it leaves too little for
+        intervals, statements say so.
     errors
         ``"independent"`` residuals; ``"clustered"``: residuals of a trajectory hang together
         (model error); ``"auto"``: clustered from 20 trajectories on and five per unknown.
@@ -169,6 +173,12 @@ def fit(
         For options out of range, where there are no more residuals than unknowns, and where the
         start, or all that is tried, cannot be built or simulated, naming trajectory and values.
         Other candidates that fail count as infinitely bad.
+
+    Warns
+    -----
+    UserWarning
+        Of data that were hardly meant so, of friction that has no effect between its bounds, and
+        where a body sinks through a geom in the simulation with the estimate.
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")
@@ -210,25 +220,33 @@ def fit(
         "initial_state='pose_and_velocity'",
     )
     warn_of_strange_falls(problem)
+    warn_of_idle_friction(problem)
     with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:
-        budget = Budget(max_evaluations, bar.report)
+        budget = Budget(max_evaluations, bar.report, reserve_for(objective, max_evaluations))
         if automatic:
             search = run_automatic(objective, budget, chosen_loss, method, local_searches, seed)
         else:
             search = run_searches(
                 objectives, budget, chosen_loss, method, starts, local_searches, seed
             )
+        if method != "cma" and not search.converged:
+            # Better an estimate without much of an interval than an interval around no end.
+            budget.release(keep=2 * search.iteration)
+            finish(search)
         if problem.noise == "estimate":
             search = with_estimated_noise(search)
             objective = search.objective
             problem = objective.problem
-        end, beside = settle(search, errors_kind, confidence, seed)
+        end = settle(search, errors_kind, confidence, seed)
+        if not search.converged:
+            search.message = advice(search, max_evaluations)
+        warn_of_sunk_bodies(objective, end.point, end.residuals)
     return _result(
         problem,
         objective,
         end,
         search,
-        evaluations=budget.spent + beside,
+        evaluations=budget.spent,
         seconds=time.perf_counter() - began,
         method=method,
         errors=errors_kind,
@@ -265,6 +283,11 @@ def _result(
         unfinished = f"simulations next to the estimate fail ({end.failure})"
     elif end.elsewhere is not None:
         unfinished = f"the search ended in a bad valley (the cost is lower at {end.elsewhere})"
+    elif not end.complete:
+        unfinished = (
+            f"max_evaluations = {search.budget.total} left too little to follow the cost along it, "
+            "so that its interval may be too narrow"
+        )
     leading = leaders(problem.parameters, point[: objective.parameters], correlation)
     estimates = tuple(
         judge(

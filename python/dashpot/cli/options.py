@@ -163,14 +163,15 @@ def add_material(parser: argparse.ArgumentParser) -> None:
 
 def apply_materials(engine: Engine, given: list[tuple[str, Material]]) -> None:
     """Give an engine the materials of ``--material``, in their order."""
+    materials: dict[int, Material] = {}
     for geom, value in given:
         targets: list[str | int] = [geom]
         if geom == "*":
             targets = list(range(engine.model.ngeom))
         elif geom.isdigit() and geom not in geom_names(engine):
             targets = [int(geom)]
-        for target in targets:
-            engine.set_material(target, value)
+        materials.update({engine.geom_id(target): value for target in targets})
+    engine.set_materials(materials)
 
 
 def geom_names(engine: Engine) -> set[str]:
@@ -199,8 +200,7 @@ def load_engine(
     if scene in SCENES:
         shipped = SCENES[scene]()
         engine = Engine(mujoco.MjModel.from_xml_string(shipped.xml), nthread=nthread)
-        for geom, value in shipped.materials.items():
-            engine.set_material(geom, value)
+        engine.set_materials(shipped.materials)
     else:
         engine = Engine(load_model(scene), nthread=nthread)
     if fit is not None:

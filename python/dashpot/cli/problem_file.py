@@ -86,13 +86,15 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
     required = ("model", "position_sigma", "rotation_sigma", "parameters", "trajectories")
     check_keys("the problem", content, required, optional)
     engine = Engine(_model(folder / _typed("model", content["model"], str)))
+    materials: dict[int, Material] = {}
     for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
         label = f"materials.{geom}"
         check_keys(label, _typed(label, fields, dict), (), tuple(Material.__dataclass_fields__))
         try:
-            engine.set_material(geom, Material(**fields))
+            materials[engine.geom_id(geom)] = Material(**fields)
         except (ValueError, TypeError) as error:
             raise ValueError(f"{label}: {error}") from error
+    engine.set_materials(materials)
     options = _typed("fit", content.get("fit", {}), dict)
     check_keys("fit", options, (), _FIT_OPTIONS)
     chosen = {key: content[key] for key in optional[:4] if key in content}

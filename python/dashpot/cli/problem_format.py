@@ -17,7 +17,7 @@ window = 0.5                     #   seconds of each trajectory that are used
 
 [materials.ball]                 # starting materials, fields of dashpot.Material; optional
 stiffness = 1e4
-friction = 0.5
+restitution = 0.6
 
 [[parameters]]                   # unknowns
 kind = "material"                # of geoms; "pair": of two geoms with each other;

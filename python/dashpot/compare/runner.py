@@ -153,8 +153,7 @@ def _prepare(
     else:
         raise TypeError(f"scene is {type(scene).__name__}; it must be a path, text or a model")
     given.update(materials or {})
-    for geom, material in given.items():
-        engine.set_material(geom, material)
+    engine.set_materials(given)
     return name, engine, duration
 
 

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.intervals import Covariance, covariance
-from dashpot.calibrate.inference.statistical_linearization import over_its_region, possible
+from dashpot.calibrate.inference.statistical_linearization import (
+    over_its_region,
+    possible,
+    region_evaluations,
+)
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import SimulationError
 from dashpot.calibrate.residuals.losses import Loss
@@ -30,6 +36,7 @@ def covariance_around(
     confidence: float,
     seed: int | None,
     misfit: ResidualCovariance | None = None,
+    left: Callable[[], float] = lambda: np.inf,
 ) -> tuple[Covariance, Array, ArrowMatrix, str | None]:
     """Return the covariance of a linear model over its own region, and its departure from one.
 
@@ -57,11 +64,13 @@ def covariance_around(
         estimated = from_jacobian(jacobian, hold)
         implied = estimated.half_width(confidence)[: objective.parameters]
         wanted = np.clip(implied, own, widths)
-        if (widths <= _WIDTH_SLACK * wanted).all():
+        each = 2 * (objective.parameters + objective.initial_size)
+        if (widths <= _WIDTH_SLACK * wanted).all() or left() < each:
             break
         widths = wanted
     # Data without any noise leave a region of no size.
-    if seed is None or estimated.residual_variance == 0.0:
+    too_few = left() < region_evaluations(objective)
+    if seed is None or estimated.residual_variance == 0.0 or too_few:
         return estimated, np.zeros(objective.size), jacobian, None
     slopes = loss.slopes(residuals)
     rise = float(slopes[live].mean())
@@ -69,7 +78,7 @@ def covariance_around(
         return estimated, np.zeros(objective.size), jacobian, None
     relative = slopes / rise if loss.robust else None
     try:
-        region = over_its_region(objective, point, jacobian, from_jacobian, relative, seed)
+        region = over_its_region(objective, point, jacobian, from_jacobian, relative, seed, left)
     except SimulationError as error:
         return estimated, np.zeros(objective.size), jacobian, str(error)
     return *region, jacobian, None

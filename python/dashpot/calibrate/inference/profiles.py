@@ -47,7 +47,7 @@ class Place:
     cost: float
 
 
-Walk: TypeAlias = Generator[Array, Array, list[Place]]
+Walk: TypeAlias = Generator[Array, Array, None]
 
 
 class Profiles:
@@ -80,8 +80,11 @@ class Profiles:
         end: Place,
         jacobian: ArrowMatrix,
         half_widths: Array,
-    ) -> list[tuple[list[Place], list[Place]]]:
-        """Return by parameter the places below and above the end, from there outwards.
+        left: Callable[[], float] = lambda: np.inf,
+    ) -> tuple[list[tuple[list[Place], list[Place]]], bool]:
+        """Return by parameter the places below and above the end, and whether walks came to ends.
+
+        Places are in order from the end outwards.
 
         Parameters
         ----------
@@ -91,16 +94,21 @@ class Profiles:
             Where walks begin.
         half_widths
             (p,) distances of the first values, infinite of parameters that are not walked.
+        left
+            How many evaluations may follow; walks stop where there are too few.
         """
         walks = []
+        places: list[list[Place]] = []
         for i, half_width in enumerate(half_widths):
             for sign, room in (
                 (-1.0, end.point[i] - self._lower[i]), (1.0, self._upper[i] - end.point[i])
             ):  # fmt: skip
                 ways = _distances(float(half_width), float(room))
-                walks.append(self._walk(end, jacobian, i, end.point[i] + sign * ways))
-        places = _in_step(walks, evaluate)
-        return list(zip(places[::2], places[1::2], strict=True))
+                places.append([])
+                values = end.point[i] + sign * ways
+                walks.append(self._walk(end, jacobian, i, values, places[-1]))
+        complete = _in_step(walks, evaluate, left)
+        return list(zip(places[::2], places[1::2], strict=True)), complete
 
     def cost(self, residuals: Array) -> float:
         """Return the cost of residuals (m,), infinite where they are."""
@@ -108,8 +116,11 @@ class Profiles:
             return np.inf
         return 0.5 * float(self._loss.values(residuals).sum())
 
-    def _walk(self, end: Place, jacobian: ArrowMatrix, held: int, values: Array) -> Walk:
-        place, visited = end, []
+    def _walk(
+        self, end: Place, jacobian: ArrowMatrix, held: int, values: Array, visited: list[Place]
+    ) -> Walk:
+        """Visit values of a parameter, and append the places that it comes to."""
+        place = end
         for value in values:
             place, jacobian = yield from self._refit(place, end.cost, jacobian, held, float(value))
             if not np.isfinite(place.cost):
@@ -117,7 +128,6 @@ class Profiles:
             visited.append(place)
             if place.cost > _HOPELESS * end.cost:
                 break
-        return visited
 
     def _refit(
         self, start: Place, lowest: float, jacobian: ArrowMatrix, held: int, value: float
@@ -195,26 +205,26 @@ def _distances(first: float, room: float) -> Array:
     return np.append(first * 2.0**doublings, room)
 
 
-def _in_step(walks: list[Walk], evaluate: Callable[[Array], Array]) -> list[list[Place]]:
-    """Run walks to their ends, each round's points in one batch."""
-    visited: list[list[Place]] = [[] for _ in walks]
+def _in_step(
+    walks: list[Walk], evaluate: Callable[[Array], Array], left: Callable[[], float]
+) -> bool:
+    """Run walks, each round's points in one batch; return whether all came to their ends."""
     asked: dict[int, Array] = {}
 
     def advance(walk: int, answer: Array | None) -> None:
         try:
             asked[walk] = next(walks[walk]) if answer is None else walks[walk].send(answer)
-        except StopIteration as end:
-            visited[walk] = end.value
+        except StopIteration:
             asked.pop(walk, None)
 
     for walk in range(len(walks)):
         advance(walk, None)
-    while asked:
+    while asked and left() >= len(asked):
         waiting = list(asked)
         residuals = evaluate(np.stack([asked[walk] for walk in waiting]))
         for walk, row in zip(waiting, residuals, strict=True):
             advance(walk, row)
-    return visited
+    return not asked
 
 
 def _secant(jacobian: ArrowMatrix, step: Array, change: Array, units: Array) -> ArrowMatrix:

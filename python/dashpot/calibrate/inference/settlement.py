@@ -26,8 +26,9 @@ from dashpot.calibrate.inference.misfit_report import (
 )
 from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill, reach
 from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE, noise_explains
-from dashpot.calibrate.inference.statistical_linearization import near
+from dashpot.calibrate.inference.statistical_linearization import near, region_evaluations
 from dashpot.calibrate.residuals.candidates import SimulationError
+from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.search.least_squares import least_squares
 from dashpot.calibrate.search.search import Search
 from dashpot.calibrate.search.strategy import MOST_ITERATIONS, finish
@@ -38,6 +39,10 @@ Array = NDArray[np.float64]
 # most.
 _LOWER = 0.5
 _MOST_ROUNDS = 3
+# Another search is worth it where so many of its iterations are left, of which it takes a share.
+_SEARCH_AND_ERRORS, _SEARCH_SHARE = 10, 0.75
+# What `settle` usually takes: Jacobians, regions, and evaluations of the profile of a parameter.
+_USUAL_JACOBIANS, _USUAL_REGIONS, _USUAL_WALK = 3, 2, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,8 @@ class End:
         What residuals say of each channel.
     elsewhere
         Values of the parameters where the cost is lower, but no search went on from.
+    complete
+        Whether the budget sufficed to follow the cost along all parameters.
     """
 
     point: Array
@@ -68,31 +75,41 @@ class End:
     failure: str | None
     channels: tuple[ChannelReport, ...]
     elsewhere: str | None = None
+    complete: bool = True
 
 
-def settle(search: Search, errors: str, confidence: float, seed: int) -> tuple[End, int]:
-    """Return the end of a search, and how many simulations that took beside the search.
+def reserve_for(objective: Objective, total: int) -> int:
+    """Return how much of a budget to leave to `settle`: what it usually takes, half at most."""
+    derivatives = 2 * objective.parameters + objective.initial_size + 1
+    regions = _USUAL_REGIONS * region_evaluations(objective)
+    usual = _USUAL_JACOBIANS * derivatives + regions + _USUAL_WALK * objective.parameters
+    return min(total // 2, usual)
 
-    Searches that profiles of the cost bring about are part of `search`, and of its budget.
+
+def settle(search: Search, errors: str, confidence: float, seed: int) -> End:
+    """Return the end of a search, with what it is worth.
+
+    It takes what is left of the search's budget, its reserve included, and one Jacobian at least.
+    Searches that profiles of the cost bring about are part of `search`.
     """
-    objective = search.objective
-    beside = 0
+    budget = search.budget
+    budget.release()
     for _ in range(_MOST_ROUNDS):
-        before = objective.evaluations
-        end, place = _examine(search, errors, confidence, seed)
-        beside += objective.evaluations - before
-        if place is None or search.budget.left == 0:
+        with budget.beside(search.objective):
+            end, place = _examine(search, errors, confidence, seed)
+        if place is None or budget.left < _SEARCH_AND_ERRORS * search.iteration:
             break
-        trial = Search(objective, search.loss, search.budget)
-        try:
-            least_squares(trial, place.point, MOST_ITERATIONS)
-        except SimulationError:
-            break
-        if trial.best_cost >= search.best_cost - _LOWER * _dispersion(end.covariance):
-            break
-        search.take_over(trial)
-        finish(search)
-    return end, beside
+        trial = Search(search.objective, search.loss, budget)
+        with budget.share(_SEARCH_SHARE):
+            try:
+                least_squares(trial, place.point, MOST_ITERATIONS)
+            except SimulationError:
+                break
+            if trial.best_cost >= search.best_cost - _LOWER * _dispersion(end.covariance):
+                break
+            search.take_over(trial)
+            finish(search)
+    return end
 
 
 def _dispersion(covariance: Covariance) -> float:
@@ -107,7 +124,7 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     That is where it is, or else the lowest place beyond a hill.
     """
     objective, loss, point = search.objective, search.loss, search.best_point
-    residuals = objective.residuals(point)[0]
+    residuals, budget = search.best_residuals, search.budget
     channels = report_channels(objective, residuals)
     misfit = misfit_covariance(objective, residuals, channels)
     covariance, departure, jacobian, failure = covariance_around(
@@ -119,6 +136,7 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
         confidence,
         seed if search.converged else None,
         misfit,
+        lambda: budget.left,
     )
     half_widths = covariance.half_width(confidence)[: objective.parameters]
     known = np.isfinite(half_widths) & (half_widths > 0.0)
@@ -137,9 +155,14 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     dispersion = _dispersion(covariance)
     profiles = Profiles(loss, (lower, upper), units, 0.5 * dispersion)
     begin = Place(point, residuals, profiles.cost(residuals))
-    sides = profiles.around(
-        lambda points: objective.attempt(points)[0], begin, jacobian, half_widths
+    sides, complete = profiles.around(
+        lambda points: objective.attempt(points)[0],
+        begin,
+        jacobian,
+        half_widths,
+        lambda: budget.left,
     )
+    end = replace(end, complete=complete)
     places = [place for both in sides for side in both for place in side]
     lowest = min([begin, *places], key=lambda place: place.cost)
     quantile = covariance.quantile(confidence)

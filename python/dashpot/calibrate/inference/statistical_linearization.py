@@ -73,6 +73,15 @@ class StatisticalLinearization:
     scatter: Array
 
 
+def region_evaluations(objective: Objective) -> int:
+    """Return how many evaluations a linear model over a region takes."""
+    return 2 * _pairs(objective)
+
+
+def _pairs(objective: Objective) -> int:
+    return 2 * (objective.parameters + objective.initial_size) + 8
+
+
 def linearize(
     objective: Objective, point: Array, region: Array, rng: np.random.Generator
 ) -> StatisticalLinearization:
@@ -92,7 +101,7 @@ def linearize(
         Draws the points.
     """
     count, block = objective.parameters, objective.initial_size
-    pairs = 2 * (count + block) + 8
+    pairs = _pairs(objective)
     draws = _draw(region, count, pairs, rng)
     lower, upper = objective.bounds()
     centre = _within_bounds(point, region, count, lower, upper)
@@ -184,6 +193,7 @@ def over_its_region(
     covariance: Callable[[ArrowMatrix, Array], Covariance],
     slopes: Array | None,
     seed: int,
+    left: Callable[[], float] = lambda: np.inf,
 ) -> tuple[Covariance, Array]:
     """Return the covariance of a linear model over the very region that it implies.
 
@@ -201,6 +211,8 @@ def over_its_region(
         noise; None: linear loss.
     seed
         Of the points drawn.
+    left
+        How many evaluations may follow: where too few, the last region is taken.
 
     Returns
     -------
@@ -228,7 +240,8 @@ def over_its_region(
             ratio = np.sqrt(np.diag(implied[0]) / np.diag(region[0]))[:count]
         ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
         same = ((ratio < _SAME_WIDTH) & (ratio > 1.0 / _SAME_WIDTH)).all()
-        if same or regions == _MOST_REGIONS or failures:
+        too_few = left() < region_evaluations(objective)
+        if same or regions == _MOST_REGIONS or failures or too_few:
             linear = covariance(model.jacobian, hold)
             return _with_departure(linear, model, slopes, hold)
         region = implied

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import mujoco
 
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.setters import MaterialSetter, PairSetter, kind_of_quantity
 from dashpot.engine import Engine
+from dashpot.idle_friction import partners
 from dashpot.materials import Material
 
 # What a pair's own material has in place of that of its geoms, beside friction: the quantity that a
@@ -57,7 +58,7 @@ def check_nothing_is_lost(engine: Engine, parameters: Sequence[Parameter]) -> No
                 _check_pair(engine, pair, set_for_pair[pair], label)
         elif isinstance(setter, MaterialSetter):
             for geom in map(engine.geom_id, setter.geoms):
-                for other in _partners(engine.model, geom):
+                for other in partners(engine.model, geom):
                     given = set_for_geom[geom] | set_for_geom.get(other, set())
                     if "stiffness" not in given and _ordered(geom, other) not in set_for_pair:
                         _check_solref(engine, geom, other, label)
@@ -102,21 +103,6 @@ def _check_solref(engine: Engine, geom: int, other: int, label: str) -> None:
             f"model's solref {present.solref} makes soft; give the geom a material first "
             f"(Engine.set_material({name!r}, ...)), or estimate its stiffness too"
         )
-
-
-def _partners(model: mujoco.MjModel, geom: int) -> Iterator[int]:
-    """Yield the geoms of other bodies that the model lets a geom touch."""
-    listed = {
-        _ordered(int(a), int(b)) for a, b in zip(model.pair_geom1, model.pair_geom2, strict=True)
-    }
-    for other in range(model.ngeom):
-        if model.geom_bodyid[other] == model.geom_bodyid[geom]:
-            continue
-        collide = (model.geom_contype[geom] & model.geom_conaffinity[other]) or (
-            model.geom_contype[other] & model.geom_conaffinity[geom]
-        )
-        if collide or _ordered(geom, other) in listed:
-            yield other
 
 
 def _pair_of(engine: Engine, setter: PairSetter) -> tuple[int, int]:

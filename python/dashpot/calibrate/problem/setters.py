@@ -18,7 +18,7 @@ from dashpot.object_ids import Element, object_id
 System: TypeAlias = Engine | mujoco.MjModel
 Setter = Callable[[System, float], None]
 
-_FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
+FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
 _DAMPING_FORMS = ("damping", "damping_ratio", "restitution")
 
 # Rows of arrays whose names begin so belong to elements of a kind. A joint has one row of "dof" for
@@ -52,7 +52,7 @@ class MaterialSetter:
         for geom in self.geoms:
             mjcf_friction = engine.model.geom_friction[engine.geom_id(geom)]
             material = with_quantity(engine.material(geom), self.quantity, value, mjcf_friction)
-            engine.set_material(geom, material)
+            engine._give({geom: material})
 
     def targets(self, model: mujoco.MjModel) -> tuple[str, ...]:
         """Return what it sets in a model, in words."""
@@ -154,7 +154,7 @@ def with_quantity(
         forms: dict[str, float | None] = dict.fromkeys(_DAMPING_FORMS, None)
         forms[quantity] = value
         return replace(material, **forms)  # type: ignore[arg-type]
-    if quantity in _FRICTION_INDEX:
+    if quantity in FRICTION_INDEX:
         given = material.friction
         if given is None:
             friction = [float(coefficient) for coefficient in present_friction]
@@ -162,7 +162,7 @@ def with_quantity(
             friction = list(given)
         else:
             friction = [float(given), float(present_friction[1]), float(present_friction[2])]
-        friction[_FRICTION_INDEX[quantity]] = value
+        friction[FRICTION_INDEX[quantity]] = value
         return replace(material, friction=(friction[0], friction[1], friction[2]))
     return replace(material, **{quantity: value})  # type: ignore[arg-type]
 

@@ -39,8 +39,15 @@ class Search:
         self.best_cost = np.inf
         self.converged = False
         self.message = ""
+        #: Lowest cost after each batch of points.
+        self.history: list[float] = []
         self._failure: SimulationError | None = None
         self._last: tuple[Array, Array] = np.empty(0), np.empty(0)
+
+    @property
+    def iteration(self) -> int:
+        """Evaluations of one iteration of least squares: of a point and of derivatives there."""
+        return 2 * self.objective.parameters + self.objective.initial_size + 1
 
     def explained(self, residuals: Array, deviations: float) -> bool:
         """Whether normal noise of the stated size explains the cost of residuals.
@@ -105,6 +112,7 @@ class Search:
             self.best_cost, self.best_point = float(costs[best]), points[best].copy()
             self.best_residuals = residuals[best].copy()
         self._last = points[-1].copy(), residuals[-1]
+        self.history.append(self.best_cost)
         self.budget.note(self.objective.evaluations - before, self.best_cost)
         return residuals
 

@@ -16,7 +16,7 @@ from dashpot.calibrate.search.automatic import growing_windows
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.evolution import FIRST_SIGMA, LATER_SIGMA, cma_es
 from dashpot.calibrate.search.least_squares import least_squares
-from dashpot.calibrate.search.search import EARLY_LEVEL, LEVEL, Search
+from dashpot.calibrate.search.search import BUDGET_SPENT, EARLY_LEVEL, LEVEL, Search
 from dashpot.calibrate.search.starts import best_starts, sobol_points, spread_starts
 from dashpot.calibrate.search.waking import waking_starts
 
@@ -31,8 +31,12 @@ _EXPLAINED = 3.0
 _SAME_END = 0.005
 # Further starts where the search from the given one ends in a bad valley, the given one included.
 _AUTOMATIC_STARTS = 32
-# One part of as many of the budget goes to the search from the given start.
-_FIRST_SHARE = 4
+# Shares of what is left of the budget: of the search from the given start, of those from where
+# parameters wake, and of those from further starts. What they leave is for the best end.
+_GIVEN_SHARE, _WAKING_SHARE, _FURTHER_SHARE = 0.5, 0.25, 0.75
+# Further starts are simulated where what is left makes so many iterations from them, as a search
+# takes.
+_ITERATIONS_WORTH = 20
 # Of one local search; those that need more are lost in a bad valley.
 MOST_ITERATIONS = 40
 
@@ -53,6 +57,7 @@ def run_searches(
     points = spread_starts(searches[0], begin, starts, seed, keep)
     if method == "least_squares":
         _descend(searches, points)
+        finish(searches[-1])
     else:
         _evolve(searches, points[0], method, seed)
     return searches[-1]
@@ -69,24 +74,26 @@ def run_automatic(
     """Choose starts and windows: 31 starts spread over the parameters' ranges beside the given one.
 
     They are searched through windows that grow from the onset of contact. Least squares searches
-    from the given start first, with a quarter of the budget, and from others only where noise does
-    not explain its end: first from where parameters act that do not there. What they leave goes to
-    the best end if it has not converged.
+    from the given start first, and from others only where noise does not explain its end: first
+    from where parameters act that do not there. Each takes a share of what is left, and the best
+    end goes on with the rest if it has not converged. A budget that does not suffice for a search
+    from further starts is the given one's alone.
     """
     final = Search(objective, loss, budget)
     begin = objective.start(robust=loss.robust)
+    worth = _AUTOMATIC_STARTS + _ITERATIONS_WORTH * final.iteration
     if method == "least_squares":
-        with budget.share(_FIRST_SHARE), _going_on(final):
+        share = _GIVEN_SHARE if (1.0 - _GIVEN_SHARE) * budget.left >= worth else 1.0
+        with budget.share(share), _going_on(final):
             least_squares(final, begin, MOST_ITERATIONS)
         if not final.best_explained(_EXPLAINED):
-            with budget.share(_FIRST_SHARE):
+            with budget.share(_WAKING_SHARE):
                 _wake(final)
-        if final.best_explained(_EXPLAINED):
+        if final.best_explained(_EXPLAINED) or budget.left < worth:
             finish(final)
             return final
-    if budget.left < 2 * _AUTOMATIC_STARTS:
-        if method != "least_squares":
-            _evolve([final], begin, method, seed)
+    elif budget.left < 2 * _AUTOMATIC_STARTS:
+        _evolve([final], begin, method, seed)
         return final
     scan = Search(objective, loss, budget)
     points = sobol_points(objective, begin, _AUTOMATIC_STARTS - 1, seed)
@@ -106,20 +113,22 @@ def run_automatic(
     if method != "least_squares":
         _evolve(searches, starts[0], method, seed)
         return final
-    _descend(searches, starts)
+    with budget.share(_FURTHER_SHARE):
+        _descend(searches, starts)
     finish(final)
     return final
 
 
 def finish(search: Search) -> None:
     """Go on from the best end until it has converged, as on a rough cost, or nothing is left."""
-    while not search.converged and search.budget.left > 0:
+    while not search.converged and search.budget.left > search.iteration:
         before = search.best_cost
         try:
             least_squares(search, search.best_point, MOST_ITERATIONS)
         except SimulationError:
             return
-        search.end_where_level(before)
+        if search.message != BUDGET_SPENT:
+            search.end_where_level(before)
 
 
 def _wake(search: Search) -> None:
@@ -147,12 +156,12 @@ def _evolve(searches: list[Search], point: Array, method: Method, seed: int) -> 
     """Search by CMA-ES: all windows in equal shares, or the first, and least squares from there."""
     searches[0].evaluate_start(point)
     if method == "cma+least_squares":
-        with searches[0].budget.share(2):
+        with searches[0].budget.share(0.5):
             cma_es(searches[0], point, seed, to_convergence=len(searches) == 1)
         _descend(searches, [searches[0].best_point])
         return
     for stage, search in enumerate(searches):
-        with search.budget.share(len(searches) - stage):
+        with search.budget.share(1.0 / (len(searches) - stage)):
             sigma = FIRST_SIGMA if stage == 0 else LATER_SIGMA
             cma_es(search, point, seed, sigma, to_convergence=search is searches[-1])
         point = search.best_point

@@ -68,6 +68,7 @@ def minimise(
     cost_tolerance: float,
     step_tolerance: float,
     level_tolerance: float = 0.0,
+    longest: float = np.inf,
 ) -> Minimum:
     """Return a minimum of the summed loss of residuals.
 
@@ -92,6 +93,8 @@ def minimise(
     level_tolerance
         Change of the cost, of residuals of unit variance, at which it stops on rough ground: where
         several evaluations one after the other do not reach it, and the last is not predicted to.
+    longest
+        Longest step of a parameter.
     """
     lower, upper = bounds
     count = len(lower)
@@ -102,15 +105,25 @@ def minimise(
 
     point, residuals = start, residuals_at(start)
     cost = cost_of(point, residuals)
-    linear = Linear(jacobian_at(point), residuals, loss, hold, point - start)
-    scale = linear.norms
-    radius = float(np.linalg.norm(scale * point)) or 1.0
+    linear, scale, radius = None, np.zeros_like(point), 0.0
     costs = [cost]
     for _ in range(most_evaluations - 1):
+        if linear is None:
+            linear = Linear(jacobian_at(point), residuals, loss, hold, point - start)
+            scale = np.maximum(scale, linear.norms)
+            radius = radius or float(np.linalg.norm(scale * point)) or 1.0
         room = lower - point[:count], upper - point[:count]
-        step = step_in_bounds(linear, scale, radius, *room)
-        predicted = linear.reduction(step)
-        if not predicted > 0.0:
+        for _ in range(_MOST_CORRECTIONS):
+            step = step_in_bounds(linear, scale, radius, *room)
+            farthest = np.abs(step[:count]).max(initial=0.0)
+            if farthest > longest:
+                step *= longest / farthest
+            predicted = linear.reduction(step)
+            if predicted > 0.0:
+                break
+            # Bounds may turn a long step uphill, but no short one.
+            radius *= _SHRINK
+        else:
             return Minimum(point, residuals, True, "no step lowers the cost")
         new_point = point + step
         new_point[:count] = np.clip(new_point[:count], lower, upper)
@@ -126,7 +139,7 @@ def minimise(
         elif ratio > _GOOD and length > _WHOLE_LENGTH * radius:
             radius *= _GROW
         if new_cost < cost:
-            point, residuals, cost = new_point, new_residuals, new_cost
+            point, residuals, cost, linear = new_point, new_residuals, new_cost, None
         costs.append(cost)
         # Where no step lowers it at all, steps are too long yet, or it is still soon.
         tolerance = level_tolerance * max(1.0, 2.0 * cost / len(residuals))
@@ -139,9 +152,6 @@ def minimise(
         if level or still:
             changed = "the cost" if level else "the point"
             return Minimum(point, residuals, True, f"{changed} changes no more")
-        if point is new_point:
-            linear = Linear(jacobian_at(point), residuals, loss, hold, point - start)
-            scale = np.maximum(scale, linear.norms)
     return Minimum(point, residuals, False, "")
 
 

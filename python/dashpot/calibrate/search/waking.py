@@ -27,6 +27,8 @@ def waking_starts(search: Search) -> list[Array]:
     objective, best, reference = search.objective, search.best_point, search.best_residuals
     ranges = np.array([c.sampling_bounds for c in objective.coordinates])
     count = len(ranges)
+    if search.budget.left < (2 + _VALUES) * count:
+        return []
     steps = _STEP * np.diag(ranges[:, 1] - ranges[:, 0])
     near = np.repeat(best[None], 2 * count, axis=0)
     near[:, :count] += np.concatenate([steps, -steps])

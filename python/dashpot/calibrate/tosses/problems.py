@@ -126,10 +126,8 @@ def weighed(tosses: Sequence[Toss], cube: Cube, *, length_scale: float = LENGTH_
 
 def _engine(cube: Cube) -> Engine:
     engine = Engine(cube.model())
-    for geom in cube.geoms:
-        material = Material(2e4, damping_ratio=0.5, friction=0.2, friction_load=FRICTION_LOAD)
-        engine.set_material(geom, material)
-    engine.set_material("table", Material(friction=0.0))
+    material = Material(2e4, damping_ratio=0.5, friction=0.2, friction_load=FRICTION_LOAD)
+    engine.set_materials({**dict.fromkeys(cube.geoms, material), "table": Material(friction=0.0)})
     return engine
 
 
