@@ -5,13 +5,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import Literal, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dashpot.calibrate.data.frame_grid import check_grid, frame_numbers
 from dashpot.calibrate.data.noise import initial_deviations
+from dashpot.calibrate.data.stamps import Frames, frame_times
 from dashpot.calibrate.data.trajectory_fields import (
     finite_field,
     frozen,
@@ -22,12 +22,13 @@ from dashpot.checks import number
 
 Array = NDArray[np.float64]
 T = TypeVar("T", np.float64, np.bool_)
+QuaternionOrder = Literal["wxyz", "xyzw"]
 
 # A quaternion counts as unit when its norm is this close to 1; data written with five digits pass.
 UNIT_TOLERANCE = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Trajectory:
     """Observed poses of bodies, and readings of sensors, at times of an even grid.
 
@@ -45,13 +46,14 @@ class Trajectory:
         (n,) times in s, strictly increasing, n >= 2, and evenly spaced: at most 15 % of a spacing
         off the even grid that fits them best, so that those rounded to milliseconds pass to 240 Hz.
         The frames count as being on that grid. Lost frames may be left out, more than half of them
-        too: intervals of several spacings are gaps, through which the simulation goes on.
+        too: intervals of several spacings are gaps, through which the simulation goes on. Where
+        stamps jitter further see `frames`.
     position
         (n, bodies, 3) or, for one body, (n, 3): origin of the body frame in the world, m. NaN: not
         measured in that frame.
     quaternion
         (n, bodies, 4) or (n, 4): orientation body to world, scalar first, unit. Stored normalised.
-        Four NaN: not measured in that frame.
+        Four NaN: not measured in that frame. None: not measured at all.
     bodies
         Names of the observed bodies in the order of the arrays.
     initial_qpos
@@ -81,6 +83,14 @@ class Trajectory:
         What positions and velocities make is compared at the times of the frames; what needs
         accelerations or forces as the mean over the spacing before the frame, so that there is none
         at the first. NaN: not measured. `of_sensors` makes trajectories of sensors alone.
+    frames
+        What is right. ``"stamped"``: the times. ``"even"``: the frames are even, as a camera takes
+        them, and their stamps jitter, as a busy computer gives them. `time` is then that of the
+        even grid that fits them best. Frames that were lost are found where the jitter is below a
+        fifth of a spacing (standard deviation); where it is larger none may be lost. It is refused
+        where the positions or sensors say that the clock itself varies.
+    quaternion_order
+        ``"wxyz"``: scalar first; ``"xyzw"``: scalar last.
 
     Raises
     ------
@@ -102,30 +112,57 @@ class Trajectory:
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
-    if TYPE_CHECKING:
-        # What is taken, which is more than the types that fields have in the end.
-        def __init__(
-            self,
-            name: str,
-            time: ArrayLike,
-            position: ArrayLike,
-            quaternion: ArrayLike,
-            bodies: str | Sequence[str],
-            initial_qpos: ArrayLike | None = None,
-            initial_qvel: ArrayLike | None = None,
-            control: ArrayLike | None = None,
-            sensors: Mapping[str, ArrayLike] = ...,
-            initial_qpos_sigma: ArrayLike | None = None,
-            initial_qvel_sigma: ArrayLike | None = None,
-        ) -> None: ...
+    def __init__(
+        self,
+        name: str,
+        time: ArrayLike,
+        position: ArrayLike,
+        quaternion: ArrayLike | None,
+        bodies: str | Sequence[str],
+        initial_qpos: ArrayLike | None = None,
+        initial_qvel: ArrayLike | None = None,
+        control: ArrayLike | None = None,
+        sensors: Mapping[str, ArrayLike] | None = None,
+        initial_qpos_sigma: ArrayLike | None = None,
+        initial_qvel_sigma: ArrayLike | None = None,
+        *,
+        frames: Frames = "stamped",
+        quaternion_order: QuaternionOrder = "wxyz",
+    ) -> None:
+        given = {
+            "name": name,
+            "time": time,
+            "position": position,
+            "quaternion": quaternion,
+            "bodies": bodies,
+            "initial_qpos": initial_qpos,
+            "initial_qvel": initial_qvel,
+            "control": control,
+            "sensors": {} if sensors is None else sensors,
+            "initial_qpos_sigma": initial_qpos_sigma,
+            "initial_qvel_sigma": initial_qvel_sigma,
+        }
+        for attribute, value in given.items():
+            object.__setattr__(self, attribute, value)
+        self._check(frames, quaternion_order)
 
-    def __post_init__(self) -> None:
+    def _check(self, frames: Frames, quaternion_order: QuaternionOrder) -> None:
+        """Raise where fields do not fit, and put arrays of numbers in the place of what is."""
         if not isinstance(self.name, str):
             raise TypeError(f"a trajectory's name must be a string, got {self.name!r}")
         if not isinstance(self.bodies, Iterable):
             raise TypeError(
                 f"{self._label}: bodies must be a name or a sequence of names, got {self.bodies!r}"
             )
+        for argument, word, known in (
+            ("frames", frames, get_args(Frames)),
+            ("quaternion_order", quaternion_order, get_args(QuaternionOrder)),
+        ):
+            if word not in known:
+                raise ValueError(
+                    f"{self._label}: {argument} must be {' or '.join(map(repr, known))}, "
+                    f"got {word!r}"
+                )
         bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
         if not all(isinstance(body, str) for body in bodies):
             raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
@@ -139,17 +176,12 @@ class Trajectory:
         time = finite_field(f"{self._label}: time", self.time)
         if time.ndim != 1 or time.size < 2:
             raise ValueError(f"{self._label}: time must be (n,) with n >= 2, got {time.shape}")
-        try:
-            frame = frame_numbers(time)
-            spacing = check_grid(time, frame)
-        except ValueError as error:
-            raise ValueError(f"{self._label}: {error}") from None
-        frame.flags.writeable = False
-        object.__setattr__(self, "_frame_number", frame)
-        object.__setattr__(self, "_spacing", spacing)
         n, b = time.size, len(bodies)
         position = poses_field(f"{self._label}: position", self.position, (n, b, 3))
-        quaternion = poses_field(f"{self._label}: quaternion", self.quaternion, (n, b, 4))
+        turned = np.full((n, b, 4), np.nan) if self.quaternion is None else self.quaternion
+        quaternion = poses_field(f"{self._label}: quaternion", turned, (n, b, 4))
+        if quaternion_order == "xyzw":
+            quaternion = np.roll(quaternion, 1, axis=-1)
         missing = np.isnan(quaternion)
         partly = np.argwhere(missing.any(axis=-1) & ~missing.all(axis=-1))
         if partly.size:
@@ -171,8 +203,16 @@ class Trajectory:
                 f"{self._label}: quaternion of frame {frame}, body '{bodies[body]}' has norm "
                 f"{norm[frame, body]:.6g}; unit quaternions are needed"
             )
+        channels = np.concatenate([position.reshape(n, -1), *sensors.values()], axis=1)
+        try:
+            grid = frame_times(time, channels, frames)
+        except ValueError as error:
+            raise ValueError(f"{self._label}: {error}") from None
+        grid.number.flags.writeable = False
+        object.__setattr__(self, "_frame_number", grid.number)
+        object.__setattr__(self, "_spacing", grid.spacing)
         object.__setattr__(self, "bodies", bodies)
-        object.__setattr__(self, "time", frozen(time))
+        object.__setattr__(self, "time", frozen(grid.time))
         object.__setattr__(self, "position", frozen(position))
         object.__setattr__(self, "quaternion", frozen(quaternion / norm[..., None]))
         for name, ndim in (("initial_qpos", 1), ("initial_qvel", 1), ("control", 2)):
@@ -211,6 +251,7 @@ class Trajectory:
         control: ArrayLike | None = None,
         initial_qpos_sigma: ArrayLike | None = None,
         initial_qvel_sigma: ArrayLike | None = None,
+        frames: Frames = "stamped",
     ) -> Trajectory:
         """Return a trajectory of which sensors alone were observed; fields as in the class.
 
@@ -235,6 +276,7 @@ class Trajectory:
             sensors=sensors,
             initial_qpos_sigma=initial_qpos_sigma,
             initial_qvel_sigma=initial_qvel_sigma,
+            frames=frames,
         )
 
     def __repr__(self) -> str:
@@ -282,18 +324,55 @@ class Trajectory:
             raise ValueError(f"{self._label}: a window must be > 0 s, got {duration!r}")
         # Half a spacing of slack, so that a window of k spacings holds k + 1 frames.
         n = int(np.count_nonzero(self.time - self.time[0] <= duration + 0.5 * self.spacing))
-        n = max(n, 2)
-        if n == self.frames:
+        return self._cut(0, max(n, 2))
+
+    def between(self, start: float, end: float) -> Trajectory:
+        """Return the frames from time `start` to time `end`, as a window round an event.
+
+        What is simulated begins at the first of them. Unless that is the first of all, it has none
+        of the initial state given, which was of another time: estimate it
+        (``initial_state="pose_and_velocity"``), or give it with ``dataclasses.replace``. Half a
+        second either side of a peak at 2.3 s::
+
+            peak = trajectory.between(1.8, 2.8)
+
+        Raises
+        ------
+        ValueError
+            Where less than two frames are left, or nothing that was measured.
+        """
+        first = number(f"{self._label}: start", start)
+        last = number(f"{self._label}: end", end)
+        slack = 1e-6 * self.spacing
+        begin, stop = np.searchsorted(self.time, [first - slack, last + slack])
+        if stop - begin < 2:
+            raise ValueError(
+                f"{self._label}: {stop - begin} frames are between {first:.6g} and {last:.6g} s, "
+                f"of those from {self.time[0]:.6g} to {self.time[-1]:.6g} s; two are needed"
+            )
+        return self._cut(int(begin), int(stop))
+
+    def _cut(self, begin: int, stop: int) -> Trajectory:
+        """Return frames `begin` to `stop`, which keep their places on the grid of the whole."""
+        if begin == 0 and stop == self.frames:
             return self
-        self._check_measured(self.position[:n], self.quaternion[:n])
-        head = copy.copy(self)
-        for name in ("time", "position", "quaternion", "_frame_number"):
-            object.__setattr__(head, name, getattr(self, name)[:n])
+        frames = slice(begin, stop)
+        self._check_measured(self.position[frames], self.quaternion[frames])
+        cut = copy.copy(self)
+        for name in ("time", "position", "quaternion"):
+            object.__setattr__(cut, name, getattr(self, name)[frames])
+        place = self.frame_number[frames] - self.frame_number[begin]
+        place.flags.writeable = False
+        object.__setattr__(cut, "_frame_number", place)
         if self.control is not None:
-            object.__setattr__(head, "control", self.control[: n - 1])
-        sensors = {name: readings[:n] for name, readings in self.sensors.items()}
-        object.__setattr__(head, "sensors", sensors)
-        return head
+            object.__setattr__(cut, "control", self.control[begin : stop - 1])
+        sensors = {name: readings[frames] for name, readings in self.sensors.items()}
+        object.__setattr__(cut, "sensors", sensors)
+        if begin > 0:
+            for name in ("initial_qpos", "initial_qvel"):
+                object.__setattr__(cut, name, None)
+                object.__setattr__(cut, f"{name}_sigma", None)
+        return cut
 
     @property
     def _label(self) -> str:
