@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import copy
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeVar, get_args
+from pathlib import Path
+from typing import Any, Literal, TypeVar, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dashpot.calibrate.data.csv_file import Table, read_runs
 from dashpot.calibrate.data.noise import initial_deviations
 from dashpot.calibrate.data.stamps import Frames, frame_times
 from dashpot.calibrate.data.trajectory_fields import (
@@ -278,6 +281,99 @@ class Trajectory:
             initial_qvel_sigma=initial_qvel_sigma,
             frames=frames,
         )
+
+    @overload
+    @classmethod
+    def from_csv(
+        cls,
+        file: str | os.PathLike[str],
+        *,
+        columns: Mapping[str, str] | None = ...,
+        body: str | Sequence[str] = ...,
+        run: None = ...,
+        unit: Mapping[str, str | float] | None = ...,
+        name: str | None = ...,
+        **fields: Any,
+    ) -> Trajectory: ...
+
+    @overload
+    @classmethod
+    def from_csv(
+        cls,
+        file: str | os.PathLike[str],
+        *,
+        run: str,
+        columns: Mapping[str, str] | None = ...,
+        body: str | Sequence[str] = ...,
+        unit: Mapping[str, str | float] | None = ...,
+        name: str | None = ...,
+        **fields: Any,
+    ) -> list[Trajectory]: ...
+
+    @classmethod
+    def from_csv(
+        cls,
+        file: str | os.PathLike[str],
+        *,
+        columns: Mapping[str, str] | None = None,
+        body: str | Sequence[str] = (),
+        run: str | None = None,
+        unit: Mapping[str, str | float] | None = None,
+        name: str | None = None,
+        **fields: Any,
+    ) -> Trajectory | list[Trajectory]:
+        """Return the trajectory in a table, or a list of those of several runs.
+
+        A ball whose height a camera read in cm, at times in ms; then a load cell in three runs::
+
+            ball = Trajectory.from_csv("ball.csv", columns={"time": "t", "z": "height"},
+                                       body="ball", unit={"z": "cm", "time": "ms"}, frames="even")
+            runs = Trajectory.from_csv("pad.csv", columns={"time": "time_s", "sensor:load": "F"},
+                                       run="run")
+
+        Parameters
+        ----------
+        file
+            Text in UTF-8, cells apart by commas, semicolons or tabs; where they are not by commas,
+            numbers may have one for the decimal point. Lines before the header are passed over.
+            Empty cells and ``nan``, ``NA``, ``-``: not measured.
+        columns
+            Names of columns by what they hold: ``time``; ``x``, ``y``, ``z``, ``qw``, ``qx``,
+            ``qy``, ``qz`` or, of several bodies, ``BODY.x`` and on; ``sensor:NAME``, of several
+            numbers ``sensor:NAME.0`` and on. Coordinates and quaternions that are left out were
+            not measured. None: columns are named so.
+        body
+            Name of the body, or of several; without one sensors alone were observed.
+        run
+            Column that tells several runs apart: a list is returned, in their order.
+        unit
+            Units by what columns hold or by their names, those of SI where none is given: ``cm``,
+            ``mm``, ``in``, ``ms``, ``us``, ``deg``, ``kN``, ``mm/s`` and such, or the factor to
+            SI's, negative for an axis that points the other way. ``position``: all coordinates.
+        name
+            Of the trajectory. None: that of the file. Of several runs: in front of the run's, by
+            default the column (``run 1``).
+        fields
+            Others of `Trajectory`: ``frames``, ``initial_qpos`` ...
+
+        Raises
+        ------
+        ValueError
+            Naming the file, and the line, column, or field of the trajectory.
+        OSError
+            If the file cannot be read.
+        """
+        bodies = (body,) if isinstance(body, str) else tuple(body)
+        try:
+            runs = read_runs(file, Table(columns, bodies, run, unit))
+            made = []
+            for label, read in runs.items():
+                first = name if name is not None else run if run is not None else Path(file).stem
+                given = {"name": first if run is None else f"{first} {label}", **read, **fields}
+                made.append(cls(bodies=bodies, **given) if bodies else cls.of_sensors(**given))
+        except ValueError as error:
+            raise ValueError(f"{os.fspath(file)}: {error}") from None
+        return made[0] if run is None else made
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""
