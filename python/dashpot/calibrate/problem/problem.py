@@ -59,11 +59,11 @@ class Problem:
         The observations, with different names.
     position_sigma
         Standard deviation of an observed coordinate, m, > 0; or three, of x, y and z of the world.
-        Infinite: not measured, so that the trajectories' numbers there (any finite ones) do not
-        count, nor give the initial state.
+        Infinite, the default: not measured, so that the trajectories' numbers there (any finite
+        ones) do not count, nor give the initial state.
     rotation_sigma
-        Standard deviation of an observed rotation about an axis, rad, > 0; infinite: not measured
-        (any unit quaternion will do).
+        Standard deviation of an observed rotation about an axis, rad, > 0; infinite, the default:
+        not measured (any unit quaternion will do).
     sensor_sigma
         Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
@@ -94,8 +94,8 @@ class Problem:
     system: System | Builder
     parameters: Sequence[Parameter]
     trajectories: Sequence[Trajectory]
-    position_sigma: float | tuple[float, float, float]
-    rotation_sigma: float
+    position_sigma: float | tuple[float, float, float] = math.inf
+    rotation_sigma: float = math.inf
     substeps: int | None = None
     window: float | None = None
     initial_state: InitialState = "given"
@@ -111,8 +111,8 @@ class Problem:
             system: System | Builder,
             parameters: Sequence[Parameter],
             trajectories: Sequence[Trajectory],
-            position_sigma: float | Sequence[float],
-            rotation_sigma: float,
+            position_sigma: float | Sequence[float] = ...,
+            rotation_sigma: float = ...,
             substeps: int | None = None,
             window: float | None = None,
             initial_state: InitialState = "given",
