@@ -27,7 +27,7 @@ _LEAST = 1e-5
 def position_noise(trajectories: Sequence[Trajectory]) -> float:
     """Return the standard deviation of coordinates, m; infinite where none was measured."""
     columns = [p for t in trajectories for p in t.position.reshape(t.frames, -1).T]
-    return _noise(columns)
+    return noise_of(columns)
 
 
 def rotation_noise(trajectories: Sequence[Trajectory]) -> float:
@@ -52,10 +52,11 @@ def sensor_noise(trajectories: Sequence[Trajectory]) -> dict[str, float]:
     for trajectory in trajectories:
         for name, readings in trajectory.sensors.items():
             columns.setdefault(name, []).extend(readings.T)
-    return {name: _noise(several) for name, several in columns.items()}
+    return {name: noise_of(several) for name, several in columns.items()}
 
 
-def _noise(columns: Sequence[Array]) -> float:
+def noise_of(columns: Sequence[Array]) -> float:
+    """Return the standard deviation of readings (n,) of one kind; infinite where there are none."""
     seen = [column[~np.isnan(column)] for column in columns]
     left = np.concatenate([np.empty(0), *(_left(column) for column in seen if column.size > 3)])
     if not left.size:
