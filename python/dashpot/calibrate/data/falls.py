@@ -25,13 +25,14 @@ _FEWEST, _LONGER = 5, 1.4
 _ON_PARABOLA = 2.0
 # Frames that are looked at, and of how few the noise is not read off.
 _MOST, _NOISE_KNOWN = 1000, 20
-# An acceleration is that of gravity where it differs by less than this share of it, along and
-# across; it is known where noise makes a standard error of less than a quarter of that.
+# An acceleration is that of gravity where it differs by less than this share of it; it is known
+# where noise makes a standard error of less than a quarter of that.
 _SAME = 0.15
-# Share of the frames of stretches that move, as far as known, which have to fall so.
-_MOSTLY = 0.5
-# What moves by less than so many standard deviations is at rest.
-_AT_REST = 5.0
+# Share of the frames of stretches that move, as far as known, which have to fall so: what tumbles
+# over a floor does so in the others.
+_OFTEN = 1.0 / 3.0
+# What moves by less than so many standard deviations is at rest, or than this share of a fall.
+_AT_REST, _HARDLY = 5.0, 0.05
 # Share of gravity that measured axes have to feel.
 _FELT = 0.5
 # Nothing falls freely for longer between frames: in five of them it falls 20 m.
@@ -44,28 +45,28 @@ _WAYS = {"": 1.0, "an axis that points down": -1.0}
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where something that can fall freely was seen.
+    """How high something that can fall freely was seen.
 
     Attributes
     ----------
     time
         (n,) s.
-    value
-        (n, k) along `axes`, m.
+    height
+        (n,) along what was measured of the direction against gravity, m.
     gravity
-        (k,) along them, m/s^2.
+        How fast it falls along that, m/s^2.
     sigma
-        (k,) stated standard deviations, m, infinite where none is.
+        Stated standard deviation of heights, m, infinite where none is.
     """
 
     time: Array
-    value: Array
-    gravity: Array
-    sigma: Array
+    height: Array
+    gravity: float
+    sigma: float
 
 
 def strange_units(paths: Sequence[Path], gravity: float) -> str:
-    """Return what is strange about units or axes where most flights say so, else nothing.
+    """Return what is strange about units or axes where flights say so, else nothing.
 
     Parameters
     ----------
@@ -74,13 +75,8 @@ def strange_units(paths: Sequence[Path], gravity: float) -> str:
     gravity
         Size of that of the model, m/s^2.
     """
-    for path in paths:
-        if np.linalg.norm(path.gravity) <= _FELT * gravity or gravity == 0.0:
-            continue
-        found = _strange(path)
-        if found:
-            return found
-    return ""
+    felt = [path for path in paths if path.gravity > _FELT * gravity > 0.0]
+    return next(filter(None, map(_strange, felt)), "")
 
 
 def _strange(path: Path) -> str:
@@ -100,50 +96,56 @@ def _strange(path: Path) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Frames on a parabola: how many, whether they move, acceleration (k,) and its error (k,)."""
+    """Frames on a parabola.
+
+    That is how many, in how many s, how far they go, in m and in standard deviations, how fast they
+    fall, m/s^2, and the standard error of that.
+    """
 
     frames: int
-    moves: bool
-    acceleration: Array
-    error: Array
+    span: float
+    way: float
+    way_in_sigma: float
+    fall: float
+    error: float
 
 
-def _falls_so(stretches: Sequence[_Stretch], gravity: Array, factor: float) -> bool:
-    """Whether most of what moves has an acceleration that is known to be so many times gravity."""
-    size = abs(factor) * float(np.linalg.norm(gravity))
+def _falls_so(stretches: Sequence[_Stretch], gravity: float, factor: float) -> bool:
+    """Whether much of what moves has an acceleration that is known to be so many times gravity."""
+    size = abs(factor) * gravity
     falling = moving = 0
     for stretch in stretches:
-        known = (stretch.error < _SAME / 4.0 * size).all()
-        if known and np.linalg.norm(stretch.acceleration - factor * gravity) < _SAME * size:
+        known = stretch.error < _SAME / 4.0 * size
+        if known and abs(stretch.fall - factor * gravity) < _SAME * size:
             falling += stretch.frames
-        if known and stretch.moves:
+        fall = 0.5 * size * stretch.span**2
+        if known and stretch.way_in_sigma > _AT_REST and stretch.way > _HARDLY * fall:
             moving += stretch.frames
-    return falling > _MOSTLY * moving and falling > 0
+    return falling > _OFTEN * moving and falling > 0
 
 
 def _stretches(path: Path) -> list[_Stretch]:
     """Return the stretches of frames on parabolas, from the first on, one after the other."""
-    time, value = path.time[:_MOST], path.value[:_MOST]
-    sigma = np.array([noise_of([column]) for column in value.T])
-    if time.size < _NOISE_KNOWN:
-        stated = np.where(np.isfinite(path.sigma), path.sigma, 0.0)
-        sigma = np.maximum(np.where(np.isfinite(sigma), sigma, 0.0), stated)
-    if not (np.isfinite(sigma).all() and (sigma > 0.0).all()):
+    time, height = path.time[:_MOST], path.height[:_MOST]
+    sigma = noise_of([height])
+    if time.size < _NOISE_KNOWN and np.isfinite(path.sigma):
+        sigma = max(path.sigma, sigma if np.isfinite(sigma) else 0.0)
+    if not np.isfinite(sigma):
         return []
     found, begin = [], 0
     while begin + _FEWEST <= time.size:
-        stretch = _longest(time[begin:], value[begin:], sigma)
+        stretch = _longest(time[begin:], height[begin:], sigma)
         if stretch is not None:
             found.append(stretch)
         begin += 1 if stretch is None else stretch.frames
     return found
 
 
-def _longest(time: Array, value: Array, sigma: Array) -> _Stretch | None:
+def _longest(time: Array, height: Array, sigma: float) -> _Stretch | None:
     """Return the longest stretch from the first frame on: tried ever longer, then in between."""
     longest, frames, too_many = None, _FEWEST, time.size + 1
     while frames < too_many:
-        stretch = _on_parabola(time[:frames], value[:frames], sigma)
+        stretch = _on_parabola(time[:frames], height[:frames], sigma)
         if stretch is None:
             too_many = frames
         else:
@@ -159,16 +161,15 @@ def _longest(time: Array, value: Array, sigma: Array) -> _Stretch | None:
     return longest
 
 
-def _on_parabola(time: Array, value: Array, sigma: Array) -> _Stretch | None:
+def _on_parabola(time: Array, height: Array, sigma: float) -> _Stretch | None:
     """Return a stretch of frames, None where they are not on a parabola."""
     # Columns of one size, so that they are well conditioned.
-    span = time[-1] - time[0]
+    span = float(time[-1] - time[0])
     parabola = np.vander((time - time[0]) / span, 3)
     inverse = np.linalg.pinv(parabola)
-    off = (value - parabola @ (inverse @ value)) / sigma
-    if np.sqrt(np.mean(off**2)) > _ON_PARABOLA:
+    off = height - parabola @ (inverse @ height)
+    if np.sqrt(np.mean(off**2)) > _ON_PARABOLA * sigma:
         return None
-    to_acceleration = 2.0 / span**2 * inverse[0]
-    moves = bool((np.ptp(value, axis=0) > _AT_REST * sigma).any())
-    error = np.linalg.norm(to_acceleration) * sigma
-    return _Stretch(time.size, moves, to_acceleration @ value, error)
+    to_fall = -2.0 / span**2 * inverse[0]
+    way, error = float(np.ptp(height)), sigma * float(np.linalg.norm(to_fall))
+    return _Stretch(time.size, span, way, way / sigma, float(to_fall @ height), error)

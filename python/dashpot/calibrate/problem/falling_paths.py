@@ -44,11 +44,14 @@ def falling_paths(trajectory: Trajectory, model: mujoco.MjModel, sigma: Array) -
 
 
 def _path(trajectory: Trajectory, value: Array, gravity: Array, sigma: Array) -> Path:
-    """Return a path of the axes that were ever measured, where all of them were."""
-    axes = ~np.isnan(value).all(axis=0)
+    """Return heights along the axes that were ever measured, where all of them were."""
+    axes = ~np.isnan(value).all(axis=0) & (gravity != 0.0)
+    felt = float(np.linalg.norm(gravity[axes]))
+    up = -gravity[axes] / felt if felt > 0.0 else gravity[axes]
     seen = ~np.isnan(value[:, axes]).any(axis=1)
-    time = trajectory.spacing * trajectory.frame_number.astype(np.float64)
-    return Path(time[seen], value[seen][:, axes], gravity[axes], sigma[axes])
+    time = trajectory.spacing * trajectory.frame_number[seen].astype(np.float64)
+    noise = float(np.linalg.norm(sigma[axes] * up))
+    return Path(time, value[seen][:, axes] @ up, felt, noise)
 
 
 def _falls(model: mujoco.MjModel, body: int) -> bool:
