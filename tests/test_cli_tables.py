@@ -1,13 +1,16 @@
 """`dashpot calibrate ball.csv`: a table fitted by one command, without a problem file."""
 
 import math
+import re
+import shlex
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 from dashpot import Engine, Material
-from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from dashpot.calibrate import Trajectory
 from dashpot.calibrate.data.smoothness import position_noise, rotation_noise, sensor_noise
 from dashpot.cli import main
 
@@ -56,16 +59,17 @@ def test_one_command_fits_a_table(folder, capsys):
     assert lower < 0.8 < upper
 
 
-def test_five_lines_of_python_do_the_same(folder):
-    ball = Trajectory.from_csv(folder / "ball.csv", columns={"time": "t", "z": "height"},
-                               body="ball", unit={"time": "ms", "z": "cm"})  # fmt: skip
-    unknown = [Parameter.pair("ball", "floor", what) for what in ("stiffness", "restitution")]
-    engine = Engine(mujoco.MjModel.from_xml_path(str(folder / "scene.xml")))
-    problem = Problem(engine, unknown, [ball], NOISE, initial_state="pose_and_velocity")
-    result = fit(problem)
-    assert result["stiffness"].identified
-    assert result["stiffness"].value == pytest.approx(2e4, rel=0.02)
-    assert result["restitution"].value == pytest.approx(0.8, abs=0.002)
+def test_lines_of_python_in_the_readme_do_the_same_as_its_command(folder, monkeypatch, capsys):
+    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+    _, lines = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    (words,) = re.findall(r"```bash\ndashpot (calibrate .*?)```", readme, re.DOTALL)
+    monkeypatch.chdir(folder)
+    exec(compile(lines, "README.md", "exec"), {})
+    assert main(shlex.split(words.replace("\\\n", " "))) == 0
+    found = re.findall(r"│ (stiffness|restitution) +│ +([0-9.e+]+) │", capsys.readouterr().out)
+    assert [name for name, _ in found] == 2 * ["stiffness", "restitution"]
+    for name, value in found:
+        assert float(value) == pytest.approx({"stiffness": 2e4, "restitution": 0.8}[name], rel=0.02)
 
 
 def test_options_of_a_table_are_taken_together(folder, capsys):
@@ -99,12 +103,21 @@ def test_options_of_a_table_are_taken_together(folder, capsys):
         ([*FIT, "--columns", "y=nowhere"], "ball.csv: no column 'nowhere'; there are t, height"),
         ([*FIT, "--unit", "z=parsec"], "'parsec', no unit that is known"),
         ([*FIT, "--body", "cube"], "no body 'cube'"),
-        ([*FIT, "--window", "5000..6000"], "0 frames are between 5000 and 6000 s"),
+        (
+            [*FIT, "--unit", "t=ms,z=cm", "--window", "5000..6000"],
+            "0 frames are between 5000 and 6000 s",
+        ),
     ],
 )
 def test_a_wrong_option_of_a_table_is_named(folder, capsys, options, message):
     assert command(folder, *COLUMNS, *options) != 0
     assert message in capsys.readouterr().err
+
+
+def test_units_that_nobody_gave_are_asked_for(folder, capsys):
+    assert command(folder, *COLUMNS, *FIT) != 0
+    said = "ball.csv: trajectory 'ball': it falls at 0.0001 times gravity, as with positions in cm"
+    assert said in capsys.readouterr().err
 
 
 def test_options_of_tables_are_refused_beside_a_problem_file(folder, capsys):

@@ -71,6 +71,7 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         Naming the option or file at fault.
     """
     from dashpot.calibrate import Problem
+    from dashpot.calibrate.problem.data_warnings import strange_falls
 
     for option in ("model", "fit"):
         if getattr(arguments, option) is None:
@@ -89,6 +90,12 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         initial_state="pose_and_velocity",
         sensor_sigma=sensors,
     )
+    # Who gives units knows them: fit warns, and goes on.
+    for name, what in () if arguments.unit else strange_falls(problem).items():
+        raise ValueError(
+            f"{arguments.problem}: trajectory '{name}': {what}; say what units are: --unit "
+            "time=ms,z=cm or such"
+        )
     return problem, {}
 
 
