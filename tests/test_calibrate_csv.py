@@ -143,6 +143,7 @@ def test_stamps_of_a_file_may_jitter(table, seed):
         (["t,height", "0,1", "1,2"], {"columns": {"time": "t", "qw": "height"}},
          "no column 'qx' of the quaternion of body 'ball'"),
         (["t,height", "0,1", "1,2"], {"body": ["ball", "box"]}, "column .z. is of a pose"),
+        (["t,height", "0,1", "1,2", "0,3"], {}, "time goes back, from 1 to 0 s; where a file has"),
         (["t,height,r", "0,1,a", "1,2,a", "0,1,b"], {"run": "r"}, "two rows of run 'b' are needed"),
         (["t,height,r", "0,1,a", "1,2,"], {"run": "r"}, "line 3, column 'r': no name of a run"),
         (["t,height", "0,1", "1,2"], {"frames": "odd"}, "frames must be 'stamped' or 'even'"),

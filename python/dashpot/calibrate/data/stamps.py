@@ -100,7 +100,9 @@ def _even(time: Array, channels: Array) -> FrameTimes:
 
 def _remedy(time: Array, channels: Array) -> str:
     """Return what helps with times that are not even as they are stamped."""
-    number = None if (np.diff(time) < 0).any() else jittered_frame_numbers(time)
+    if (np.diff(time) < 0).any():
+        return ""
+    number = jittered_frame_numbers(time)
     if number is None:
         return "; resample or split the trajectory"
     looks, reason = _looks(time, number, channels)

@@ -368,6 +368,13 @@ class Trajectory:
             runs = read_runs(file, Table(columns, bodies, run, unit))
             made = []
             for label, read in runs.items():
+                if run is None and (np.diff(read["time"]) < 0).any():
+                    row = int(np.argmax(np.diff(read["time"]) < 0)) + 1
+                    raise ValueError(
+                        f"time goes back, from {read['time'][row - 1]:.6g} to "
+                        f"{read['time'][row]:.6g} s; where a file has several runs, run names the "
+                        "column that tells them apart"
+                    )
                 first = name if name is not None else run if run is not None else Path(file).stem
                 given = {"name": first if run is None else f"{first} {label}", **read, **fields}
                 made.append(cls(bodies=bodies, **given) if bodies else cls.of_sensors(**given))
