@@ -10,7 +10,7 @@ from dashpot import Engine, Material
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
 
 GRAVITY, RATE = 9.81, 120.0
-DROP = f"""<mujoco><option timestep="0.0005" gravity="0 0 -{GRAVITY}"/><worldbody>
+DROP = f"""<mujoco><option timestep="0.0042" gravity="0 0 -{GRAVITY}"/><worldbody>
   <geom name="floor" type="plane" size="9 9 1"/>
   <body name="ball" pos="0 0 .6"><freejoint/><geom name="ball" size=".1" mass="1"/></body>
   </worldbody></mujoco>"""
@@ -158,6 +158,27 @@ def test_restitution_of_a_filmed_ball_needs_no_right_stamps(jitter):
     result = fit(problem, starts=0)
     assert result["restitution"].lower < 0.9 < result["restitution"].upper
     assert result["restitution"].value == pytest.approx(0.9, abs=0.005)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_rate_that_is_known_is_kept(seed):
+    """Times are then off all together, by the mean of the jitter: sqrt(1 / n) of it."""
+    number = np.delete(np.arange(50), [7, 30])
+    stamp = 5.0 + jittered(number, 0.1, seed)
+    position = bounces(number / RATE)
+    ball = Trajectory("ball", stamp, position, None, "ball", frames="even", rate=RATE)
+    assert ball.spacing == 1 / RATE
+    np.testing.assert_array_equal(ball.frame_number, number)
+    late = ball.time - 5.0 - number / RATE
+    np.testing.assert_allclose(late, late[0], rtol=0, atol=1e-12)
+    assert abs(late[0]) < 4 * 0.1 / RATE / np.sqrt(48)
+    for rate, frames, message in (
+        (60.0, "even", r"rate is 60 frames a second, but there are 1\d\d\.?\d* a second by their"),
+        (RATE, "stamped", "rate is of even frames: say frames='even'"),
+        (-1.0, "even", "rate must be > 0 frames a second, got -1.0"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Trajectory("ball", stamp, position, None, "ball", frames=frames, rate=rate)
 
 
 def test_quaternions_may_have_the_scalar_last():

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dashpot.cli.options import add_material, load_engine
+from dashpot.cli.options import add_material, load_engine, positive
 
 if TYPE_CHECKING:
     import mujoco
@@ -47,6 +47,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "--frames",
         choices=("stamped", "even"),
         help="whether times are right as stamped (default), or frames even and their stamps jitter",
+    )
+    options.add_argument(
+        "--rate", type=positive, metavar="HZ", help="frames a second, where they are even"
     )
     options.add_argument(
         "--window", type=_window, metavar="START..END", help="seconds of the recording that count"
@@ -101,7 +104,18 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
 
 def refuse_options(arguments: argparse.Namespace) -> None:
     """Raise ValueError where options of tables are given beside a problem file."""
-    names = ("model", "columns", "fit", "body", "unit", "frames", "window", "noise", "material")
+    names = (
+        "model",
+        "columns",
+        "fit",
+        "body",
+        "unit",
+        "frames",
+        "rate",
+        "window",
+        "noise",
+        "material",
+    )
     given = next((name for name in names if getattr(arguments, name)), None)
     if given is not None:
         raise ValueError(f"--{given} is for tables, .csv; {arguments.problem} says it itself")
@@ -126,7 +140,9 @@ def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[
 
     columns = _joined(arguments.columns) or None
     run = None if columns is None else columns.pop("run", None)
-    fields = {"frames": arguments.frames} if arguments.frames else {}
+    fields = {
+        name: getattr(arguments, name) for name in ("frames", "rate") if getattr(arguments, name)
+    }
     poses = columns is None or not all(key.startswith(("time", "sensor")) for key in columns)
     body = (arguments.body or _moving_body(model)) if poses else ()
     unit = {key: _factor(text) for key, text in _joined(arguments.unit).items()}

@@ -26,6 +26,8 @@ Frames = Literal["stamped", "even"]
 _TELLING, _TELLING_OF_FEW = 1.5, 4.0
 # Stretches of four readings that this takes, and the most frames that one of them spans.
 _FEWEST, _LONGEST_STRETCH = 12, 9
+# Spacings by which the last frame may be off where a rate that is known puts it.
+_MOST_OFF_RATE = 1.0
 # Intervals that correlations take, and what a correlation of jitter is below: its -1/2, halved.
 _FEWEST_INTERVALS = 30
 _JITTER_BELOW = -0.25
@@ -42,7 +44,9 @@ class FrameTimes:
     spacing: float
 
 
-def frame_times(time: Array, channels: Array, frames: Frames) -> FrameTimes:
+def frame_times(
+    time: Array, channels: Array, frames: Frames, rate: float | None = None
+) -> FrameTimes:
     """Return when frames were taken.
 
     Parameters
@@ -53,6 +57,8 @@ def frame_times(time: Array, channels: Array, frames: Frames) -> FrameTimes:
         (n, c) what was measured at them; NaN: not measured.
     frames
         ``"stamped"``: stamps are right. ``"even"``: frames are even, and stamps jitter.
+    rate
+        Frames a second, where they are even and it is known.
 
     Raises
     ------
@@ -60,7 +66,9 @@ def frame_times(time: Array, channels: Array, frames: Frames) -> FrameTimes:
         Without a label, saying which of the two it looks like.
     """
     if frames == "even":
-        return _even(time, channels)
+        return _even(time, channels, rate)
+    if rate is not None:
+        raise ValueError("rate is of even frames: say frames='even'")
     try:
         number = frame_numbers(time)
         return FrameTimes(time, number, check_grid(time, number))
@@ -68,7 +76,7 @@ def frame_times(time: Array, channels: Array, frames: Frames) -> FrameTimes:
         raise ValueError(f"{error}{_remedy(time, channels)}") from None
 
 
-def _even(time: Array, channels: Array) -> FrameTimes:
+def _even(time: Array, channels: Array, rate: float | None) -> FrameTimes:
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         i = int(back[0]) + 1
@@ -94,8 +102,17 @@ def _even(time: Array, channels: Array) -> FrameTimes:
             "if they are even all the same, give time=spacing * numpy.arange(n)"
         )
     spacing, off = offsets(time, number)
-    even = float(time[0] - spacing * off[0]) + np.asarray(spacing * number, dtype=np.float64)
-    return FrameTimes(even, number, spacing)
+    first = float(time[0] - spacing * off[0])
+    if rate is not None:
+        if abs(rate * spacing - 1.0) * number[-1] > _MOST_OFF_RATE:
+            raise ValueError(
+                f"rate is {rate:.6g} frames a second, but there are {1.0 / spacing:.6g} a second "
+                "by their stamps"
+            )
+        # Both grids are level where frames are half through.
+        first += (spacing - 1.0 / rate) * float(number.mean())
+        spacing = 1.0 / rate
+    return FrameTimes(first + np.asarray(spacing * number, dtype=np.float64), number, spacing)
 
 
 def _remedy(time: Array, channels: Array) -> str:

@@ -92,6 +92,10 @@ class Trajectory:
         even grid that fits them best. Frames that were lost are found where the jitter is below a
         fifth of a spacing (standard deviation); where it is larger none may be lost. It is refused
         where the positions or sensors say that the clock itself varies.
+    rate
+        Frames a second, where they are even and it is known. None: as stamps say, which is known to
+        ``sqrt(12 / n**3)`` of their jitter in n frames. Intervals of parameters do not contain
+        that: give the rate of a camera where n is below some hundred.
     quaternion_order
         ``"wxyz"``: scalar first; ``"xyzw"``: scalar last.
 
@@ -130,6 +134,7 @@ class Trajectory:
         initial_qvel_sigma: ArrayLike | None = None,
         *,
         frames: Frames = "stamped",
+        rate: float | None = None,
         quaternion_order: QuaternionOrder = "wxyz",
     ) -> None:
         given = {
@@ -147,9 +152,9 @@ class Trajectory:
         }
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
-        self._check(frames, quaternion_order)
+        self._check(frames, rate, quaternion_order)
 
-    def _check(self, frames: Frames, quaternion_order: QuaternionOrder) -> None:
+    def _check(self, frames: Frames, rate: float | None, quaternion_order: QuaternionOrder) -> None:
         """Raise where fields do not fit, and put arrays of numbers in the place of what is."""
         if not isinstance(self.name, str):
             raise TypeError(f"a trajectory's name must be a string, got {self.name!r}")
@@ -166,6 +171,8 @@ class Trajectory:
                     f"{self._label}: {argument} must be {' or '.join(map(repr, known))}, "
                     f"got {word!r}"
                 )
+        if rate is not None and not number(f"{self._label}: rate", rate) > 0:
+            raise ValueError(f"{self._label}: rate must be > 0 frames a second, got {rate!r}")
         bodies = (self.bodies,) if isinstance(self.bodies, str) else tuple(self.bodies)
         if not all(isinstance(body, str) for body in bodies):
             raise TypeError(f"{self._label}: bodies must be names, got {bodies}")
@@ -208,7 +215,7 @@ class Trajectory:
             )
         channels = np.concatenate([position.reshape(n, -1), *sensors.values()], axis=1)
         try:
-            grid = frame_times(time, channels, frames)
+            grid = frame_times(time, channels, frames, rate)
         except ValueError as error:
             raise ValueError(f"{self._label}: {error}") from None
         grid.number.flags.writeable = False
@@ -255,6 +262,7 @@ class Trajectory:
         initial_qpos_sigma: ArrayLike | None = None,
         initial_qvel_sigma: ArrayLike | None = None,
         frames: Frames = "stamped",
+        rate: float | None = None,
     ) -> Trajectory:
         """Return a trajectory of which sensors alone were observed; fields as in the class.
 
@@ -280,6 +288,7 @@ class Trajectory:
             initial_qpos_sigma=initial_qpos_sigma,
             initial_qvel_sigma=initial_qvel_sigma,
             frames=frames,
+            rate=rate,
         )
 
     @overload
