@@ -22,8 +22,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
+from dashpot.calibrate import Trajectory
 from dashpot.cli.problem_file import read_problem
-from dashpot.cli.recordings import read_csv, read_npz
+from dashpot.cli.recordings import read_npz
 from dashpot.data import load_cube_tosses, save_cube_tosses
 from dashpot.data.cube_tosses import CubeTosses, make_toss
 from dashpot.data.torch_file import read_tensor
@@ -58,6 +59,11 @@ def whole_files(folder: Path) -> dict[str, tuple[Path, Reader]]:
     table = np.column_stack([time_of_frames, position, quaternion])
     header = "time,x,y,z,qw,qx,qy,qz"
     np.savetxt(folder / "throw.csv", table, "%.6f", ",", header=header, comments="")
+    lines = ["# camera 2", "run;t (ms);height;F", *(
+        f"{i // 20 + 1};{1e3 * t:.1f};{100 * x:.3f};{'' if i % 4 else '1,5'}".replace(".", ",")
+        for i, (t, x) in enumerate(zip(time_of_frames, position[:, 0], strict=True))
+    )]  # fmt: skip
+    (folder / "runs.csv").write_text("\n".join(lines))
     problem = {
         "model": "scene.xml",
         "position_sigma": 0.001,
@@ -90,11 +96,24 @@ def whole_files(folder: Path) -> dict[str, tuple[Path, Reader]]:
         "stored.npz": (folder / "stored.npz", lambda file: read_npz(file, ["ball"], model)),
         "packed.npz": (folder / "packed.npz", lambda file: read_npz(file, ["ball"], model)),
         "tosses.npz": (folder / "tosses.npz", load_cube_tosses),
-        "throw.csv": (folder / "throw.csv", lambda file: read_csv(file, ["ball"])),
+        "throw.csv": (folder / "throw.csv", lambda file: Trajectory.from_csv(file, body="ball")),
+        "runs.csv": (folder / "runs.csv", read_laboratory_table),
         "tensor.pt": (folder / "tensor.pt", read_tensor),
         "problem.json": (folder / "problem.json", read_problem),
         "problem.toml": (folder / "problem.toml", read_problem),
     }
+
+
+def read_laboratory_table(file: Path) -> object:
+    """Read runs of a ball's height and a load cell, with names and units of a file's own."""
+    return Trajectory.from_csv(
+        file,
+        columns={"time": "t (ms)", "z": "height", "sensor:load": "F"},
+        body="ball",
+        run="run",
+        unit={"time": "ms", "z": "cm"},
+        frames="even",
+    )
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:

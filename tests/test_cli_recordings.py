@@ -101,7 +101,7 @@ def test_empty_cells_of_a_table_were_not_measured(problem, tmp_path):
     ("columns", "message"),
     [
         (["time", "sensors.imu.0", "sensors.imu.2"], "columns of sensor 'imu' must be .*imu.1"),
-        (["time", "sensors.height", "sensors.height"], "columns of sensor 'height' must be"),
+        (["time", "sensors.height", "sensors.height"], "2 columns are named 'sensors.height'"),
         (["time", "sensors.far"], "no sensor 'far'"),
         (["time"], "bodies must be one or more"),
         (["sensors.height"], "no column 'time'"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from dashpot.cli import table_problem
 from dashpot.cli.options import count, new_file, new_picture, new_report
 from dashpot.cli.problem_format import FORMAT
 
@@ -19,7 +20,11 @@ def add_to(commands: Any) -> None:
         epilog=FORMAT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("problem", help="problem file, .toml or .json (format below)")
+    parser.add_argument(
+        "problem",
+        help="problem file, .toml or .json (format below); or a table, .csv, whose problem the "
+        "options --model, --columns, --fit ... state",
+    )
     parser.add_argument("--out", type=new_file, metavar="FILE", help="write the result as JSON")
     parser.add_argument(
         "--report", type=new_report, metavar="FILE", help="write a report as one HTML file"
@@ -31,6 +36,7 @@ def add_to(commands: Any) -> None:
         "--plot", type=new_picture, metavar="FILE", help="draw residuals and correlations"
     )
     parser.add_argument("--threads", type=count, help="default: one per core")
+    table_problem.add_to(parser)
     parser.set_defaults(run=run)
 
 
@@ -44,7 +50,12 @@ def run(arguments: argparse.Namespace) -> int:
     from dashpot.calibrate import fit
     from dashpot.cli.problem_file import read_problem
 
-    problem, options = read_problem(arguments.problem)
+    if arguments.problem.endswith(".csv"):
+        problem, options = table_problem.read_table_problem(arguments)
+        print(*table_problem.described(problem), sep="\n", flush=True)
+    else:
+        table_problem.refuse_options(arguments)
+        problem, options = read_problem(arguments.problem)
     try:
         result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
     except (ValueError, TypeError) as error:

@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 
 from dashpot.calibrate import Parameter, Problem, Trajectory
-from dashpot.cli.recordings import check_keys, read_csv, read_npz
+from dashpot.cli.recordings import check_keys, read_npz
 from dashpot.compare.runner import load_model
 from dashpot.engine import Engine
 from dashpot.materials import Material
@@ -34,6 +34,8 @@ _FIT_OPTIONS = (
     "confidence",
     "seed",
 )
+# Of trajectories; of tables but for the last.
+_OF_TABLES = ("columns", "unit", "frames")
 _MAX_BYTES = 10_000_000
 _PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference")
 _PARAMETER_KINDS = {
@@ -148,20 +150,31 @@ def _parameter(label: str, entry: Any) -> Parameter:
 
 
 def _trajectory(label: str, entry: Any, folder: Path, model: mujoco.MjModel) -> Trajectory:
-    check_keys(label, _typed(label, entry, dict), ("file",), ("name", "bodies"))
+    check_keys(label, _typed(label, entry, dict), ("file",), ("name", "bodies", *_OF_TABLES))
     file = folder / _typed(f"{label}.file", entry["file"], str)
     bodies = _names(f"{label}.bodies", entry.get("bodies", []))
     if not os.path.isfile(file):
         raise FileNotFoundError(f"{label}: no file {file}")
     name = str(entry.get("name", file.stem))
+    options = {key: entry[key] for key in _OF_TABLES if key in entry}
     try:
-        table = file.suffix == ".csv"
-        arrays = read_csv(file, bodies) if table else read_npz(file, bodies, model)
+        if file.suffix == ".csv":
+            made: Trajectory
+            for key, kind in (("columns", dict), ("unit", dict), ("frames", str)):
+                _typed(f"{label}.{key}", options.get(key, kind()), kind)
+            made = Trajectory.from_csv(file, body=bodies, name=name, **options)
+            return made
+        if set(options) - {"frames"}:
+            raise ValueError(f"{next(iter(options))!r} is of .csv files")
+        try:
+            arrays = {**read_npz(file, bodies, model), **options}
+        except (KeyError, OSError, ValueError) as error:
+            raise ValueError(f"{file}: {error}") from error
         if not bodies:
             return Trajectory.of_sensors(name, **arrays)
-    except (KeyError, OSError, ValueError) as error:
-        raise ValueError(f"{label}: {file}: {error}") from error
-    return Trajectory(name=name, bodies=bodies, **arrays)
+        return Trajectory(name=name, bodies=bodies, **arrays)
+    except (KeyError, OSError, ValueError, TypeError) as error:
+        raise ValueError(f"{label}: {error}") from error
 
 
 def _names(label: str, value: Any) -> tuple[str, ...]:

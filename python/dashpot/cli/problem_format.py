@@ -33,6 +33,9 @@ bodies = ["ball"]                #   initial_qpos, initial_qvel (and with _sigma
                                  #   x,y,z,qw,qx,qy,qz (ball.x, ... for several), sensors.NAME
                                  #   (sensors.NAME.0, .1 ... for several); nan or an empty cell:
                                  #   not measured in that frame; without bodies sensors alone
+# columns = {time = "t", z = "height", "sensor:load" = "F"}   # names of a .csv file's columns,
+# unit = {time = "ms", z = "cm"}                              #   and their units; optional, as is
+# frames = "even"                #   "stamped" (default): times are right; "even": stamps jitter
 
 [fit]                            # options of dashpot.calibrate.fit; optional
 method = "least_squares"

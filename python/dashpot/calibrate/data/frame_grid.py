@@ -57,8 +57,7 @@ def frame_numbers(time: Array) -> NDArray[np.intp]:
         raise ValueError(
             f"{kind} of {interval[i - 1]:.6g} s before time[{i}] = {time[i]:.6g} s; half of the "
             f"intervals are at most {usual:.6g} s, and no even grid has all of these times within "
-            f"{SPACING_TOLERANCE:.0%} of its spacing, lost frames left out (resample or split the "
-            "trajectory)"
+            f"{SPACING_TOLERANCE:.0%} of its spacing, lost frames left out"
         )
     return np.concatenate([[0], np.cumsum(spacings)])
 
@@ -96,6 +95,6 @@ def check_grid(time: Array, frame: NDArray[np.intp]) -> float:
         raise ValueError(
             f"the clock drifts: time[{worst}] = {time[worst]:.6g} s is "
             f"{abs(off[worst]):.3g} s off an even grid of {even:.6g} s, more than "
-            f"{GRID_TOLERANCE:.0%} of that (resample the trajectory)"
+            f"{GRID_TOLERANCE:.0%} of that"
         )
     return even

@@ -84,11 +84,6 @@ def numbers_field(label: str, field: str, given: Mapping[str, ArrayLike]) -> dic
     return result
 
 
-def within(array: Array, time: Array, end: float) -> Array:
-    """Return the entries of which `time` is at most `end`."""
-    return array[: int(np.searchsorted(time, end, side="right"))]
-
-
 def _check_mapping(label: str, field: str, given: object, values: str) -> None:
     if not isinstance(given, Mapping):
         raise TypeError(f"{label}: {field} must be a mapping from names to {values}, got {given!r}")

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dashpot.calibrate.data.clock import falls_up, gravity_of, in_millimetres, in_milliseconds
-from dashpot.calibrate.data.trajectory import Trajectory
-from dashpot.calibrate.problem.first_guess import free_bodies, free_joint
+from dashpot.calibrate.data.falls import strange_units
+from dashpot.calibrate.problem.falling_paths import falling_paths
+from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
 from dashpot.calibrate.problem.systems import own_system
-
-Array = NDArray[np.float64]
 
 # Of what called fit, or predict, which call these.
 _STACK_LEVEL = 4
@@ -39,25 +36,11 @@ def warn_of_noisy_starts(problem: Problem, consequence: str) -> None:
 
 
 def warn_of_strange_falls(problem: Problem) -> None:
-    """Warn where bodies begin in a fall as of other units or axes than the model's."""
-    for begins, what in (
-        (
-            in_milliseconds,
-            "it begins in a fall at a millionth of gravity, as with times in milliseconds; they "
-            "must be in s",
-        ),
-        (
-            in_millimetres,
-            "it begins in a fall at a thousand times gravity, as with positions in mm; they must "
-            "be in m",
-        ),
-        (
-            falls_up,
-            "it begins in a fall against gravity, as with an axis that points down; positions must "
-            "be in the world of the model",
-        ),
-    ):
-        _warn(strange_falls(problem, begins), what)
+    """Warn where bodies fall as of other units or axes than the model's."""
+    found = strange_falls(problem)
+    for what in dict.fromkeys(found.values()):
+        names = [name for name, said in found.items() if said == what]
+        _warn(names, f"{what}; times must be in s, positions in m, in the world of the model")
 
 
 def noisy_starts(problem: Problem) -> tuple[str, ...]:
@@ -76,18 +59,15 @@ def noisy_starts(problem: Problem) -> tuple[str, ...]:
     )
 
 
-def strange_falls(
-    problem: Problem, begins: Callable[[Trajectory, Sequence[int], Array, Array], bool]
-) -> tuple[str, ...]:
-    """Return the trajectories whose bodies on free joints begin as a function of `clock` says."""
+def strange_falls(problem: Problem) -> dict[str, str]:
+    """Return what is strange about units or axes by trajectory, of those where something is."""
     model = model_of(own_system(problem.system, problem.start))
-    found = []
-    for trajectory in problem.trajectories:
-        ids = [model.body(body).id for body in trajectory.bodies]
-        free = [i for i, body in enumerate(ids) if free_joint(model, body) is not None]
-        if begins(trajectory, free, gravity_of(model), problem.sigma[:3]):
-            found.append(trajectory.name)
-    return tuple(found)
+    gravity = float(np.linalg.norm(gravity_of(model)))
+    found = {
+        trajectory.name: strange_units(falling_paths(trajectory, model, problem.sigma[:3]), gravity)
+        for trajectory in problem.trajectories
+    }
+    return {name: what for name, what in found.items() if what}
 
 
 def _warn(names: Sequence[str], what: str) -> None:

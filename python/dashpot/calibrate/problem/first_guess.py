@@ -12,7 +12,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dashpot.calibrate.data.clock import gravity_of
 from dashpot.calibrate.data.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -36,6 +35,12 @@ def free_joint(model: mujoco.MjModel, body: int) -> int | None:
     if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
         return joint
     return None
+
+
+def gravity_of(model: mujoco.MjModel) -> Array:
+    """Return the gravity (3,) that acts in a model, m/s^2."""
+    weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    return np.zeros(3) if weightless else np.array(model.opt.gravity)
 
 
 def free_bodies(trajectory: Trajectory, model: mujoco.MjModel) -> list[tuple[int, int]]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from dashpot.calibrate.problem import setters
 from dashpot.calibrate.problem.channels import POSES
+from dashpot.calibrate.problem.default_ranges import start_and_bounds
 from dashpot.calibrate.problem.groups import checked_groups
 from dashpot.calibrate.problem.physical_values import check_bounds
 from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
@@ -149,8 +150,8 @@ class Parameter:
         geoms: Element | Sequence[Element],
         quantity: MaterialField,
         *,
-        start: float,
-        bounds: tuple[float, float],
+        start: float | None = None,
+        bounds: tuple[float, float] | None = None,
         name: str | None = None,
         transform: TransformName | None = None,
         difference: float = 1e-4,
@@ -181,9 +182,11 @@ class Parameter:
             there.
         start, bounds, name, transform, difference, per
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
-            (``logit`` for restitution).
+            (``logit`` for restitution); starts and bounds are those of what there is, as stiffness
+            from 10 to 1e8 N/m.
         """
         _check_quantity(quantity)
+        start, bounds = start_and_bounds(quantity, start, bounds)
         parameter = cls(
             name=quantity if name is None else name,
             start=start,
@@ -203,8 +206,8 @@ class Parameter:
         geom2: Element,
         quantity: MaterialField,
         *,
-        start: float,
-        bounds: tuple[float, float],
+        start: float | None = None,
+        bounds: tuple[float, float] | None = None,
         name: str | None = None,
         transform: TransformName | None = None,
         difference: float = 1e-4,
@@ -220,6 +223,7 @@ class Parameter:
         for argument, geom in (("geom1", geom1), ("geom2", geom2)):
             if not _is_element(geom):
                 raise TypeError(f"{argument} must be the name or id of a geom, got {geom!r}")
+        start, bounds = start_and_bounds(quantity, start, bounds)
         parameter = cls(
             name=quantity if name is None else name,
             start=start,

@@ -1,0 +1,292 @@
+"""Calibration of a table by options alone: what its columns hold, and what is to be fitted."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from dashpot.cli.options import add_material, load_engine, positive
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from dashpot.calibrate import Parameter, Problem, Trajectory
+    from dashpot.engine import Engine
+
+FIT_HELP = (
+    "what is unknown, as pair:GEOM,GEOM:QUANTITY,... or material:GEOM:QUANTITY,... or "
+    "model:ARRAY:ELEMENT; a quantity may say where it starts, stiffness=1e4, or its bounds, "
+    "stiffness=1e3..1e6; may be given several times"
+)
+
+
+def add_to(parser: argparse.ArgumentParser) -> None:
+    """Add the options that make a problem of a table."""
+    options = parser.add_argument_group("of a table (.csv)")
+    options.add_argument("--model", metavar="FILE", help="MJCF, URDF or MJB file")
+    options.add_argument(
+        "--columns",
+        type=_assignments,
+        action="append",
+        metavar="KEY=COLUMN,...",
+        help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, sensor:NAME, and run, "
+        "which tells several runs apart (default: columns are named so)",
+    )
+    options.add_argument("--fit", action="append", metavar="SPEC", help=FIT_HELP)
+    options.add_argument("--body", metavar="NAME", help="(default: the one that moves freely)")
+    options.add_argument(
+        "--unit",
+        type=_assignments,
+        action="append",
+        metavar="KEY=UNIT,...",
+        help="such as time=ms,z=cm, or factors to SI's: z=-0.01",
+    )
+    options.add_argument(
+        "--frames",
+        choices=("stamped", "even"),
+        help="whether times are right as stamped (default), or frames even and their stamps jitter",
+    )
+    options.add_argument(
+        "--rate", type=positive, metavar="HZ", help="frames a second, where they are even"
+    )
+    options.add_argument(
+        "--window", type=_window, metavar="START..END", help="seconds of the recording that count"
+    )
+    options.add_argument(
+        "--noise",
+        type=_assignments,
+        action="append",
+        metavar="KEY=SIGMA,...",
+        help="standard deviations: position (m), rotation (rad), sensors by name (default: how "
+        "far readings are from smooth paths)",
+    )
+    add_material(parser)
+
+
+def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str, Any]]:
+    """Return the problem that options state of a table, and options for the fit.
+
+    Raises
+    ------
+    ValueError
+        Naming the option or file at fault.
+    """
+    from dashpot.calibrate import Problem
+    from dashpot.calibrate.problem.data_warnings import strange_falls
+
+    for option in ("model", "fit"):
+        if getattr(arguments, option) is None:
+            raise ValueError(f"a table needs --{option}; see dashpot calibrate --help")
+    engine = load_engine(arguments.model, arguments.material, 1)
+    trajectories = _trajectories(arguments, engine.model)
+    position, rotation, sensors = _noise(_joined(arguments.noise), trajectories)
+    if arguments.window is not None:
+        trajectories = [trajectory.between(*arguments.window) for trajectory in trajectories]
+    problem = Problem(
+        engine,
+        _parameters(arguments.fit, engine),
+        trajectories,
+        position,
+        rotation,
+        initial_state="pose_and_velocity",
+        sensor_sigma=sensors,
+    )
+    # Who gives units knows them: fit warns, and goes on.
+    for name, what in () if arguments.unit else strange_falls(problem).items():
+        raise ValueError(
+            f"{arguments.problem}: trajectory '{name}': {what}; say what units are: --unit "
+            "time=ms,z=cm or such"
+        )
+    return problem, {}
+
+
+def refuse_options(arguments: argparse.Namespace) -> None:
+    """Raise ValueError where options of tables are given beside a problem file."""
+    names = (
+        "model",
+        "columns",
+        "fit",
+        "body",
+        "unit",
+        "frames",
+        "rate",
+        "window",
+        "noise",
+        "material",
+    )
+    given = next((name for name in names if getattr(arguments, name)), None)
+    if given is not None:
+        raise ValueError(f"--{given} is for tables, .csv; {arguments.problem} says it itself")
+
+
+def described(problem: Problem) -> list[str]:
+    """Return lines that say what was assumed: starts, bounds and noise."""
+    lines = [
+        f"{p.name}: from {p.start:.4g}, between {p.bounds[0]:.4g} and {p.bounds[1]:.4g}"
+        for p in problem.parameters
+    ]
+    noise = [f"{problem.position_sigma:.3g} m", f"{problem.rotation_sigma:.3g} rad"]
+    noise = [text for text in noise if not text.startswith("inf")]
+    noise += [f"{name} {sigma[0]:.3g}" for name, sigma in problem.sensor_sigma.items()]  # type: ignore[index]
+    count = len(problem.trajectories)
+    frames = sum(trajectory.frames for trajectory in problem.trajectories)
+    return [*lines, f"{count} runs of {frames} frames, noise of {', '.join(noise)}"]
+
+
+def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[Trajectory]:
+    from dashpot.calibrate import Trajectory
+
+    columns = _joined(arguments.columns) or None
+    run = None if columns is None else columns.pop("run", None)
+    fields = {
+        name: getattr(arguments, name) for name in ("frames", "rate") if getattr(arguments, name)
+    }
+    poses = columns is None or not all(key.startswith(("time", "sensor")) for key in columns)
+    body = (arguments.body or _moving_body(model)) if poses else ()
+    unit = {key: _factor(text) for key, text in _joined(arguments.unit).items()}
+    read = {"columns": columns, "body": body, "unit": unit, **fields}
+    if run is None:
+        return [Trajectory.from_csv(arguments.problem, **read)]
+    return Trajectory.from_csv(arguments.problem, run=run, **read)
+
+
+def _moving_body(model: mujoco.MjModel) -> str:
+    """Return the only body on a free joint, or the only one on any."""
+    import mujoco
+
+    free = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+    for candidates in (free, model.jnt_bodyid):
+        names = {model.body(int(body)).name for body in candidates}
+        if len(names) == 1:
+            return str(names.pop())
+    raise ValueError(f"--body must say which body was observed: {', '.join(sorted(names))}")
+
+
+def _noise(
+    given: dict[str, str], trajectories: Sequence[Trajectory]
+) -> tuple[float, float, dict[str, float]]:
+    from dashpot.calibrate.data.smoothness import position_noise, rotation_noise, sensor_noise
+
+    noise = {
+        "position": position_noise(trajectories),
+        "rotation": rotation_noise(trajectories),
+        **sensor_noise(trajectories),
+    }
+    for key, text in given.items():
+        if key not in noise:
+            raise ValueError(f"--noise: {key!r} is none of {', '.join(noise)}")
+        noise[key] = _float(f"--noise {key}", text)
+    return noise.pop("position"), noise.pop("rotation"), noise
+
+
+def _parameters(specs: Sequence[str], engine: Engine) -> list[Parameter]:
+    from dashpot.calibrate import Parameter
+
+    made: list[Parameter] = []
+    for spec in specs:
+        kind, _, rest = spec.partition(":")
+        target, _, quantities = rest.rpartition(":")
+        if kind not in ("pair", "material", "model") or not target or not quantities:
+            raise ValueError(f"--fit {spec!r} is not {FIT_HELP.split('; ')[0][20:]}")
+        elements = [_element(name, engine) for name in target.split(",")]
+        for quantity in quantities.split(","):
+            name, _, text = quantity.partition("=")
+            options = _range(f"--fit {name}", text)
+            try:
+                if kind == "model":
+                    made.append(_of_model(target, name, options, engine.model))
+                    continue
+                taken = [p.name for p in made]
+                options["name"] = f"{name} {target}" if name in taken else name
+                if kind == "material":
+                    made.append(Parameter.material(elements, name, **options))  # type: ignore[arg-type]
+                elif len(elements) != 2:
+                    raise ValueError(f"a pair has two geoms, not {len(elements)}")
+                else:
+                    first, second = elements
+                    made.append(Parameter.pair(first, second, name, **options))  # type: ignore[arg-type]
+            except (ValueError, TypeError) as error:
+                raise ValueError(f"--fit {spec!r}: {error}") from None
+    return made
+
+
+def _of_model(
+    target: str, element: str, options: dict[str, Any], model: mujoco.MjModel
+) -> Parameter:
+    """Return a parameter of an array, ``NAME`` or ``NAME[COLUMN]``, between a tenth and tenfold."""
+    from dashpot.calibrate import Parameter
+    from dashpot.calibrate.problem.default_ranges import middle
+
+    match = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", target)
+    if match is None:
+        raise ValueError(f"{target!r} is not ARRAY or ARRAY[COLUMN]")
+    index = None if match[2] is None else int(match[2])
+    if "bounds" not in options:
+        now = options.get("start")
+        if now is None and match[1].startswith("body_mass"):
+            now = float(model.body(element).mass[0])
+        if now is None or now <= 0.0:
+            raise ValueError(f"{target} has no default bounds: say {element}=LOWER..UPPER")
+        options |= {"start": now, "bounds": (now / 10.0, now * 10.0)}
+    linear = options["bounds"][0] <= 0.0
+    options.setdefault("start", middle(options["bounds"], logarithmic=not linear))
+    return Parameter.model(
+        match[1], element, index=index, transform="linear" if linear else "log", **options
+    )
+
+
+def _range(label: str, text: str) -> dict[str, Any]:
+    """Return what ``START`` or ``LOWER..UPPER`` says."""
+    lower, dots, upper = text.partition("..")
+    if dots:
+        return {"bounds": (_float(label, lower), _float(label, upper))}
+    return {"start": _float(label, text)} if text else {}
+
+
+def _element(name: str, engine: Engine) -> str | int:
+    """Return a geom by name, or by id where none has such a name."""
+    named = any(engine.model.geom(i).name == name for i in range(engine.model.ngeom))
+    return int(name) if name.isdecimal() and not named else name
+
+
+def _factor(text: str) -> str | float:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _float(label: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"{label}: {text!r} is not a number") from None
+
+
+def _joined(parts: Sequence[dict[str, str]] | None) -> dict[str, str]:
+    return {key: value for part in parts or () for key, value in part.items()}
+
+
+def _assignments(text: str) -> dict[str, str]:
+    """Return ``KEY=VALUE,...`` as a mapping, or raise what argparse reports."""
+    result = {}
+    for part in text.split(","):
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not (key and equals and value) or key in result:
+            raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE,... with different keys")
+        result[key] = value
+    return result
+
+
+def _window(text: str) -> tuple[float, float]:
+    """Return ``START..END`` in s, or raise what argparse reports."""
+    first, dots, last = text.partition("..")
+    try:
+        start, end = float(first), float(last)
+    except ValueError:
+        start = end = 0.0
+    if not dots or not start < end:
+        raise argparse.ArgumentTypeError(f"{text!r} is not START..END in seconds")
+    return start, end
