@@ -154,10 +154,23 @@ def test_what_is_wrong_with_a_file_is_named(table, lines, options, message):
         Trajectory.from_csv(table(*lines), **{**BALL, **options})
 
 
-def test_a_file_of_bytes_is_no_text(tmp_path):
+def test_columns_of_old_programs_have_umlauts(tmp_path):
+    file = tmp_path / "ball.csv"
+    file.write_bytes("\n".join(["t;H\u00f6he (cm)", *heights(between=";")]).encode("latin-1"))
+    columns = {"time": "t", "z": "H\u00f6he (cm)"}
+    ball = Trajectory.from_csv(file, columns=columns, body="ball", unit={"z": "cm"})
+    np.testing.assert_allclose(ball.position[:, 0, 2], HEIGHT / 100)
+
+
+def test_a_file_of_bytes_is_no_table(tmp_path):
     file = tmp_path / "ball.csv"
     file.write_bytes(b"t,height\n0,\xff\xfe\n")
-    with pytest.raises(ValueError, match=r"ball\.csv: its text is not UTF-8"):
+    with pytest.raises(
+        ValueError, match=r"ball\.csv: line 2, column 'height': '.*' is not a number"
+    ):
+        Trajectory.from_csv(file, **BALL)
+    file.write_bytes("t,height\n0,1\n1,2\n".encode("utf-16"))
+    with pytest.raises(ValueError, match=r"ball\.csv: no column 't'"):
         Trajectory.from_csv(file, **BALL)
 
 

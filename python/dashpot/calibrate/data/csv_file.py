@@ -67,22 +67,27 @@ def read_runs(file: str | os.PathLike[str], table: Table) -> dict[str, dict[str,
     OSError
         If the file cannot be read.
     """
-    # With or without the mark that spreadsheets put in front of UTF-8.
-    with open(file, newline="", encoding="utf-8-sig") as stream:
-        try:
-            before = list(islice(stream, _MOST_BEFORE))
-        except UnicodeDecodeError as error:
-            raise ValueError(f"its text is not UTF-8: {error}") from None
+    try:
+        # With or without the mark that spreadsheets put in front of UTF-8.
+        runs, columns = _read(file, table, "utf-8-sig")
+    except UnicodeDecodeError:
+        # As programs of instruments write umlauts and micro signs.
+        runs, columns = _read(file, table, "latin-1")
+    return {name: _fields(run, columns, table) for name, run in runs.items()}
+
+
+def _read(
+    file: str | os.PathLike[str], table: Table, encoding: str
+) -> tuple[dict[str, dict[str, array[float]]], dict[str, str]]:
+    """Return numbers by run and key, and the column of each key."""
+    with open(file, newline="", encoding=encoding) as stream:
+        before = list(islice(stream, _MOST_BEFORE))
         start, delimiter, header = _header(before, table)
-        lines = _rest(before[start + 1 :], stream)
-        reader = csv.reader(lines, delimiter=delimiter)
+        reader = csv.reader(_rest(before[start + 1 :], stream), delimiter=delimiter)
         try:
-            runs, columns = _read_rows(reader, header, table, start + 1, delimiter != ",")
+            return _read_rows(reader, header, table, start + 1, delimiter != ",")
         except csv.Error as error:
             raise ValueError(f"line {start + 1 + reader.line_num}: {error}") from None
-        except UnicodeDecodeError as error:
-            raise ValueError(f"its text is not UTF-8: {error}") from None
-    return {name: _fields(run, columns, table) for name, run in runs.items()}
 
 
 def _rest(first: Sequence[str], stream: Iterator[str]) -> Iterator[str]:

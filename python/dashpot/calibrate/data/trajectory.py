@@ -425,8 +425,9 @@ class Trajectory:
         Parameters
         ----------
         file
-            Text in UTF-8, cells apart by commas, semicolons or tabs; where they are not by commas,
-            numbers may have one for the decimal point. Lines before the header are passed over.
+            Text in UTF-8 or Latin-1, cells apart by commas, semicolons or tabs; where not by
+            commas, numbers may have one for the decimal point. Lines before the header are passed
+            over.
             Empty cells and ``nan``, ``NA``, ``-``: not measured.
         columns
             Names of columns by what they hold: ``time``; ``x``, ``y``, ``z``, ``qw``, ``qx``,
