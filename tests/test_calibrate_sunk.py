@@ -83,6 +83,24 @@ def test_a_pad_that_gives_way_is_not():
     assert said_by_fit(PLANE, BALL, "ball", (300.0, 500.0)) == []
 
 
+def test_small_corners_of_a_large_body_may_sink_in():
+    """Balls of 3 mm at the corners of a cube of 10 cm, 5 to 8 mm deep."""
+    corners = "".join(
+        f'<geom size=".003" pos="{x} {y} {z}" mass=".1"/>'
+        for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)
+    )  # fmt: skip
+    xml = SCENE.format(table=PLANE, shape=BALL, name="ball", height=0.053)
+    ball = xml[xml.index('<geom name="ball"') : xml.index("</body>")]
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml.replace(ball, corners)))
+    geoms = list(range(1, 9))
+    engine.set_materials(dict.fromkeys(["table", *geoms], dashpot.Material(600.0)))
+    soft = Parameter.material(geoms, "stiffness", start=600.0, bounds=(400.0, 900.0))
+    problem = Problem(engine, [soft], [at_rest(engine.model)], 1e-3, 1e-2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        fit(problem, starts=0, max_evaluations=20)
+
+
 def test_a_body_that_was_seen_to_fall_is_not():
     """It begins beside the slab, and falls past it as recorded."""
     xml = SCENE.format(table=SLAB, shape=BALL, name="ball", height=0.05)

@@ -246,7 +246,7 @@ def test_contact_and_body_are_recovered():
         fitted=12,
         length_scale=1.0,
         method="cma+least_squares",
-        max_evaluations=400,
+        max_evaluations=600,  # intervals included
     )
     np.testing.assert_allclose(result.cube.offset, hidden.offset, atol=1e-8)
     truth = {**TRUTH, **BODY_TRUTH, **LOAD_TRUTH}

@@ -24,7 +24,7 @@ FITTED_TOSSES = 60
 TOSS_SUBSTEPS = 4
 # CMA-ES: the cost of whole rollouts has many valleys. A MuJoCo step takes less time than dashpot's,
 # so its search is given twice the budget.
-TOSS_EVALUATIONS = {"dashpot": 75, "MuJoCo": 150}
+TOSS_EVALUATIONS = {"dashpot": 90, "MuJoCo": 180}
 PILE_SETTINGS = ("dashpot", "mujoco-default", "elliptic", "impratio", "solref-direct", "discrete")
 
 _UNITS = {"stiffness": "N/m", "damping": "N s/m"}

@@ -222,7 +222,8 @@ def fit(
     warn_of_strange_falls(problem)
     warn_of_idle_friction(problem)
     with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:
-        budget = Budget(max_evaluations, bar.report, reserve_for(objective, max_evaluations))
+        reserve = reserve_for(objective, max_evaluations, converges=method != "cma")
+        budget = Budget(max_evaluations, bar.report, reserve)
         if automatic:
             search = run_automatic(objective, budget, chosen_loss, method, local_searches, seed)
         else:

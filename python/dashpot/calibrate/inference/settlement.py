@@ -41,8 +41,9 @@ _LOWER = 0.5
 _MOST_ROUNDS = 3
 # Another search is worth it where so many of its iterations are left, of which it takes a share.
 _SEARCH_AND_ERRORS, _SEARCH_SHARE = 10, 0.75
-# What `settle` usually takes: Jacobians, regions, and evaluations of the profile of a parameter.
-_USUAL_JACOBIANS, _USUAL_REGIONS, _USUAL_WALK = 3, 2, 24
+# What `settle` usually takes beside two Jacobians: regions, and evaluations of each parameter's
+# profile.
+_USUAL_REGIONS, _USUAL_WALK = 2, 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +79,16 @@ class End:
     complete: bool = True
 
 
-def reserve_for(objective: Objective, total: int) -> int:
-    """Return how much of a budget to leave to `settle`: what it usually takes, half at most."""
-    derivatives = 2 * objective.parameters + objective.initial_size + 1
-    regions = _USUAL_REGIONS * region_evaluations(objective)
-    usual = _USUAL_JACOBIANS * derivatives + regions + _USUAL_WALK * objective.parameters
+def reserve_for(objective: Objective, total: int, *, converges: bool) -> int:
+    """Return how much of a budget to leave to `settle`: what it usually takes, half at most.
+
+    Of a search that hardly converges, as CMA-ES, that is derivatives alone.
+    """
+    derivatives = 2 * (objective.parameters + objective.initial_size)
+    usual = 2 * derivatives
+    if converges:
+        usual += _USUAL_REGIONS * region_evaluations(objective)
+        usual += _USUAL_WALK * objective.parameters
     return min(total // 2, usual)
 
 

@@ -27,7 +27,7 @@ _MOST_TRAJECTORIES = 20
 
 
 def warn_of_sunk_bodies(objective: Objective, point: Array, residuals: Array) -> None:
-    """Warn where the centre of a geom gets beyond the surface of another.
+    """Warn where the centre of a body gets beyond the surface of a geom, or below all geoms.
 
     Parameters
     ----------
@@ -85,22 +85,29 @@ def _sinks(problem: Problem, system: System, t: int, qpos: Array, qvel: Array) -
 
 
 def _deep_contact(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
-    """Say which geom's centre lies beyond the surface of which."""
+    """Say which geom, and the centre of its body, lies beyond the surface of which."""
     depth = -np.asarray(data.contact.dist)
     for i in np.flatnonzero(depth > 0.0):
         pair = [int(geom) for geom in data.contact.geom[i]]
         moving = [
-            (float(model.geom_rbound[geom]), geom)
+            (_reach(model, data, int(model.geom_bodyid[geom])), geom)
             for geom in pair
-            if geom >= 0 and model.body_weldid[model.geom_bodyid[geom]] and model.geom_rbound[geom]
+            if geom >= 0 and model.body_weldid[model.geom_bodyid[geom]]
         ]
         if min(pair) < 0 or not moving:
             continue
-        radius, geom = min(moving)
-        if depth[i] > radius:
+        reach, geom = min(moving)
+        if depth[i] > reach:
             other = geom_label(model, pair[0] + pair[1] - geom)
             return f"geom {geom_label(model, geom)} sinks {depth[i]:.3g} m into geom {other}"
     return None
+
+
+def _reach(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
+    """Return how far the geoms of a body reach from its centre of mass, m."""
+    geoms = model.geom_bodyid == body
+    ways = np.linalg.norm(data.geom_xpos[geoms] - data.xipos[body], axis=1)
+    return float((ways + model.geom_rbound[geoms]).max())
 
 
 def _fallen(

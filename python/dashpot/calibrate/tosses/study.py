@@ -119,7 +119,7 @@ def study(
     seed: int = 0,
     method: Method = "cma",
     starts: int = 0,
-    max_evaluations: int = 200,
+    max_evaluations: int = 240,
     nthread: int | None = None,
     progress: bool = False,
 ) -> Study:
