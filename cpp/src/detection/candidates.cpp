@@ -66,7 +66,7 @@ bool CandidatePairs::cover(const mjModel_* m, const mjData_* d) {
 
 const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const mjData_* d,
                                                        const std::vector<double>& reach,
-                                                       const Narrowing& narrowing, Team& team) {
+                                                       Narrowing& narrowing, Team& team) {
   near_.clear();
   if (m->opt.disableflags & (mjDSBL_CONTACT | mjDSBL_CONSTRAINT)) return near_;
   read_filters(m);
@@ -85,9 +85,12 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
   const int count = static_cast<int>(all_.size());
   const int size = team.range_size(count, kPairsAtOnce);
   near_of_range_.resize(count / size + 1);
-  for (std::vector<CandidatePair>& range : near_of_range_) range.clear();
+  for (NearOfRange& range : near_of_range_) {
+    range.pairs.clear();
+    range.narrowed.clear();
+  }
   team.share(count, kPairsAtOnce, [&](int, int first, int last) {
-    std::vector<CandidatePair>& found = near_of_range_[first / size];
+    NearOfRange& found = near_of_range_[first / size];
     for (int i = first; i < last; ++i) {
       if (i + static_cast<int>(kPrefetched) < last)
         for (int geom : all_[i + kPrefetched].geom) prefetch(&present_[geom], sizeof(Room));
@@ -95,12 +98,16 @@ const std::vector<CandidatePair>& CandidatePairs::near(const mjModel_* m, const 
       if (any_sleeps && rest_asleep(m, d, pair.geom)) continue;
       pair.within = margin_of(m, pair) + gap_of(m, pair);
       if (!are_near(m, d, pair)) continue;
-      const double before = std::exchange(pair.within, narrowing.within(m, d, pair));
-      if (pair.within == before || are_near(m, d, pair)) found.push_back(pair);
+      const double before =
+          std::exchange(pair.within, narrowing.within(m, d, pair, found.narrowed));
+      if (pair.within == before || are_near(m, d, pair)) found.pairs.push_back(pair);
     }
   });
-  for (const std::vector<CandidatePair>& range : near_of_range_)
-    near_.insert(near_.end(), range.begin(), range.end());
+  std::vector<NarrowedPair>& narrowed = narrowing.pairs();
+  for (const NearOfRange& range : near_of_range_) {
+    near_.insert(near_.end(), range.pairs.begin(), range.pairs.end());
+    narrowed.insert(narrowed.end(), range.narrowed.begin(), range.narrowed.end());
+  }
   return near_;
 }
 

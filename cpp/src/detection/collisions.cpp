@@ -223,7 +223,7 @@ int collide_narrowed(const mjModel* m, mjData* d, mjPreContact* contact, int geo
   if (m == replaced && narrowing_now) {
     CandidatePair pair{{geom1, geom2}, defining_pair(m, geom1, geom2)};
     pair.within = margin;
-    margin = narrowing_now->within(m, d, pair);
+    margin = narrowing_now->within(m, d, pair, narrowing_now->pairs());
   }
   return collide(m, d, contact, geom1, geom2, margin);
 }

@@ -26,9 +26,13 @@ double least_half_width(const mjModel* m, const CandidatePair& pair) {
 
 }  // namespace
 
-void Narrowing::start(const ReachBuffers& reach) { reach_ = &reach; }
+void Narrowing::start(const ReachBuffers& reach) {
+  reach_ = &reach;
+  pairs_.clear();
+}
 
-double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePair& pair) const {
+double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePair& pair,
+                         std::vector<NarrowedPair>& narrowed) const {
   const auto [geom1, geom2] = pair.geom;
   if (reach_->least_reach[geom1] > 0.0 || reach_->least_reach[geom2] > 0.0) return pair.within;
   const double margin = margin_of(m, pair), reach = pair.within - margin;
@@ -37,7 +41,10 @@ double Narrowing::within(const mjModel_* m, const mjData_* d, const CandidatePai
   if (reach <= least) return pair.within;
   const double speed = std::max(relative_speed(m, d, geom1, geom2, reach_->now.data()),
                                 relative_speed(m, d, geom1, geom2, reach_->later.data()));
-  return std::min(pair.within, margin + std::max(least, m->opt.timestep * speed));
+  const double narrower = std::max(least, m->opt.timestep * speed);
+  if (narrower >= reach) return pair.within;
+  narrowed.push_back({pair.geom, margin, narrower});
+  return margin + narrower;
 }
 
 }  // namespace dashpot::host

@@ -18,7 +18,8 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
   for (int turn = 0; turn < kMostTurns && goes_beyond_detection(); ++turn) {
     mean_motion.find(solved_part(), team);
     if (!knock_on.comes_to_more(model, d, mean_motion.velocity(), clock.length, contacts,
-                                mean_motion.end_gap(), detection.buffers))
+                                mean_motion.end_gap(), detection.narrowing.pairs(),
+                                detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);

@@ -39,12 +39,28 @@ void KnockOn::find_ways(const mjModel_* model, const mjData_* data,
   }
 }
 
+void KnockOn::find_astray(const mjModel_* model, const mjData_* data, double length,
+                          const std::vector<host::NarrowedPair>& narrowed) {
+  astray_.clear();
+  for (const host::NarrowedPair& pair : narrowed) {
+    const auto [geom1, geom2] = pair.geom;
+    const double way =
+        length * host::relative_speed(model, data, geom1, geom2, body_velocity_.data());
+    const double farther = std::max(kFarther * way, host::unknown_overlap(model, geom1, geom2));
+    if (way - pair.reach > farther) astray_.push_back({pair.geom, pair.margin, way});
+  }
+}
+
 void KnockOn::find_known(const std::vector<ContactInput>& contacts,
                          const std::vector<double>& end_gap) {
   known_.clear();
+  asked_ = far_;
+  for (const Astray& pair : astray_)
+    asked_.insert(asked_.end(), pair.geom.begin(), pair.geom.end());
+  std::sort(asked_.begin(), asked_.end());
   const auto is_asked = [&](const ContactInput& c) {
     return !c.is_of_flex() && std::any_of(c.geom.begin(), c.geom.end(), [&](int geom) {
-      return std::binary_search(far_.begin(), far_.end(), geom);
+      return std::binary_search(asked_.begin(), asked_.end(), geom);
     });
   };
   for (size_t i = 0; i < contacts.size(); ++i)
@@ -104,16 +120,23 @@ bool KnockOn::meets(const mjModel_* model, const mjData_* data, int geom1, int g
 bool KnockOn::comes_to_more(const mjModel_* model, const mjData_* data,
                             const std::vector<double>& mean_velocity, double length,
                             const std::vector<ContactInput>& contacts,
-                            const std::vector<double>& end_gap, host::ReachBuffers& reach) {
+                            const std::vector<double>& end_gap,
+                            const std::vector<host::NarrowedPair>& narrowed,
+                            host::ReachBuffers& reach) {
   find_ways(model, data, mean_velocity, length, reach);
   bool more = host::comes_to_limit(model, data, mean_velocity, length, reach);
-  if (far_.empty()) return more;
+  find_astray(model, data, length, narrowed);
+  if (far_.empty() && astray_.empty()) return more;
   find_known(contacts, end_gap);
   const auto widen = [&](int geom1, int geom2) {
     for (int geom : {geom1, geom2})
       reach.least_reach[geom] = std::max(reach.least_reach[geom], way_[geom]);
     more = true;
   };
+  for (const Astray& pair : astray_)
+    if (meets(model, data, pair.geom[0], pair.geom[1], pair.margin, pair.way, length))
+      widen(pair.geom[0], pair.geom[1]);
+  if (far_.empty()) return more;
   partners_.start(model, data, way_, reach.reach);
   for (int geom : far_) {
     for (const auto& [other, margin] : partners_.of(geom))

@@ -22,6 +22,13 @@ namespace dashpot::host {
 
 class Narrowing;
 
+// A pair whose contacts are looked for less far, see detection/narrowing.hpp.
+struct NarrowedPair {
+  std::array<int, 2> geom;
+  double margin = 0.0;
+  double reach = 0.0;  // beyond the margin, m
+};
+
 // An interval along each of the world's axes, m.
 struct Room {
   std::array<double, 3> low, high;
@@ -38,8 +45,8 @@ class CandidatePairs {
   // MuJoCo's contacts. `reach` (by geom, m) is how far geoms may move in the step. Valid until the
   // next call.
   const std::vector<CandidatePair>& near(const mjModel_* m, const mjData_* d,
-                                         const std::vector<double>& reach,
-                                         const Narrowing& narrowing, Team& team);
+                                         const std::vector<double>& reach, Narrowing& narrowing,
+                                         Team& team);
 
  private:
   struct PlaneAsGathered {
@@ -66,7 +73,11 @@ class CandidatePairs {
   std::vector<int> order_;                    // of bounded geoms along an axis
   std::vector<CandidatePair> all_, near_;
   // What threads find, by range of all_, until it is put together.
-  std::vector<std::vector<CandidatePair>> near_of_range_;
+  struct NearOfRange {
+    std::vector<CandidatePair> pairs;
+    std::vector<NarrowedPair> narrowed;
+  };
+  std::vector<NearOfRange> near_of_range_;
   double reach_ = 0.0;  // m, of all geoms together when pairs were gathered
 };
 

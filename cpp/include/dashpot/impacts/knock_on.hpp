@@ -6,6 +6,8 @@
 // it has no contact with, or deeper into one than its contacts with it know of, as a plank that
 // claps down on its other end, or a joint beyond a limit that was not found, the step is taken anew
 // with a reach that covers that way; a blow that runs on through many bodies takes as many turns.
+// Pairs that detection looked for less far, since their geoms go together, are looked at where they
+// went farther against each other.
 
 #pragma once
 
@@ -13,6 +15,7 @@
 #include <vector>
 
 #include "dashpot/detection/geometry_host.hpp"
+#include "dashpot/detection/narrowing.hpp"
 #include "dashpot/detection/partners.hpp"
 #include "dashpot/detection/reach.hpp"
 #include "dashpot/impacts/geom_pair.hpp"
@@ -28,16 +31,21 @@ class KnockOn {
  public:
   // Whether motion at `mean_velocity` (nv) over a step of `length` (s) comes to contacts or limits
   // that are not among `contacts`, whose gaps at its end are `end_gap`, or were not within `reach`,
-  // which is widened then.
+  // which is widened then, or that of `narrowed` pairs.
   bool comes_to_more(const mjModel_* model, const mjData_* data,
                      const std::vector<double>& mean_velocity, double length,
                      const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap,
-                     host::ReachBuffers& reach);
+                     const std::vector<host::NarrowedPair>& narrowed, host::ReachBuffers& reach);
 
   // Spatial velocities of that motion, 6 by body, as in cvel.
   const std::vector<double>& body_velocity() const { return body_velocity_; }
 
  private:
+  // A narrowed pair whose geoms went farther against each other than they were looked for.
+  struct Astray {
+    std::array<int, 2> geom;
+    double margin = 0.0, way = 0.0;  // m
+  };
   // A contact of a pair, and its gap (m) at the end of the step.
   struct Known {
     GeomPair geom;
@@ -47,6 +55,8 @@ class KnockOn {
   void find_ways(const mjModel_* model, const mjData_* data,
                  const std::vector<double>& mean_velocity, double length,
                  const host::ReachBuffers& reach);
+  void find_astray(const mjModel_* model, const mjData_* data, double length,
+                   const std::vector<host::NarrowedPair>& narrowed);
   void find_known(const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap);
   bool meets(const mjModel_* model, const mjData_* data, int geom1, int geom2, double margin,
              double way, double length);
@@ -55,7 +65,9 @@ class KnockOn {
   std::vector<double> body_velocity_, way_;  // spatial; by geom, m
   std::vector<int> far_;                     // geoms that went beyond their reach, ascending
   host::Partners partners_;                  // of these
-  std::vector<Known> known_;                 // of these, sorted by geoms, the deepest of each first
+  std::vector<Astray> astray_;
+  std::vector<int> asked_;    // geoms of either, ascending
+  std::vector<Known> known_;  // of these, sorted by geoms, the deepest of each first
 };
 
 }  // namespace dashpot
