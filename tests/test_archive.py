@@ -10,7 +10,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from dashpot.cli.recordings import read_csv, read_npz
+from dashpot.calibrate.data.csv_file import Table, read_runs
+from dashpot.cli.recordings import read_npz
 from dashpot.data.archive import MAX_BYTES, ArrayArchive
 from mutated_files import MODEL, failures, whole_files
 
@@ -156,9 +157,9 @@ def test_reading_takes_little_more_than_the_numbers(tmp_path, model):
     ],
 )
 def test_tables_that_are_no_recordings_are_refused(tmp_path, text, message):
-    (tmp_path / "a.csv").write_text(text.replace("x", "sensors.x"))
+    (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ValueError, match=message):
-        read_csv(tmp_path / "a.csv", [])
+        read_runs(tmp_path / "a.csv", Table({"time": "time", "sensor:x": "x"}, (), None, None))
 
 
 @pytest.mark.parametrize("kind", ["stored.npz", "packed.npz", "tosses.npz", "throw.csv",

@@ -52,4 +52,5 @@ def test_a_follower_is_thrown_as_high_as_its_cam_lets_it_go(cam, timestep):
         engine.step(data)
         highest = max(highest, data.qpos[-1])
     # In a step positions lead by v H / 2, some e (w H)^2 / 8 near the top, where it is looked for.
-    assert highest == pytest.approx(height, abs=ECCENTRIC * (SPEED * timestep) ** 2 / 6.0 + 3e-6)
+    # The pose that the cam is told is that of the end of the step: 3e-4 of the height at 1 ms.
+    assert highest == pytest.approx(height, abs=ECCENTRIC * (SPEED * timestep) ** 2 / 6.0 + 6e-6)

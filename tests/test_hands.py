@@ -25,9 +25,12 @@ def test_a_linkage_holds_an_object_still(timestep):
     grasp, engine, data = gripped(timestep)
     before, loops = grasp.relative(data), grasp.loop_error(data)
     engine.step(data, nstep=round(10.0 / timestep))
-    # 0.01 mm in 10 s is the bound; at rest nothing moves at all.
-    assert np.linalg.norm(grasp.relative(data) - before) <= 1e-8
+    # 0.01 mm in 10 s is the bound. It takes up to five of them to come to rest; then nothing moves.
+    assert np.linalg.norm(grasp.relative(data) - before) <= 1e-6
     assert np.abs(data.qvel).max() < 1e-9
+    before = grasp.relative(data)
+    engine.step(data, nstep=round(2.0 / timestep))
+    assert np.linalg.norm(grasp.relative(data) - before) <= 1e-12
     # Loops give elastically under 13 N on links of 10 g, and do not drift.
     assert grasp.loop_error(data) == pytest.approx(loops, abs=1e-8)
     assert loops < 20.0 * timestep**2 + 1e-4

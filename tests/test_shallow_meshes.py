@@ -129,7 +129,7 @@ def test_a_finer_bottom_touches_in_no_more_points(ground, sag, load, fine):
     engine = Engine(model)
     data = engine.make_data()
     data.xfrc_applied[model.body("dish").id, 2] = -load
-    engine.step(data, nstep=1000)
+    engine.step(data, nstep=1500)
     contacts = engine.contacts(data)
     assert np.abs(data.qvel).max() < 1e-5
     assert len(contacts.force) <= 20

@@ -110,6 +110,8 @@ def _header(lines: Sequence[str], table: Table) -> tuple[int, str, list[str]]:
             if any(names) and found > best[0]:
                 best = found, names
     names = best[1]
+    if not names:
+        raise ValueError("it is empty; a header and at least two rows are needed")
     missing = next(name for name in [*(table.columns or {"": "time"}).values(), table.run or ""]
                    if name in wanted and name not in names)  # fmt: skip
     near = difflib.get_close_matches(missing, names, n=1)
