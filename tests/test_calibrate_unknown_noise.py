@@ -113,7 +113,8 @@ def test_a_misfit_at_a_rate_of_its_own_is_named():
     assert max(estimate.widening for estimate in wrong.estimates) > 1.3
 
 
-def test_intervals_of_a_misfit_are_those_of_correlated_noise():
+@pytest.mark.parametrize("loss", ["linear", "huber"])
+def test_intervals_of_a_misfit_are_those_of_correlated_noise(loss):
     """Noise of an autoregressive process of 0.8 makes errors sqrt(1.8 / 0.2) = 3 times as large.
 
     Of what varies slowly against it, as the decay of a swing over 1,200 frames does.
@@ -130,13 +131,19 @@ def test_intervals_of_a_misfit_are_those_of_correlated_noise():
         initial_qpos=[0.1], initial_qvel=[0.0],
     )  # fmt: skip
     problem = Problem(problem.system, UNKNOWN, [coloured], sensor_sigma={"place": TRUE["place"]})
-    result = fit(problem, starts=0)
+    result = fit(problem, loss=loss, starts=0)
     assert [misfit.channel for misfit in result.misfits] == ["place"]
     assert result.misfits[0].correlation == pytest.approx(0.8, abs=0.05)
     # The swing itself turns by 0.063 a frame: sqrt of (1 - 0.8^2) / (1 - 1.6 cos + 0.64) is 2.8.
     expected = math.sqrt(0.36 / (1.0 - 1.6 * math.cos(0.01 * math.sqrt(40.0)) + 0.64))
     for estimate in result.estimates:
         assert estimate.widening == pytest.approx(expected, rel=0.25)
+
+
+def test_noise_that_a_budget_leaves_unsettled_is_said():
+    stated = {name: 10.0 * sigma for name, sigma in TRUE.items()}
+    with pytest.warns(UserWarning, match="standard deviations are not those of the residuals yet"):
+        fit(swing(0, stated, noise="estimate"), starts=0, max_evaluations=5)
 
 
 def test_noise_is_stated_or_estimated():

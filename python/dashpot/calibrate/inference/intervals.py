@@ -157,8 +157,8 @@ def covariance(
         (s,) standard deviations to which each initial state counts as known beforehand, so that
         what data hardly determine stays near; None: to none.
     misfit
-        The covariance of the residuals, where they are not independent or channels differ; None:
-        they are of one variance. Of the linear loss, and of errors that are not clustered.
+        The covariance of the scores of the residuals, where these are not independent or channels
+        differ; None: they are of one variance. Clustered errors have no use for it.
 
     Raises
     ------
@@ -209,8 +209,9 @@ def covariance(
         blocks = np.where(np.isinf(blocks), np.inf, factor * blocks)
     dispersion = np.full(count, factor * rise)
     widening = np.ones(count)
-    if misfit is not None and offsets is None and not loss.robust:
-        blocks, widening = _widened(blocks, inverse, misfit, places, m / (m - unknowns), count)
+    if misfit is not None and offsets is None:
+        of_scores = m / (m - unknowns) / rise**2
+        blocks, widening = _widened(blocks, inverse, misfit, places, of_scores, count)
     if offsets is not None or misfit is not None:
         unit = np.diagonal(inverse.independent()[0])[:count]
         with np.errstate(divide="ignore", invalid="ignore"):

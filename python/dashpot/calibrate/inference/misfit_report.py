@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE
+from dashpot.calibrate.residuals.losses import Loss
 from dashpot.calibrate.residuals.misfit import ResidualCovariance, residual_covariance
 from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.residuals.whiteness import Whiteness, whiteness
@@ -74,13 +75,14 @@ def report_channels(objective: Objective, residuals: Array) -> list[ChannelRepor
 
 
 def misfit_covariance(
-    objective: Objective, residuals: Array, channels: Sequence[ChannelReport]
+    objective: Objective, residuals: Array, channels: Sequence[ChannelReport], loss: Loss
 ) -> ResidualCovariance | None:
-    """Return the covariance of residuals that are no noise of one size; None where they are."""
+    """Return the covariance of scores where residuals are no noise of one size; None: they are."""
     coloured = [c.channel for c in channels if c.misfit]
     if not coloured and not sizes_differ(channels):
         return None
-    return residual_covariance(objective, residuals, objective.live(residuals), coloured)
+    live = objective.live(residuals)
+    return residual_covariance(objective, loss.scores(residuals), live, coloured)
 
 
 def sizes_differ(channels: Sequence[ChannelReport]) -> bool:

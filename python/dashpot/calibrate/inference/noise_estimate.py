@@ -14,6 +14,8 @@ smaller noise. Of robust losses the sum is replaced by the quantile of
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,23 +40,28 @@ _LEAST_DEGREES = 3.0
 def with_estimated_noise(search: Search) -> Search:
     """Return a search that goes on from the end of another with the noise that residuals have.
 
-    Its objective's problem has the standard deviations.
+    Its objective's problem has the standard deviations. Where they do not come to rest, a warning
+    says why.
     """
+    ended = f"they still change after {_MOST_ROUNDS} rounds"
     for _ in range(_MOST_ROUNDS):
         if search.budget.left == 0:
+            ended = "the budget of evaluations is spent"
             break
         factors = noise_factors(search)
         if all(abs(np.log(factor)) < _SAME for factor in factors.values()):
-            break
+            return search
         problem = search.objective.problem.with_noise(factors)
         objective = search.objective.of(problem)
         following = Search(objective, search.loss, search.budget)
         try:
             least_squares(following, search.best_point, MOST_ITERATIONS)
-        except SimulationError:
+        except SimulationError as error:
+            ended = str(error)
             break
         finish(following)
         search = following
+    warnings.warn(f"standard deviations are not those of the residuals yet: {ended}", stacklevel=3)
     return search
 
 

@@ -132,7 +132,7 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     objective, loss, point = search.objective, search.loss, search.best_point
     residuals, budget = search.best_residuals, search.budget
     channels = report_channels(objective, residuals)
-    misfit = misfit_covariance(objective, residuals, channels)
+    misfit = misfit_covariance(objective, residuals, channels, loss)
     covariance, departure, jacobian, failure = covariance_around(
         objective,
         point,

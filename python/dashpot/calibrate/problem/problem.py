@@ -89,7 +89,8 @@ class Problem:
         Steps per frame, >= 1. None: as many as keep the step at or below the model's timestep.
     window
         Seconds of each trajectory that are used. Short windows after the first contact fix damping
-        and the friction of impacts; long ones see sliding and rolling. None: all of it.
+        and the friction of impacts; long ones see sliding and rolling. Scalars are of the
+        whole, and count in no window that is shorter. None: all of it.
     start_states
         Function from the values of all parameters by name to initial qpos (trajectories, nq) and
         qvel (trajectories, nv), for parameters on which the initial states depend (where the centre

@@ -1,5 +1,7 @@
 """Residuals as noise of the size and the correlation in time that they have, channel by channel.
 
+Of a robust loss they stand for its scores, which outliers do not move.
+
 Of a model that is not quite right residuals hang together from reading to reading, and intervals of
 independent ones are too narrow. With the Jacobian J and the covariance C of the residuals the
 covariance of a least-squares estimate is
