@@ -84,8 +84,7 @@ class Setup:
             engine.set_material(geom, None)
         for pair in engine.pair_materials:
             engine.set_pair_material(*pair, None)
-        for element, material in self.materials:
-            engine.set_material(element, material)
+        engine.set_materials(dict(self.materials))
         for first, second, material in self.pair_materials:
             engine.set_pair_material(first, second, material)
         return engine
