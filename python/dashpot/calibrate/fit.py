@@ -25,7 +25,6 @@ from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts, warn_o
 from dashpot.calibrate.problem.idle_parameters import warn_of_idle_friction
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
-from dashpot.calibrate.problem.systems import own_system
 from dashpot.calibrate.provenance import provenance
 from dashpot.calibrate.report.progress import ProgressBar
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
@@ -224,13 +223,13 @@ def fit(
     with kept or nullcontext(), ProgressBar(progress, max_evaluations) as bar:
         reserve = reserve_for(objective, max_evaluations, converges=method != "cma")
         budget = Budget(max_evaluations, bar.report, reserve)
-        if automatic:
+        if automatic or not problem.unknowns:
             search = run_automatic(objective, budget, chosen_loss, method, local_searches, seed)
         else:
             search = run_searches(
                 objectives, budget, chosen_loss, method, starts, local_searches, seed
             )
-        if method != "cma" and not search.converged:
+        if method != "cma" and problem.unknowns and not search.converged:
             # Better an estimate without much of an interval than an interval around no end.
             budget.release(keep=2 * search.iteration)
             finish(search)
@@ -289,7 +288,7 @@ def _result(
             f"max_evaluations = {search.budget.total} left too little to follow the cost along it, "
             "so that its interval may be too narrow"
         )
-    leading = leaders(problem.parameters, point[: objective.parameters], correlation)
+    leading = leaders(problem.unknowns, point[: objective.parameters], correlation)
     estimates = tuple(
         judge(
             Evidence(
@@ -298,7 +297,7 @@ def _result(
                 standard_error=float(estimated.standard_error[i]),
                 interval=(float(end.intervals[i, 0]), float(end.intervals[i, 1])),
                 correlation=correlation[i],
-                names=problem.names,
+                names=tuple(p.name for p in problem.unknowns),
                 confidence=confidence,
                 unfinished=unfinished,
                 size=math.sqrt(variance) if wrong or sizes_differ(end.channels) else None,
@@ -309,7 +308,7 @@ def _result(
                 leader=leading[i],
             )
         )
-        for i, parameter in enumerate(problem.parameters)
+        for i, parameter in enumerate(problem.unknowns)
     )
     velocity, displacement = objective.initial_estimates(point)
     return Fit(
@@ -333,7 +332,7 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
-        made=provenance(model_of(own_system(problem.system, problem.start)), seed),
+        made=provenance(model_of(problem.bare_system()), seed),
     )
 
 

@@ -23,6 +23,7 @@ from dashpot.calibrate.outputs import Outputs
 from dashpot.calibrate.prediction import Predictions, predict, predictions
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.problem import Problem
+from dashpot.calibrate.problem.vectors import vectors_of
 from dashpot.calibrate.provenance import Provenance
 from dashpot.calibrate.residuals.losses import LossName
 from dashpot.checks import positive_count, thread_count, whole_number
@@ -141,8 +142,15 @@ class Fit(Outputs):
 
     @property
     def values(self) -> dict[str, float]:
-        """Estimates by name."""
-        return {e.name: e.value for e in self.estimates}
+        """Estimates by name, then the values of frozen parameters."""
+        return {e.name: e.value for e in self.estimates} | self.problem.held
+
+    def vector(self, name: str) -> Array:
+        """Return the values of a vector parameter, (numbers,); KeyError where there is none."""
+        found = vectors_of(self.problem.parameters, self.values)
+        if name not in found:
+            raise KeyError(f"no vector named {name!r}; there are {', '.join(found) or 'none'}")
+        return np.asarray(found[name])
 
     @property
     def residuals(self) -> tuple[Array, ...]:
@@ -212,7 +220,7 @@ class Fit(Outputs):
             If a number is no integer or out of range.
         """
         values = draw(
-            self.problem.parameters,
+            self.problem.unknowns,
             self.estimates,
             self.correlation,
             self.confidence,
@@ -220,7 +228,8 @@ class Fit(Outputs):
             np.random.default_rng(whole_number("seed", seed, lowest=0)),
         )
         names = [e.name for e in self.estimates]
-        return [dict(zip(names, map(float, row), strict=True)) for row in values]
+        held = self.problem.held
+        return [dict(zip(names, map(float, row), strict=True)) | held for row in values]
 
     @property
     def noise_explains(self) -> bool:
@@ -265,7 +274,7 @@ class Fit(Outputs):
         chosen = [
             i
             for i, (parameter, estimate) in enumerate(
-                zip(self.problem.parameters, self.estimates, strict=True)
+                zip(self.problem.unknowns, self.estimates, strict=True)
             )
             if parameter.transform == "log" and np.isfinite(estimate.standard_error)
         ]

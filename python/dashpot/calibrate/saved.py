@@ -18,7 +18,8 @@ from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import System
-from dashpot.calibrate.problem.systems import own_system, put_in
+from dashpot.calibrate.problem.systems import put_in
+from dashpot.calibrate.problem.vectors import Joint
 from dashpot.calibrate.report.record import Record
 from dashpot.calibrate.result import Fit
 from dashpot.engine import Engine
@@ -120,8 +121,18 @@ class SavedProblem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters in order."""
+        """Names of the parameters in order, frozen ones included."""
         return tuple(p.name for p in self.parameters)
+
+    @property
+    def unknowns(self) -> tuple[Parameter, ...]:
+        """The parameters that were fitted, in order."""
+        return tuple(p for p in self.parameters if not p.frozen)
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Values of frozen parameters by name."""
+        return {p.name: p.start for p in self.parameters if p.frozen}
 
     def __getattr__(self, name: str) -> NoReturn:
         if name.startswith("__") or "file" not in self.__dict__:
@@ -141,8 +152,7 @@ def setup_of(fit: Fit) -> Setup:
     problem = fit.problem
     if isinstance(problem, SavedProblem):
         return problem.setup
-    names = {p.base or p.name: fit.values[p.name] for p in reversed(problem.parameters)}
-    system = own_system(problem.system, names)
+    system = problem.bare_system(fit.values)
     if isinstance(system, mujoco.MjModel):
         return Setup("MuJoCo", None, (), (), _timesteps(problem, system))
     model = system.model
@@ -220,9 +230,11 @@ def save(fit: Fit, path: str | os.PathLike[str]) -> Path:
     """Write what `Fit.save` does."""
     parameters = []
     for p in fit.problem.parameters:
-        if p.apply is not None and type(p.apply).__name__ not in _setters():
-            function = getattr(p.apply, "__qualname__", type(p.apply).__name__)
-            p = dataclasses.replace(p, apply=Function(str(function)))
+        joint = isinstance(p.apply, Joint)
+        setter: Any = p.apply.function if isinstance(p.apply, Joint) else p.apply
+        if setter is not None and type(setter).__name__ not in _setters():
+            setter = Function(str(getattr(setter, "__qualname__", type(setter).__name__)))
+        p = dataclasses.replace(p, apply=Joint(setter) if joint else setter)
         parameters.append(encoded(p))
     content = {
         "format": _FORMAT,
@@ -284,19 +296,22 @@ def _read(content: Any, file: Path, problem: Problem | None) -> Fit:
     if problem is None:
         held = SavedProblem(parameters, trajectories, setup, file.name)
     names = tuple(p.name for p in parameters)
-    for label, own in (
-        ("estimates", tuple(e.name for e in fields["estimates"])),
-        ("problem", held.names),
+    unknowns = tuple(p for p in parameters if not p.frozen)
+    fitted = tuple(p.name for p in unknowns)
+    for label, own, those in (
+        ("estimates", tuple(e.name for e in fields["estimates"]), fitted),
+        ("problem", held.names, names),
+        ("the problem's unknowns", tuple(p.name for p in held.unknowns), fitted),
     ):
-        if own != names:
-            raise ValueError(f"the parameters are {names}, those of {label} are {own}")
-    for parameter, estimate in zip(parameters, fields["estimates"], strict=True):
+        if own != those:
+            raise ValueError(f"the parameters are {those}, those of {label} are {own}")
+    for parameter, estimate in zip(unknowns, fields["estimates"], strict=True):
         if not parameter.bounds[0] <= estimate.value <= parameter.bounds[1]:
             raise ValueError(
                 f"the estimate of '{estimate.name}' is {estimate.value:g}, beyond its bounds "
                 f"{parameter.bounds}"
             )
-    size = len(names)
+    size = len(fitted)
     shape = fields["correlation"].shape
     if shape != (size, size):
         raise ValueError(f"fit.correlation is of shape {shape}, not {(size, size)}")

@@ -206,7 +206,7 @@ def _parameters(specs: Sequence[str], engine: Engine) -> list[Parameter]:
                     raise ValueError(f"a pair has two geoms, not {len(elements)}")
                 else:
                     first, second = elements
-                    made.append(Parameter.pair(first, second, name, **options))  # type: ignore[arg-type]
+                    made.append(Parameter.pair(first, second, name, **options))  # type: ignore[call-overload]
             except (ValueError, TypeError) as error:
                 raise ValueError(f"--fit {spec!r}: {error}") from None
     return made

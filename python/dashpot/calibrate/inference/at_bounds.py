@@ -56,7 +56,8 @@ def leaders(
         (p, p).
     """
     bound = np.array(
-        [bound_of(p, float(z)) is not None for p, z in zip(parameters, point, strict=True)]
+        [bound_of(p, float(z)) is not None for p, z in zip(parameters, point, strict=True)],
+        dtype=bool,
     )
     known = np.flatnonzero(bound & (np.abs(correlation).sum(axis=1) > 1.0))
     if known.size == 0:

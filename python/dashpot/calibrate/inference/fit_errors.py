@@ -56,7 +56,7 @@ def covariance_around(
             jacobian, residuals, loss=loss, live=live, offsets=offsets, hold=hold, misfit=misfit
         )
 
-    own = np.array([p.difference for p in objective.problem.parameters])
+    own = np.array([p.difference for p in objective.unknown])
     widths = np.maximum(own, _WIDEST_DIFFERENCE)
     hold = possible(objective)
     while True:
@@ -69,7 +69,7 @@ def covariance_around(
             break
         widths = wanted
     # Data without any noise leave a region of no size.
-    too_few = left() < region_evaluations(objective)
+    too_few = objective.parameters == 0 or left() < region_evaluations(objective)
     if seed is None or estimated.residual_variance == 0.0 or too_few:
         return estimated, np.zeros(objective.size), jacobian, None
     slopes = loss.slopes(residuals)

@@ -12,7 +12,6 @@ from dashpot.calibrate.problem.falling_paths import falling_paths
 from dashpot.calibrate.problem.first_guess import free_bodies, gravity_of
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.setters import model_of
-from dashpot.calibrate.problem.systems import own_system
 
 # Of what called fit, or predict, which call these.
 _STACK_LEVEL = 4
@@ -51,7 +50,7 @@ def noisy_starts(problem: Problem) -> tuple[str, ...]:
     """
     if not problem.starts_at_first_poses():
         return ()
-    model = model_of(own_system(problem.system, problem.start))
+    model = model_of(problem.bare_system())
     return tuple(
         trajectory.name
         for trajectory in problem.trajectories
@@ -61,7 +60,7 @@ def noisy_starts(problem: Problem) -> tuple[str, ...]:
 
 def strange_falls(problem: Problem) -> dict[str, str]:
     """Return what is strange about units or axes by trajectory, of those where something is."""
-    model = model_of(own_system(problem.system, problem.start))
+    model = model_of(problem.bare_system())
     gravity = float(np.linalg.norm(gravity_of(model)))
     found = {
         trajectory.name: strange_units(falling_paths(trajectory, model, problem.sigma[:3]), gravity)

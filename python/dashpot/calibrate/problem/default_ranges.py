@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import Any
+
+from dashpot.calibrate.problem.setters import FRICTION, FRICTION_INDEX
+from dashpot.calibrate.problem.vectors import is_vector
 
 #: Start, lower and upper bound of quantities of materials, in SI units: wide, of what there is.
 RANGES: dict[str, tuple[float, float, float]] = {
@@ -21,6 +25,31 @@ RANGES: dict[str, tuple[float, float, float]] = {
 }
 # A start given alone widens the bounds to this many times it, and a hundredth.
 _WIDER = 100.0
+
+
+def range_of(quantity: str, start: Any, bounds: Any) -> tuple[Any, Any]:
+    """Return the start and the bounds of a material's quantity; tuples of them for its friction.
+
+    Raises
+    ------
+    ValueError
+        Where there are several numbers of one, or not three of friction.
+    """
+    if quantity != FRICTION:
+        if is_vector(start, bounds):
+            raise ValueError(f"{quantity} of a material is one number, got start {start!r}")
+        return start_and_bounds(quantity, start, bounds)
+    count = len(FRICTION_INDEX)
+    starts = (None,) * count if start is None else start
+    each = bounds if is_vector(None, bounds) else (bounds,) * count
+    if not is_vector(starts, None) or len(starts) != count or len(each) != count:
+        raise ValueError(
+            f"{FRICTION} is {count} numbers, {', '.join(FRICTION_INDEX)}; got start {start!r} and "
+            f"bounds {bounds!r}"
+        )
+    found = map(start_and_bounds, FRICTION_INDEX, starts, each)
+    own_starts, own_bounds = zip(*found, strict=True)
+    return own_starts, own_bounds
 
 
 def start_and_bounds(

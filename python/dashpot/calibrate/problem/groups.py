@@ -1,4 +1,4 @@
-"""Parameters of single trajectories, or of groups of them: one unknown each.
+"""Parameters of single trajectories, or of groups of them: one unknown each, or a vector.
 
 A parameter with ``per`` stands for several, which are named after it and the trajectory or group:
 ``stiffness[thin]``. Each acts in its own trajectories alone.
@@ -9,6 +9,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
+
+from dashpot.calibrate.problem.vectors import components
 
 if TYPE_CHECKING:
     from dashpot.calibrate.problem.parameters import Parameter
@@ -57,20 +59,19 @@ def single_parameters(
     for parameter in parameters:
         per = parameter.per
         if per is None:
-            result.append(parameter)
+            result += components(parameter)
             continue
         groups = {name: (name,) for name in trajectories} if isinstance(per, str) else per
         _check_all_in_groups(parameter.name, groups.values(), trajectories)
-        result += [
-            dataclasses.replace(
+        for group, names in groups.items():
+            own = dataclasses.replace(
                 parameter,
                 name=f"{parameter.name}[{group}]",
                 per=None,
                 trajectories=tuple(names),
                 base=parameter.name,
             )
-            for group, names in groups.items()
-        ]
+            result += components(own)
     return tuple(result)
 
 

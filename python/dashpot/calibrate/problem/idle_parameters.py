@@ -29,10 +29,10 @@ def warn_of_idle_friction(problem: Problem) -> None:
     That is so where the friction of every geom that they could touch counts in its place, even
     with it at one of its bounds and all other parameters at their opposite ones.
     """
-    for parameter in problem.parameters:
+    for parameter in problem.unknowns:
         geoms, coefficients = _friction_of_geoms(parameter)
         ends = [
-            {p.name: p.bounds[side if p is parameter else 1 - side] for p in problem.parameters}
+            {p.name: p.bounds[side if p is parameter else 1 - side] for p in problem.unknowns}
             for side in (0, 1)
         ]
         try:

@@ -8,18 +8,19 @@ import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args, overload
 
 import numpy as np
 
 from dashpot.calibrate.problem import setters
 from dashpot.calibrate.problem.channels import POSES
-from dashpot.calibrate.problem.default_ranges import start_and_bounds
+from dashpot.calibrate.problem.default_ranges import range_of
 from dashpot.calibrate.problem.groups import checked_groups
 from dashpot.calibrate.problem.physical_values import check_bounds
 from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
 from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.problem.transforms import Transform, TransformName
+from dashpot.calibrate.problem.vectors import components, is_vector, vector_fields
 from dashpot.checks import flag, number, number_array
 from dashpot.materials import Material
 from dashpot.object_ids import Element
@@ -29,6 +30,7 @@ MaterialField = Literal[
     "damping",
     "damping_ratio",
     "restitution",
+    "friction",
     "sliding_friction",
     "torsional_friction",
     "rolling_friction",
@@ -39,6 +41,10 @@ MaterialField = Literal[
 ]
 
 Groups: TypeAlias = Literal["trajectory"] | Mapping[str, Sequence[str]]
+Start: TypeAlias = float | Sequence[float]
+Bounds: TypeAlias = tuple[float, float] | Sequence[tuple[float, float]]
+Transforms: TypeAlias = TransformName | Sequence[TransformName]
+Frozen: TypeAlias = bool | Sequence[bool]
 
 # Search coordinate, finite-difference step: quantities of unknown order of magnitude in log.
 _DEFAULT_TRANSFORM: dict[str, TransformName] = {"restitution": "logit"}
@@ -64,18 +70,22 @@ class Parameter:
     name
         Names the parameter in tables and messages.
     start
-        Where the search starts, strictly between the bounds.
+        Where the search starts, strictly between the bounds. Several numbers make a vector: a
+        `Problem` makes single parameters of it, named ``name[0]``, ``name[1]`` ..., each with a
+        value, an interval and a statement of its own.
     bounds
-        (lower, upper); > 0 for the log transform.
+        (lower, upper); > 0 for the log transform. Of a vector for all of its numbers, or one such
+        for each.
     transform
-        Search coordinate: ``"log"``, ``"linear"`` or ``"logit"``.
+        Search coordinate: ``"log"``, ``"linear"`` or ``"logit"``; of a vector one, or one for each
+        number.
     difference
         Half-width of the central finite difference in the search coordinate, in (0, 0.5]. Contact
         trajectories are only piecewise smooth: a much smaller step resolves the rounding and the
         micro-step switches of a bounce instead of the trend that the fit needs; the default 1e-4
         is 0.01 % of the value (log) or of the range (linear).
     apply
-        Sets the value in a system.
+        Sets the value in a system; of a vector an array of its numbers.
     changes_model
         Whether ``apply`` edits the MuJoCo model, whose derived constants are then recomputed with
         ``mj_setConst``.
@@ -87,6 +97,12 @@ class Parameter:
         Names of the trajectories in which it acts, as a `Problem` sets them; None: all.
     base
         The name of the parameter with ``per`` that a `Problem` made it of.
+    frozen
+        Held at its start, which may then be anywhere: it is set and listed, but not fitted. Of a
+        vector also one for each number. `Problem.freeze` and `Problem.release` change it, as to
+        compare nested models.
+    vector, component
+        The name of the vector that a `Problem` made it of, and which of its numbers it is.
 
     Raises
     ------
@@ -104,11 +120,43 @@ class Parameter:
     per: Groups | None = field(default=None, hash=False)
     trajectories: tuple[str, ...] | None = None
     base: str | None = None
+    frozen: bool = False
+    vector: str | None = None
+    component: int | None = None
+
+    if TYPE_CHECKING:
+        # What is taken. Single parameters, as problems have them, have the types of the fields.
+        def __init__(
+            self,
+            name: str,
+            start: Start,
+            bounds: Bounds,
+            transform: Transforms = "log",
+            difference: float = 1e-4,
+            apply: Callable[[System, Any], None] | None = None,
+            changes_model: bool = False,
+            per: Groups | None = None,
+            trajectories: tuple[str, ...] | None = None,
+            base: str | None = None,
+            frozen: Frozen = False,
+            vector: str | None = None,
+            component: int | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise TypeError(f"a parameter's name must be a string, got {self.name!r}")
         label = f"parameter '{self.name}'"
+        if self.apply is not None and not callable(self.apply):
+            raise TypeError(f"{label}: apply must be a function, got {self.apply!r}")
+        object.__setattr__(self, "per", checked_groups(label, self.per))
+        if is_vector(self.start, self.bounds):
+            given = {"transform": self.transform, "frozen": self.frozen}
+            for name, value in vector_fields(label, self.start, self.bounds, **given).items():
+                object.__setattr__(self, name, value)
+            components(self)  # each has to be a parameter
+            return
+        flag(f"{label}: frozen", self.frozen)
         if self.transform not in _TRANSFORMS:
             raise ValueError(
                 f"{label}: transform must be one of {', '.join(_TRANSFORMS)}, "
@@ -122,16 +170,14 @@ class Parameter:
             raise ValueError(f"{label}: bounds must be finite and ascend, got {self.bounds}")
         if self.transform == "log" and lower <= 0:
             raise ValueError(f"{label}: the log transform needs bounds > 0, got {self.bounds}")
-        if not lower < number(f"{label}: start", self.start) < upper:
+        start = number(f"{label}: start", self.start)
+        if not (math.isfinite(start) if self.frozen else lower < start < upper):
             raise ValueError(
                 f"{label}: start must lie between the bounds {self.bounds}, got {self.start!r}"
             )
         if not 0 < number(f"{label}: difference", self.difference) <= 0.5:
             raise ValueError(f"{label}: difference must be in (0, 0.5], got {self.difference!r}")
-        if self.apply is not None and not callable(self.apply):
-            raise TypeError(f"{label}: apply must be a function, got {self.apply!r}")
         flag(f"{label}: changes_model", self.changes_model)
-        object.__setattr__(self, "per", checked_groups(label, self.per))
         object.__setattr__(self, "bounds", (lower, upper))
         object.__setattr__(self, "start", float(self.start))
 
@@ -150,12 +196,13 @@ class Parameter:
         geoms: Element | Sequence[Element],
         quantity: MaterialField,
         *,
-        start: float | None = None,
-        bounds: tuple[float, float] | None = None,
+        start: Start | None = None,
+        bounds: Bounds | None = None,
         name: str | None = None,
-        transform: TransformName | None = None,
+        transform: Transforms | None = None,
         difference: float = 1e-4,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Vary one quantity of the material of one geom, or of several geoms alike.
 
@@ -167,11 +214,11 @@ class Parameter:
         quantity
             ``stiffness`` (N/m), ``damping`` (N s/m), ``damping_ratio``, ``restitution``,
             ``sliding_friction``, ``torsional_friction`` (m), ``rolling_friction`` (m),
-            ``loaded_friction``, ``friction_load`` (N), ``tangential_ratio`` or
-            ``tangential_damping_ratio``. What is not varied stays as the engine's material has it;
-            a problem refuses geoms without one whose softness is the model's ``solref``, unless
-            their stiffness is varied too. So it does where ``damping`` is varied of what has no
-            stiffness, given or varied.
+            ``friction`` (these three as a vector), ``loaded_friction``, ``friction_load`` (N),
+            ``tangential_ratio`` or ``tangential_damping_ratio``. What is not varied stays as the
+            engine's material has it; a problem refuses geoms without one whose softness is the
+            model's ``solref``, unless their stiffness is varied too. So it does where ``damping``
+            is varied of what has no stiffness, given or varied.
             Beside an unknown stiffness ask for ``restitution`` or ``damping_ratio`` rather than
             ``damping``. Motions show how much a bounce returns, which at one damping in N s/m
             depends on the stiffness too: data that a search fits with ease in restitution may end
@@ -180,13 +227,13 @@ class Parameter:
             where there is friction (see `Material`). Of motions with 0 a search that may go below
             finds 0.03 with an interval that leaves 0 out; with this bound it says that it ends
             there.
-        start, bounds, name, transform, difference, per
+        start, bounds, name, transform, difference, per, frozen
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution); starts and bounds are those of what there is, as stiffness
             from 10 to 1e8 N/m.
         """
         _check_quantity(quantity)
-        start, bounds = start_and_bounds(quantity, start, bounds)
+        start, bounds = range_of(quantity, start, bounds)
         parameter = cls(
             name=quantity if name is None else name,
             start=start,
@@ -194,11 +241,13 @@ class Parameter:
             transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
             per=per,
+            frozen=frozen,
             apply=setters.MaterialSetter(_elements("geoms", geoms), quantity),
         )
-        parameter._check_material_takes_bounds(quantity)
+        _check_material_takes_bounds(parameter)
         return parameter
 
+    @overload
     @classmethod
     def pair(
         cls,
@@ -206,24 +255,69 @@ class Parameter:
         geom2: Element,
         quantity: MaterialField,
         *,
-        start: float | None = None,
-        bounds: tuple[float, float] | None = None,
+        start: Start | None = ...,
+        bounds: Bounds | None = ...,
+        name: str | None = ...,
+        transform: Transforms | None = ...,
+        difference: float = ...,
+        per: Groups | None = ...,
+        frozen: Frozen = ...,
+    ) -> Parameter: ...
+
+    @overload
+    @classmethod
+    def pair(
+        cls,
+        pairs: Sequence[tuple[Element, Element]],
+        quantity: MaterialField,
+        /,
+        *,
+        start: Start | None = ...,
+        bounds: Bounds | None = ...,
+        name: str | None = ...,
+        transform: Transforms | None = ...,
+        difference: float = ...,
+        per: Groups | None = ...,
+        frozen: Frozen = ...,
+    ) -> Parameter: ...
+
+    @classmethod
+    def pair(
+        cls,
+        geom1: Any,
+        geom2: Any = None,
+        quantity: Any = None,
+        *,
+        start: Start | None = None,
+        bounds: Bounds | None = None,
         name: str | None = None,
-        transform: TransformName | None = None,
+        transform: Transforms | None = None,
         difference: float = 1e-4,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Vary one quantity of the material that two geoms have with each other.
+
+        Several pairs may share one value: ``Parameter.pair([("left", "cube"), ("right", "cube")],
+        "sliding_friction")``.
 
         A pair without a material of its own starts from ``Material()`` and the friction that it
         has; a problem refuses what would so lose stiffness or damping of its geoms' materials, or
         the model's ``solref``. Arguments as in `material`; the geoms by name or id.
         """
+        several: Any = geom1
+        if _is_element(geom1):
+            for argument, geom in (("geom1", geom1), ("geom2", geom2)):
+                if not _is_element(geom):
+                    raise TypeError(f"{argument} must be the name or id of a geom, got {geom!r}")
+            several = [(geom1, geom2)]
+        elif quantity is None:
+            quantity = geom2
+        else:
+            raise TypeError(f"geom1 must be the name or id of a geom, got {geom1!r}")
         _check_quantity(quantity)
-        for argument, geom in (("geom1", geom1), ("geom2", geom2)):
-            if not _is_element(geom):
-                raise TypeError(f"{argument} must be the name or id of a geom, got {geom!r}")
-        start, bounds = start_and_bounds(quantity, start, bounds)
+        pairs = _pairs(several)
+        start, bounds = range_of(quantity, start, bounds)
         parameter = cls(
             name=quantity if name is None else name,
             start=start,
@@ -231,9 +325,10 @@ class Parameter:
             transform=_DEFAULT_TRANSFORM.get(quantity, "log") if transform is None else transform,
             difference=difference,
             per=per,
-            apply=setters.PairSetter(geom1, geom2, quantity),
+            frozen=frozen,
+            apply=setters.PairSetter(pairs, quantity),
         )
-        parameter._check_material_takes_bounds(quantity)
+        _check_material_takes_bounds(parameter)
         return parameter
 
     @classmethod
@@ -242,13 +337,14 @@ class Parameter:
         attribute: str,
         elements: Element | Sequence[Element],
         *,
-        start: float,
-        bounds: tuple[float, float],
+        start: Start,
+        bounds: Bounds,
         index: int | Sequence[int] | None = None,
         name: str | None = None,
-        transform: TransformName = "log",
+        transform: Transforms = "log",
         difference: float = 1e-4,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Vary an array of the MuJoCo model, for example a mass.
 
@@ -267,10 +363,11 @@ class Parameter:
             Name or id of the body, geom ... whose row is set, or several; of the joint, for all of
             its degrees of freedom.
         index
-            Which columns of the row take the value; None: all of them, where they are alike. Those
+            Which columns of the row take the value, or of a vector its numbers; None: all of them,
+            where they are alike. Those
             of ``geom_friction``, ``solref``, ``solimp``, quaternions and parameters of actuators
             are not.
-        start, bounds, name, transform, difference, per
+        start, bounds, name, transform, difference, per, frozen
             As in `Parameter`. By default the name is ``attribute``. Bounds that reach beyond what
             bodies can be (masses, moments of inertia and sizes <= 0, damping, armature and friction
             < 0) are refused. Values between them that make no body together, as moments of inertia
@@ -280,7 +377,8 @@ class Parameter:
         if not isinstance(attribute, str):
             raise TypeError(f"attribute must be a string, got {attribute!r}")
         names = _elements("elements", elements)
-        if index is None and _UNLIKE_COLUMNS.fullmatch(attribute):
+        alike = index is not None or is_vector(start, bounds)
+        if not alike and _UNLIKE_COLUMNS.fullmatch(attribute):
             raise ValueError(
                 f"columns of {attribute} differ in what they mean; say which take the value: index"
             )
@@ -291,13 +389,15 @@ class Parameter:
             transform=transform,
             difference=difference,
             per=per,
+            frozen=frozen,
             apply=setters.model_setter(attribute, names, _columns(index)),
             changes_model=True,
         )
-        try:
-            check_bounds(attribute, ", ".join(f"'{e}'" for e in names), parameter.bounds)
-        except ValueError as error:
-            raise ValueError(f"parameter '{parameter.name}': {error}") from None
+        for single in components(parameter):
+            try:
+                check_bounds(attribute, ", ".join(f"'{e}'" for e in names), single.bounds)
+            except ValueError as error:
+                raise ValueError(f"parameter '{single.name}': {error}") from None
         return parameter
 
     @classmethod
@@ -309,6 +409,7 @@ class Parameter:
         start: float = 0.0,
         name: str | None = None,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Estimate by how much a recorder is late, s.
 
@@ -319,7 +420,7 @@ class Parameter:
         bounds
             (lower, upper), s. Readings at times before the upper one do not count: what they show
             comes before the start. Simulations go on beyond the end by a lower one < 0.
-        start, name, per
+        start, name, per, frozen
             As in `Parameter`. By default the name is ``delay of CHANNEL``.
 
         Example
@@ -328,39 +429,42 @@ class Parameter:
 
             Parameter.delay("load", bounds=(-0.01, 0.05))
         """
-        return cls._of_sensing("delay", channel, start, bounds, name, per, "linear")
+        return cls._of_sensing("delay", channel, start, bounds, name, per, frozen, "linear")
 
     @classmethod
     def gain(
         cls,
         channel: str,
         *,
-        bounds: tuple[float, float],
-        start: float = 1.0,
+        bounds: Bounds,
+        start: Start = 1.0,
         name: str | None = None,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Estimate the gain of a sensor, or of a scalar: its reading is so many times the true one.
 
         Parameters as in `delay`; `bounds` > 0.
         """
-        return cls._of_sensing("gain", channel, start, bounds, name, per, "log")
+        return cls._of_sensing("gain", channel, start, bounds, name, per, frozen, "log")
 
     @classmethod
     def offset(
         cls,
         channel: str,
         *,
-        bounds: tuple[float, float],
-        start: float = 0.0,
+        bounds: Bounds,
+        start: Start = 0.0,
         name: str | None = None,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Estimate what a sensor, or a scalar, reads where the true reading is 0, in its unit.
 
-        Parameters as in `delay`. Of sensors of several numbers all have the same.
+        Parameters as in `delay`. Of sensors of several numbers all have the same, unless `start` or
+        `bounds` are those of a vector.
         """
-        return cls._of_sensing("offset", channel, start, bounds, name, per, "linear")
+        return cls._of_sensing("offset", channel, start, bounds, name, per, frozen, "linear")
 
     @classmethod
     def scale(
@@ -371,6 +475,7 @@ class Parameter:
         centre: Sequence[float] = (0.0, 0.0, 0.0),
         name: str | None = None,
         per: Groups | None = None,
+        frozen: Frozen = False,
     ) -> Parameter:
         """Estimate the scale of measured positions: they are so many times the true ones.
 
@@ -378,24 +483,25 @@ class Parameter:
         ----------
         centre
             (3,) the point that is measured rightly, world, m: the optical axis of a camera.
-        bounds, start, name, per
+        bounds, start, name, per, frozen
             As in `delay`; `bounds` > 0. By default the name is ``scale of poses``.
         """
         point = number_array("centre", centre)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise ValueError(f"centre must be three finite numbers, got {centre!r}")
         x, y, z = (float(entry) for entry in point)
-        return cls._of_sensing("scale", POSES, start, bounds, name, per, "log", (x, y, z))
+        return cls._of_sensing("scale", POSES, start, bounds, name, per, frozen, "log", (x, y, z))
 
     @classmethod
     def _of_sensing(
         cls,
         quantity: SensingQuantity,
         channel: str,
-        start: float,
-        bounds: tuple[float, float],
+        start: Start,
+        bounds: Bounds,
         name: str | None,
         per: Groups | None,
+        frozen: Frozen,
         transform: TransformName,
         centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Parameter:
@@ -407,17 +513,39 @@ class Parameter:
             bounds=bounds,
             transform=transform,
             per=per,
+            frozen=frozen,
             apply=SensingSetter(quantity, channel, centre),
         )
 
-    def _check_material_takes_bounds(self, quantity: str) -> None:
-        for bound in self.bounds:
+
+def _check_material_takes_bounds(parameter: Parameter) -> None:
+    for single in components(parameter):
+        assert isinstance(single.apply, setters.MaterialSetter | setters.PairSetter)
+        for bound in single.bounds:
             try:
-                setters.with_quantity(Material(1.0), quantity, bound, np.zeros(3))
+                setters.with_quantity(Material(1.0), single.apply.quantity, bound, np.zeros(3))
             except ValueError as error:
                 raise ValueError(
-                    f"parameter '{self.name}': bounds {self.bounds}: {error}"
+                    f"parameter '{single.name}': bounds {single.bounds}: {error}"
                 ) from None
+
+
+def _pairs(given: object) -> tuple[tuple[Element, Element], ...]:
+    """Return one pair of geoms or more; raise TypeError or ValueError for anything else."""
+    if not isinstance(given, Iterable) or isinstance(given, str):
+        raise TypeError(f"pairs must be two geoms by name or id, or several twos, got {given!r}")
+    found: list[tuple[Element, Element]] = []
+    for pair in given:
+        geoms = () if isinstance(pair, str) or not isinstance(pair, Iterable) else tuple(pair)
+        if len(geoms) != 2 or not all(map(_is_element, geoms)):
+            raise TypeError(f"a pair is two geoms by name or id, got {pair!r}")
+        first, second = (g if isinstance(g, str) else operator.index(g) for g in geoms)
+        if (first, second) in found or (second, first) in found:
+            raise ValueError(f"pairs has {first!r} and {second!r} twice")
+        found.append((first, second))
+    if not found:
+        raise ValueError("pairs names nothing")
+    return tuple(found)
 
 
 def _elements(argument: str, given: Element | Sequence[Element]) -> tuple[Element, ...]:

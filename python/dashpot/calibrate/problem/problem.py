@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -21,6 +21,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.channels import Channel
 from dashpot.calibrate.problem.channels_of import channels_of
 from dashpot.calibrate.problem.first_guess import free_bodies, initial_state, robust_guess
+from dashpot.calibrate.problem.frozen import frozen_at, released
 from dashpot.calibrate.problem.gaps import check_kinds
 from dashpot.calibrate.problem.groups import check_acting, single_parameters
 from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
@@ -40,11 +41,12 @@ from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
 from dashpot.calibrate.problem.sensing import SensingSetter, check_channel
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.problem.systems import Builder, own_system, put_in
+from dashpot.calibrate.problem.vectors import builder_values, vectors_of
 from dashpot.checks import number, positive_count
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
-StartStates: TypeAlias = Callable[[Mapping[str, float]], tuple[Array, Array]]
+StartStates: TypeAlias = Callable[[Mapping[str, Any]], tuple[Array, Array]]
 Noise = Literal["stated", "estimate"]
 InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
@@ -64,8 +66,8 @@ class Problem:
         for parameters that need the model to be compiled anew. It is never changed: every
         candidate works on a copy.
     parameters
-        The unknowns, with different names. Those with ``per`` are replaced by one for each
-        trajectory or group.
+        The unknowns, and what is frozen, with different names. Those with ``per`` are replaced by
+        one for each trajectory or group, vectors by one for each of their numbers.
     trajectories
         The observations, with different names.
     position_sigma
@@ -207,7 +209,7 @@ class Problem:
                     sensor = self._sensors[name[5:]] = find_sensor(model, name[5:], label)
                     if sensor.size != 1:
                         raise ValueError(f"{label}: the sensor has {sensor.size} numbers, not one")
-        untouched = own_system(self.system, self._values_in(self.start, names[0]))
+        untouched = self.bare_system()
         if isinstance(untouched, Engine):
             check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
@@ -218,8 +220,39 @@ class Problem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters in order."""
+        """Names of the parameters in order, frozen ones included."""
         return tuple(p.name for p in self.parameters)
+
+    @property
+    def unknowns(self) -> tuple[Parameter, ...]:
+        """The parameters that are fitted, in order."""
+        return tuple(p for p in self.parameters if not p.frozen)
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Values of frozen parameters by name."""
+        return {p.name: p.start for p in self.parameters if p.frozen}
+
+    def freeze(self, values: Iterable[str] | Mapping[str, float]) -> Problem:
+        """Return the same problem with parameters held: a nested model.
+
+        Parameters
+        ----------
+        values
+            Values by name, or names of what is held at its start. That of a vector, or of one with
+            ``per``, stands for all that it is made of.
+
+        Example
+        -------
+        How much worse a model without a slope is::
+
+            fit(problem.freeze({"slope": 0.0})).cost - fit(problem).cost
+        """
+        return replace(self, parameters=frozen_at(self.parameters, values))
+
+    def release(self, names: Iterable[str] | str) -> Problem:
+        """Return the same problem with frozen parameters fitted, from where they were held."""
+        return replace(self, parameters=released(self.parameters, names))
 
     @property
     def sigma(self) -> Array:
@@ -246,7 +279,7 @@ class Problem:
         Parameters
         ----------
         values
-            Of all parameters.
+            Of all parameters; frozen ones may be left out.
         trajectory
             Name of the one of which the system is: parameters that act in others alone are left
             out. None: the first.
@@ -257,16 +290,25 @@ class Problem:
             Naming the parameter that is missing or unknown, or whose value was refused.
         """
         self.check_values(values)
+        values = {**self.held, **values}
         name = self.trajectories[0].name if trajectory is None else trajectory
         system = own_system(self.system, self._values_in(values, name))
         put_in(system, [p for p in self.parameters if p.acts_in(name)], values)
         return system
 
+    def bare_system(self, values: Mapping[str, float] | None = None) -> System:
+        """Return a system of the first trajectory before any parameter is put in.
+
+        Functions that build it get `values`, by default the starts.
+        """
+        known = self.start if values is None else values
+        return own_system(self.system, self._values_in(known, self.trajectories[0].name))
+
     def acting(self, trajectory: Trajectory) -> list[bool]:
-        """Return for each parameter whether the system of a trajectory depends on it."""
+        """Return for each unknown whether the system of a trajectory depends on it."""
         return [
             p.acts_in(trajectory.name) and not isinstance(p.apply, SensingSetter)
-            for p in self.parameters
+            for p in self.unknowns
         ]
 
     def sensing_setters(self, trajectory: Trajectory) -> dict[str, SensingSetter]:
@@ -294,8 +336,11 @@ class Problem:
         return self._sensors[name]
 
     def check_values(self, values: Mapping[str, float]) -> None:
-        """Raise ValueError where `values` are not those of all parameters by name."""
-        if set(values) != set(self.names):
+        """Raise ValueError where `values` are not those of all parameters by name.
+
+        Frozen ones may be left out.
+        """
+        if not {p.name for p in self.unknowns} <= set(values) <= set(self.names):
             raise ValueError(
                 f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
             )
@@ -377,7 +422,8 @@ class Problem:
         """
         count = len(self.trajectories)
         if self.start_states is not None:
-            starts = self.start_states(self.start if values is None else values)
+            known = {**self.start, **({} if values is None else values)}
+            starts = self.start_states(known | vectors_of(self.parameters, known))
             return checked_states(starts, count, model)
         qpos = np.empty((count, model.nq))
         qvel = np.empty((count, model.nv))
@@ -411,9 +457,9 @@ class Problem:
         # The slack keeps rounding in the times from adding a step.
         return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
 
-    def _values_in(self, values: Mapping[str, float], trajectory: str) -> dict[str, float]:
+    def _values_in(self, values: Mapping[str, float], trajectory: str) -> dict[str, Any]:
         """Return the values that a function which builds the system of a trajectory gets."""
-        return {p.base or p.name: values[p.name] for p in self.parameters if p.acts_in(trajectory)}
+        return builder_values([p for p in self.parameters if p.acts_in(trajectory)], values)
 
     def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
         """Return by channel of a trajectory the bounds of its delay, s."""
@@ -429,7 +475,7 @@ class Problem:
         for parameter in self.parameters:
             if isinstance(parameter.apply, SensingSetter):
                 kinds = {
-                    channel.name: channel.kind
+                    channel.name: (channel.kind, channel.block.columns)
                     for trajectory in self.trajectories
                     if parameter.acts_in(trajectory.name)
                     for channel in self.channels(trajectory)

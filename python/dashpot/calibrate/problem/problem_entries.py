@@ -69,6 +69,8 @@ def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> Non
             continue
         for target in targets:
             for other in setters_of.setdefault(target, []):
+                if parameter.vector is not None and parameter.vector == other.vector:
+                    continue  # each of its numbers has a place of its own
                 if _act_together(parameter, other):
                     raise ValueError(
                         f"parameters '{other.name}' and '{parameter.name}' both set the {target}"

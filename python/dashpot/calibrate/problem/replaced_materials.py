@@ -43,8 +43,8 @@ def check_nothing_is_lost(engine: Engine, parameters: Sequence[Parameter]) -> No
     for parameter in parameters:
         setter = parameter.apply
         if isinstance(setter, PairSetter):
-            quantities = set_for_pair.setdefault(_pair_of(engine, setter), set())
-            quantities.add(kind_of_quantity(setter.quantity))
+            for pair in _pairs_of(engine, setter):
+                set_for_pair.setdefault(pair, set()).add(kind_of_quantity(setter.quantity))
         elif isinstance(setter, MaterialSetter):
             for element in setter.geoms:
                 quantities = set_for_geom.setdefault(engine.geom_id(element), set())
@@ -53,9 +53,9 @@ def check_nothing_is_lost(engine: Engine, parameters: Sequence[Parameter]) -> No
         setter = parameter.apply
         label = f"parameter '{parameter.name}'"
         if isinstance(setter, PairSetter):
-            pair = _pair_of(engine, setter)
-            if pair not in engine.pair_materials:
-                _check_pair(engine, pair, set_for_pair[pair], label)
+            for pair in _pairs_of(engine, setter):
+                if pair not in engine.pair_materials:
+                    _check_pair(engine, pair, set_for_pair[pair], label)
         elif isinstance(setter, MaterialSetter):
             for geom in map(engine.geom_id, setter.geoms):
                 for other in partners(engine.model, geom):
@@ -105,8 +105,8 @@ def _check_solref(engine: Engine, geom: int, other: int, label: str) -> None:
         )
 
 
-def _pair_of(engine: Engine, setter: PairSetter) -> tuple[int, int]:
-    return _ordered(engine.geom_id(setter.geom1), engine.geom_id(setter.geom2))
+def _pairs_of(engine: Engine, setter: PairSetter) -> list[tuple[int, int]]:
+    return [_ordered(engine.geom_id(a), engine.geom_id(b)) for a, b in setter.pairs]
 
 
 def _ordered(geom1: int, geom2: int) -> tuple[int, int]:

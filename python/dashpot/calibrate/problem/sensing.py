@@ -15,7 +15,7 @@ events are read later by it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -37,6 +37,9 @@ class SensingSetter:
     quantity: SensingQuantity
     channel: str
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    #: Which of how many numbers of the channel it is of; None: of all alike.
+    number: int | None = None
+    count: int = 1
 
     def __call__(self, system: System, value: float) -> None:
         """Leave the system as it is."""
@@ -46,6 +49,12 @@ class SensingSetter:
         """What it sets, in words."""
         return f"{self.quantity} of {self.channel}"
 
+    def component(self, number: int, count: int) -> SensingSetter:
+        """Return the setter of one of so many numbers of the channel."""
+        if self.quantity in ("delay", "scale"):
+            raise ValueError(f"{self.quantity} is one number, and there are {count}")
+        return replace(self, number=number, count=count)
+
 
 @dataclass(frozen=True, eq=False)
 class Sensing:
@@ -54,7 +63,7 @@ class Sensing:
     Attributes
     ----------
     values
-        (simulations,) by quantity and channel.
+        (simulations,) by quantity and channel, or (simulations, numbers) where these differ.
     centre
         (3,) of the scale of positions, m.
     """
@@ -63,7 +72,7 @@ class Sensing:
     centre: Array
 
     def of(self, quantity: SensingQuantity, channel: str) -> Array | None:
-        """Return (simulations,) values, None where no parameter sets the quantity."""
+        """Return its values, None where no parameter sets the quantity."""
         return self.values.get((quantity, channel))
 
 
@@ -73,13 +82,21 @@ def sensing(setters: Mapping[str, SensingSetter], values: Iterable[Mapping[str, 
     centre = np.zeros(3)
     found: dict[tuple[SensingQuantity, str], Array] = {}
     for name, setter in setters.items():
-        found[setter.quantity, setter.channel] = np.array([row[name] for row in rows])
+        column = np.array([row[name] for row in rows])
+        key = setter.quantity, setter.channel
+        if setter.number is None:
+            found[key] = column
+        else:
+            table = found.setdefault(key, np.empty((len(rows), setter.count)))
+            table[:, setter.number] = column
         if setter.quantity == "scale":
             centre = np.array(setter.centre)
     return Sensing(found, centre)
 
 
-def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str]) -> None:
+def check_channel(
+    name: str, setter: SensingSetter, channels: Mapping[str, tuple[str, int]]
+) -> None:
     """Raise ValueError where a parameter reads a channel that no trajectory has, or not so.
 
     Parameters
@@ -89,10 +106,11 @@ def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str])
     setter
         What it sets.
     channels
-        Kinds by name of the channels of the trajectories that the parameter is of.
+        By name, kinds and counts of numbers of the channels of the trajectories that the parameter
+        is of.
     """
     label = f"parameter '{name}'"
-    kind = channels.get(setter.channel)
+    kind, numbers = channels.get(setter.channel, (None, 0))
     if kind is None:
         raise ValueError(
             f"{label}: no trajectory has a channel {setter.channel!r}; there are "
@@ -104,3 +122,7 @@ def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str])
         raise ValueError(f"{label}: {setter.channel!r} is no reading at a time, and has no delay")
     if setter.quantity in ("gain", "offset") and kind == "event":
         raise ValueError(f"{label}: times of {setter.channel!r} have a delay, no {setter.quantity}")
+    if setter.number is not None and setter.count != numbers:
+        raise ValueError(
+            f"{label}: there are {setter.count} numbers, and {setter.channel!r} has {numbers}"
+        )

@@ -19,6 +19,8 @@ System: TypeAlias = Engine | mujoco.MjModel
 Setter = Callable[[System, float], None]
 
 FRICTION_INDEX = {"sliding_friction": 0, "torsional_friction": 1, "rolling_friction": 2}
+FRICTION = "friction"
+"""All three of them, as a vector."""
 _DAMPING_FORMS = ("damping", "damping_ratio", "restitution")
 
 # Rows of arrays whose names begin so belong to elements of a kind. A joint has one row of "dof" for
@@ -59,29 +61,39 @@ class MaterialSetter:
         quantity = kind_of_quantity(self.quantity)
         return tuple(f"{quantity} of geom {_label(model, 'geom', geom)}" for geom in self.geoms)
 
+    def component(self, number: int, count: int) -> MaterialSetter:
+        """Return the setter of one of so many numbers: of the triple of friction."""
+        return replace(self, quantity=_component_of(self.quantity, number, count))
+
 
 @dataclass(frozen=True)
 class PairSetter:
-    """Sets one quantity of the material of a pair of geoms."""
+    """Sets one quantity of the materials of some pairs of geoms."""
 
-    geom1: Element
-    geom2: Element
+    pairs: tuple[tuple[Element, Element], ...]
     quantity: str
 
     def __call__(self, system: System, value: float) -> None:
         """Set the quantity in an engine."""
         engine = _engine(system, self.quantity)
-        material = engine.pair_material(self.geom1, self.geom2) or Material()
-        sliding, _, torsional, rolling, _ = engine.contact_material(self.geom1, self.geom2).friction
-        present = np.array([sliding, torsional, rolling])
-        engine.set_pair_material(
-            self.geom1, self.geom2, with_quantity(material, self.quantity, value, present)
-        )
+        for pair in self.pairs:
+            material = engine.pair_material(*pair) or Material()
+            sliding, _, torsional, rolling, _ = engine.contact_material(*pair).friction
+            present = np.array([sliding, torsional, rolling])
+            engine.set_pair_material(*pair, with_quantity(material, self.quantity, value, present))
 
     def targets(self, model: mujoco.MjModel) -> tuple[str, ...]:
         """Return what it sets in a model, in words."""
-        first, second = sorted(_label(model, "geom", geom) for geom in (self.geom1, self.geom2))
-        return (f"{kind_of_quantity(self.quantity)} of the pair {first}, {second}",)
+        quantity = kind_of_quantity(self.quantity)
+        found = []
+        for pair in self.pairs:
+            first, second = sorted(_label(model, "geom", geom) for geom in pair)
+            found.append(f"{quantity} of the pair {first}, {second}")
+        return tuple(found)
+
+    def component(self, number: int, count: int) -> PairSetter:
+        """Return the setter of one of so many numbers: of the triple of friction."""
+        return replace(self, quantity=_component_of(self.quantity, number, count))
 
 
 @dataclass(frozen=True)
@@ -91,6 +103,8 @@ class ModelSetter:
     attribute: str
     elements: tuple[Element, ...]
     columns: tuple[int, ...] | None
+    #: How many columns rows have to have; None: any number.
+    width: int | None = None
 
     def __call__(self, system: System, value: float) -> None:
         """Set them in the model, or the model of an engine."""
@@ -120,8 +134,21 @@ class ModelSetter:
         columns = self._checked_columns(width)
         return tuple(f"{name}[{column}]" for name in names for column in columns)
 
+    def component(self, number: int, count: int) -> ModelSetter:
+        """Return the setter of one of so many columns; ValueError where they are not so many."""
+        if self.columns is None:
+            return replace(self, columns=(number,), width=count)
+        if len(set(self.columns)) != count:
+            raise ValueError(f"index names {len(set(self.columns))} columns, and start {count}")
+        return replace(self, columns=(self.columns[number],))
+
     def _checked_columns(self, width: int) -> list[int]:
         """Return the columns that it sets; raise ValueError where rows have no such."""
+        if self.width not in (None, width):
+            raise ValueError(
+                f"rows of {self.attribute} have {width} columns, and there are {self.width} "
+                "numbers; say of which: index"
+            )
         if self.columns is None:
             return list(range(width))
         absent = [column for column in self.columns if not 0 <= column < width]
@@ -165,6 +192,14 @@ def with_quantity(
         friction[FRICTION_INDEX[quantity]] = value
         return replace(material, friction=(friction[0], friction[1], friction[2]))
     return replace(material, **{quantity: value})  # type: ignore[arg-type]
+
+
+def _component_of(quantity: str, number: int, count: int) -> str:
+    """Return what one of so many numbers sets of a quantity; ValueError where it is one number."""
+    if quantity != FRICTION or count != len(FRICTION_INDEX):
+        size = len(FRICTION_INDEX) if quantity == FRICTION else 1
+        raise ValueError(f"{quantity} of a material has {size} numbers, and there are {count}")
+    return list(FRICTION_INDEX)[number]
 
 
 def kind_of_quantity(quantity: str) -> str:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import mujoco
+import numpy as np
 
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.setters import (
@@ -16,12 +17,13 @@ from dashpot.calibrate.problem.setters import (
     System,
     model_of,
 )
+from dashpot.calibrate.problem.vectors import Joint, vectors_of
 from dashpot.engine import Engine
 
-Builder: TypeAlias = Callable[[Mapping[str, float]], System]
+Builder: TypeAlias = Callable[[Mapping[str, Any]], System]
 
 
-def own_system(system: System | Builder, values: Mapping[str, float]) -> System:
+def own_system(system: System | Builder, values: Mapping[str, Any]) -> System:
     """Return a copy of the system, or a new one, before any parameter is put in."""
     if isinstance(system, mujoco.MjModel | Engine):
         return copy.copy(system)
@@ -42,14 +44,19 @@ def own_system(system: System | Builder, values: Mapping[str, float]) -> System:
 def put_in(system: System, parameters: Sequence[Parameter], values: Mapping[str, float]) -> None:
     """Set the values of parameters in a system; raise ValueError naming what was refused."""
     changed = False
+    vectors = vectors_of(parameters, values)
     for parameter in _stiffness_before_damping(parameters):
-        if parameter.apply is None:
+        name, setter = parameter.name, parameter.apply
+        if setter is None or (isinstance(setter, Joint) and parameter.component != 0):
             continue
-        value = values[parameter.name]
+        value: Any = values[name]
+        if isinstance(setter, Joint) and parameter.vector is not None:
+            name, setter, value = parameter.vector, setter.function, vectors[parameter.vector]
         try:
-            parameter.apply(system, value)
+            setter(system, value)
         except (ValueError, TypeError) as error:
-            raise type(error)(f"parameter '{parameter.name}' = {value:.6g}: {error}") from error
+            shown = ", ".join(f"{entry:.6g}" for entry in np.atleast_1d(value))
+            raise type(error)(f"parameter '{name}' = {shown}: {error}") from error
         changed = changed or parameter.changes_model
     for parameter in parameters:
         if isinstance(parameter.apply, ModelSetter):

@@ -45,7 +45,14 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
         row += [f"{e.value:.{digits}g}", " – ".join(interval_ends(e.lower, e.upper))]
         row.append(grade_word(e))
         table.add_row(*row)
+    for name, value in fit.problem.held.items():
+        known = [] if truth is None else [f"{truth[name]:.6g}" if name in truth else ""]
+        table.add_row(name, *known, f"{value:.6g}", "", HELD)
     return table
+
+
+HELD = "held"
+"""What is said of frozen parameters in place of a grade."""
 
 
 def grade_word(estimate: Estimate) -> str:
@@ -73,6 +80,7 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
             }
             for e in fit.estimates
         ],
+        "held": fit.problem.held,
         "correlation": fit.correlation.tolist(),
         "combinations": [
             {

@@ -102,7 +102,7 @@ def _point(fit: Fit, objective: Objective) -> Array:
     """Return the estimate as a point of the search."""
     own = [
         p.coordinate.to_search(e.value)
-        for p, e in zip(fit.problem.parameters, fit.estimates, strict=True)
+        for p, e in zip(fit.problem.unknowns, fit.estimates, strict=True)
     ]
     parts = [p for p in (fit.initial_velocity, fit.initial_displacement) if p is not None]
     states = np.concatenate(parts, axis=1).reshape(-1) if parts else np.empty(0)
@@ -114,7 +114,7 @@ def _point(fit: Fit, objective: Objective) -> Array:
 
 def _draws(fit: Fit, around: Neighbourhood, nthread: int) -> list[list[Mapping[str, Array]]]:
     """Return by trajectory what is simulated at draws of all unknowns; those that fail are not."""
-    parameters = fit.problem.parameters
+    parameters = fit.problem.unknowns
     drawn = np.array(
         [
             [p.coordinate.to_search(values[p.name]) for p in parameters]
@@ -155,7 +155,7 @@ def _profiles(
     loss = Loss(fit.loss, fit.loss_scale)
     count = objective.parameters
     quantile = float(special.ndtri(0.5 + 0.5 * fit.confidence))
-    coordinates = [p.coordinate for p in fit.problem.parameters]
+    coordinates = [p.coordinate for p in fit.problem.unknowns]
     errors = np.array(
         [
             (c.to_search(e.upper) - c.to_search(e.lower)) / (2.0 * quantile)

@@ -14,13 +14,15 @@ from dashpot.calibrate.inference.estimate import (
     percent,
 )
 from dashpot.calibrate.report.drawings import autocorrelation, by_channel
-from dashpot.calibrate.report.fit_report import grade_word
+from dashpot.calibrate.report.fit_report import HELD, grade_word
 from dashpot.calibrate.report.prediction_report import prediction_errors
 from dashpot.calibrate.report.record import Record
 from dashpot.calibrate.result import Fit
 
 if TYPE_CHECKING:
     from dashpot.calibrate.prediction import Prediction
+
+_FROZEN = "frozen: it is set, but not fitted"
 
 
 def parameters_table(fit: Fit, record: Record) -> dict[str, Any]:
@@ -38,6 +40,10 @@ def parameters_table(fit: Fit, record: Record) -> dict[str, Any]:
                 e.statement,
             )
             for e in fit.estimates
+        ]
+        + [
+            (name.replace("_", " "), record.units.get(name, ""), f"{value:.6g}", "", HELD, _FROZEN)
+            for name, value in fit.problem.held.items()
         ],
     }
 

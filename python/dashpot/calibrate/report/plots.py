@@ -94,6 +94,9 @@ def draw_distribution(axes: Axes, fit: Fit) -> None:
 def draw_correlation(axes: Axes, fit: Fit) -> None:
     """Draw the matrix of correlations of the estimates, with its numbers."""
     names = [estimate.name.replace("_", " ") for estimate in fit.estimates]
+    if not names:
+        axes.set_axis_off()
+        return
     axes.imshow(fit.correlation, vmin=-1, vmax=1, cmap="RdBu_r")
     for row in range(len(names)):
         for column in range(len(names)):

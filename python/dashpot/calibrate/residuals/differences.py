@@ -45,7 +45,7 @@ def derivatives_along(
     """
     residuals, failures = attempt(np.concatenate([up, down]))
     plus, minus = residuals[: len(up)], residuals[len(up) :]
-    above, below = (np.abs(end - point).max(axis=1) for end in (up, down))
+    above, below = (np.abs(end - point).max(axis=1, initial=0.0) for end in (up, down))
     missing = len(up) - len(down)
     if missing and base is not None:
         minus = np.concatenate([minus, np.repeat(base[None], missing, axis=0)])

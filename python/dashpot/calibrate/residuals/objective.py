@@ -58,7 +58,7 @@ class Objective:
         #: Values of the parameters where points do not hold them.
         self.held = held
         #: Parameters that points hold.
-        self.unknown = problem.parameters if held is None else ()
+        self.unknown = problem.unknowns if held is None else ()
         self.coordinates = [p.coordinate for p in self.unknown]
         self.evaluations = 0
         self._systems: dict[tuple[bytes, bytes], System] = {}
@@ -174,13 +174,14 @@ class Objective:
         return lower, upper
 
     def values(self, point: Array) -> dict[str, float]:
-        """Return the parameters' values at a point, by name."""
+        """Return the parameters' values at a point, frozen ones included, by name."""
         if self.held is not None:
-            return dict(self.held)
-        return {
+            return {**self.problem.held, **self.held}
+        found = {
             parameter.name: coordinate.to_value(float(z))
             for parameter, coordinate, z in zip(self.unknown, self.coordinates, point, strict=False)
         }
+        return {**found, **self.problem.held}
 
     def residuals(self, points: Array) -> Array:
         """Return the weighted residuals (points, residual_count) of `points` (points, size).

@@ -194,8 +194,8 @@ def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:
     """Return what a sensor or scalar reads with its gain and offset."""
     gain, offset = (sensing.of(quantity, channel.name) for quantity in ("gain", "offset"))
     if gain is not None:
-        reading = gain[:, None, None] * reading
-    return reading if offset is None else reading + offset[:, None, None]
+        reading = gain.reshape(len(gain), 1, -1) * reading
+    return reading if offset is None else reading + offset.reshape(len(offset), 1, -1)
 
 
 def _same_side(poses: Array) -> Array:

@@ -47,6 +47,10 @@ def least_squares(
         began = True
         return np.asarray(found)
 
+    if objective.size == 0:
+        found = residuals(start)
+        search.converged, search.message = True, "nothing is to be fitted: all is frozen"
+        return start, found
     try:
         end = minimise(
             residuals,

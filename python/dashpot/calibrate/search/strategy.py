@@ -81,6 +81,10 @@ def run_automatic(
     """
     final = Search(objective, loss, budget)
     begin = objective.start(robust=loss.robust)
+    if objective.parameters == 0:  # they are all frozen
+        least_squares(final, begin, MOST_ITERATIONS)
+        finish(final)
+        return final
     worth = _AUTOMATIC_STARTS + _ITERATIONS_WORTH * final.iteration
     if method == "least_squares":
         share = _GIVEN_SHARE if (1.0 - _GIVEN_SHARE) * budget.left >= worth else 1.0

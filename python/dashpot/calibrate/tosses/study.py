@@ -69,9 +69,7 @@ def evaluate(
         Number of threads, >= 1. None: one per core.
     """
     objective = Objective(problem, nthread=thread_count(nthread))
-    point = np.array(
-        [c.to_search(values[n]) for c, n in zip(objective.coordinates, problem.names, strict=True)]
-    )
+    point = np.array([p.coordinate.to_search(values[p.name]) for p in objective.unknown])
     residuals = objective.residuals(point)[0]
     errors = np.empty((len(problem.trajectories), 4))
     for t, toss in enumerate(problem.trajectories):
