@@ -14,10 +14,12 @@ from typing import TypeAlias
 import mujoco
 import numpy as np
 
+from dashpot.calibrate.problem.inertia_setter import InertiaSetter
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter, model_of
 from dashpot.calibrate.problem.systems import put_in
+from dashpot.calibrate.problem.vectors import Joint
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.saved import SavedProblem, acting_parameters, setup_of
 from dashpot.calibrate.solref_pairs import add_pairs
@@ -70,7 +72,7 @@ def write_mjcf(
     file = Path(path)
     spec = _specification(fit, scene, file.parent)
     model = spec.compile()
-    of_model = [p for p in parameters if isinstance(p.apply, ModelSetter)]
+    of_model = [p for p in parameters if isinstance(p.apply, ModelSetter | Joint)]
     live = not isinstance(fit.problem, SavedProblem)
     fitted = model_of(fit.problem.build(fit.values, trajectory)) if live else model
     _check_names(model, fitted)
@@ -115,12 +117,16 @@ def write_mjcf(
 
 def _check_setters(parameters: Sequence[Parameter]) -> None:
     """Raise ValueError naming the parameters that no MJCF can hold."""
-    known = (MaterialSetter, PairSetter, ModelSetter)
-    foreign = [p.name for p in parameters if not isinstance(p.apply, known)]
+    known = (MaterialSetter, PairSetter, ModelSetter, InertiaSetter)
+    foreign = [
+        p.name
+        for p in parameters
+        if not isinstance(p.apply.function if isinstance(p.apply, Joint) else p.apply, known)
+    ]
     if foreign:
         raise ValueError(
-            f"an MJCF cannot hold {_listed(foreign)}: only what Parameter.material, pair and model "
-            "make stands for something in it"
+            f"an MJCF cannot hold {_listed(foreign)}: only what Parameter.material, pair, model "
+            "and inertia make stands for something in it"
         )
 
 
@@ -205,6 +211,7 @@ _ARRAYS = (
     "body_mass",
     "body_inertia",
     "body_ipos",
+    "body_iquat",
     "geom_pos",
     "geom_quat",
     "geom_size",

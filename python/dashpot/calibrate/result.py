@@ -23,8 +23,8 @@ from dashpot.calibrate.outputs import Outputs
 from dashpot.calibrate.prediction import Predictions, predict, predictions
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.problem import Problem
-from dashpot.calibrate.problem.vectors import vectors_of
 from dashpot.calibrate.provenance import Provenance
+from dashpot.calibrate.readback import Readback
 from dashpot.calibrate.residuals.losses import LossName
 from dashpot.checks import positive_count, thread_count, whole_number
 from dashpot.tables import table_html, table_text
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Outputs):
+class Fit(Outputs, Readback):
     """Estimates, their intervals and how well they explain the data.
 
     It can be pickled where the functions of its parameters and system can. A search goes on from it
@@ -144,13 +144,6 @@ class Fit(Outputs):
     def values(self) -> dict[str, float]:
         """Estimates by name, then the values of frozen parameters."""
         return {e.name: e.value for e in self.estimates} | self.problem.held
-
-    def vector(self, name: str) -> Array:
-        """Return the values of a vector parameter, (numbers,); KeyError where there is none."""
-        found = vectors_of(self.problem.parameters, self.values)
-        if name not in found:
-            raise KeyError(f"no vector named {name!r}; there are {', '.join(found) or 'none'}")
-        return np.asarray(found[name])
 
     @property
     def residuals(self) -> tuple[Array, ...]:

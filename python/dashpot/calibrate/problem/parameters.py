@@ -16,12 +16,13 @@ from dashpot.calibrate.problem import setters
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.default_ranges import range_of
 from dashpot.calibrate.problem.groups import checked_groups
+from dashpot.calibrate.problem.inertia_setter import InertiaRange
 from dashpot.calibrate.problem.physical_values import check_bounds
 from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
 from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.problem.transforms import Transform, TransformName
 from dashpot.calibrate.problem.vectors import components, is_vector, vector_fields
-from dashpot.checks import flag, number, number_array
+from dashpot.checks import flag, number, number_array, positive_number
 from dashpot.materials import Material
 from dashpot.object_ids import Element
 
@@ -399,6 +400,82 @@ class Parameter:
             except ValueError as error:
                 raise ValueError(f"parameter '{single.name}': {error}") from None
         return parameter
+
+    @classmethod
+    def inertia(
+        cls,
+        body: Element,
+        *,
+        mass: tuple[float, float] | None = None,
+        centre: float | bool = True,
+        shape: float | bool = True,
+        name: str | None = None,
+        difference: float = 1e-4,
+        per: Groups | None = None,
+        frozen: bool = False,
+    ) -> Parameter:
+        """Vary mass, centre of mass and rotational inertia of a body, which stays physical.
+
+        They are a vector of ten numbers, of which any within their bounds make a body (a Cholesky
+        factor of the pseudo-inertia, `dashpot.calibrate.problem.pseudo_inertia`). Each starts from
+        the model's. `Fit.inertia` tells mass, centre and moments of inertia with intervals.
+
+        Motions without known forces tell neither the mass nor how large the inertia is, but where
+        the centre is and how the moments are to each other.
+
+        Parameters
+        ----------
+        body
+            Name or id. Where its centre or shape vary, MuJoCo must not have compiled it as simple:
+            give it ``simple="false"`` in the MJCF.
+        mass
+            (lower, upper), kg; None: the model's is held, as of a body that was weighed.
+        centre
+            How far it may be from the model's along each axis of the body, m; True: as far as mass
+            spreads along its longest axis; False: it stays.
+        shape
+            Factor > 1 by which sizes and stretches may differ from the model's; True: 3; False:
+            moments of inertia stay, but for the mass that they grow with.
+        name, difference, per, frozen
+            As in `Parameter`. By default the name is ``inertia of BODY``.
+
+        Example
+        -------
+        A box with an unknown load inside that was weighed and thrown; and a mass alone::
+
+            Parameter.inertia("box", centre=0.05)
+            Parameter.inertia("box", mass=(0.2, 1.0), centre=False, shape=False)
+        """
+        if not _is_element(body):
+            raise TypeError(f"body must be a name or an id, got {body!r}")
+        label = f"inertia of {body}" if name is None else name
+        parts = {"centre": centre, "shape": shape}
+        for part, value in parts.items():
+            if not isinstance(value, bool):
+                least = 1.0 if part == "shape" else 0.0
+                parts[part] = positive_number(f"parameter '{label}': {part}", value)
+                if value <= least:
+                    raise ValueError(f"parameter '{label}': {part} must be > 1, got {value!r}")
+        if mass is None and not centre and not shape:
+            raise ValueError(f"parameter '{label}': mass, centre and shape are all held")
+        if mass is not None:
+            mass = cls(label, mass[0], mass, frozen=True).bounds
+        return cls(
+            name=label,
+            start=0.0,  # as those that a Problem makes of it, whose model tells them
+            bounds=(-1.0, 1.0),
+            transform="linear",
+            difference=difference,
+            per=per,
+            frozen=frozen,
+            apply=InertiaRange(
+                body if isinstance(body, str) else operator.index(body),
+                mass,
+                None if centre is True else float(parts["centre"]),
+                3.0 if shape is True else float(parts["shape"]) or None,
+            ),
+            changes_model=True,
+        )
 
     @classmethod
     def delay(

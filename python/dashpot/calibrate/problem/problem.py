@@ -24,6 +24,7 @@ from dashpot.calibrate.problem.first_guess import free_bodies, initial_state, ro
 from dashpot.calibrate.problem.frozen import frozen_at, released
 from dashpot.calibrate.problem.gaps import check_kinds
 from dashpot.calibrate.problem.groups import check_acting, single_parameters
+from dashpot.calibrate.problem.inertia_setter import with_inertia
 from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
@@ -158,19 +159,20 @@ class Problem:
             raise ValueError("a problem needs at least one trajectory")
         names = [t.name for t in self.trajectories]
         check_unique("trajectory", names)
-        object.__setattr__(self, "parameters", single_parameters(self.parameters, names))
+        stated = with_inertia(self.parameters, names, self.system)
+        object.__setattr__(self, "parameters", single_parameters(stated, names))
         check_unique("parameter", [p.name for p in self.parameters])
         check_acting(self.parameters, names)
         object.__setattr__(self, "position_sigma", position_deviations(self.position_sigma))
         object.__setattr__(self, "rotation_sigma", deviation("rotation_sigma", self.rotation_sigma))
         sensor_sigma = deviations_by_name("sensor_sigma", self.sensor_sigma)
         object.__setattr__(self, "sensor_sigma", sensor_sigma)
-        stated = [self.sigma, *map(np.array, sensor_sigma.values())]
+        sigmas = [self.sigma, *map(np.array, sensor_sigma.values())]
         for name in ("event_sigma", "scalar_sigma"):
             sigma = deviation_by_name(name, getattr(self, name))
             object.__setattr__(self, name, sigma)
-            stated.append(np.array([*sigma.values()]))
-        if not np.isfinite(np.concatenate(stated)).any():
+            sigmas.append(np.array([*sigma.values()]))
+        if not np.isfinite(np.concatenate(sigmas)).any():
             raise ValueError(
                 "position_sigma and rotation_sigma are all infinite, and so is what else is "
                 "stated: nothing was measured"

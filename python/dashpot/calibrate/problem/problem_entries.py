@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dashpot.calibrate.data.trajectory import UNIT_TOLERANCE, Trajectory
+from dashpot.calibrate.problem.inertia_setter import InertiaSetter
 from dashpot.calibrate.problem.observables import find_sensor
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter
+from dashpot.calibrate.problem.vectors import Joint
 from dashpot.checks import number_array
 from dashpot.engine import Engine
 
@@ -60,8 +62,10 @@ def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> Non
     """Raise ValueError where two parameters set the same quantity."""
     setters_of: dict[str, list[Parameter]] = {}
     for parameter in parameters:
-        setter = parameter.apply
-        if isinstance(setter, MaterialSetter | PairSetter | ModelSetter):
+        setter: object = parameter.apply
+        if isinstance(setter, Joint):
+            setter = setter.function if parameter.component == 0 else None
+        if isinstance(setter, MaterialSetter | PairSetter | ModelSetter | InertiaSetter):
             targets = setter.targets(model)
         elif isinstance(setter, SensingSetter):
             targets = (setter.target,)

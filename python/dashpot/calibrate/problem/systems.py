@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import mujoco
 import numpy as np
 
-from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.setters import (
     MaterialSetter,
     ModelSetter,
@@ -19,6 +18,9 @@ from dashpot.calibrate.problem.setters import (
 )
 from dashpot.calibrate.problem.vectors import Joint, vectors_of
 from dashpot.engine import Engine
+
+if TYPE_CHECKING:
+    from dashpot.calibrate.problem.parameters import Parameter
 
 Builder: TypeAlias = Callable[[Mapping[str, Any]], System]
 

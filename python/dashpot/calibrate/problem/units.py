@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import mujoco
 
+from dashpot.calibrate.problem.inertia_setter import UNITS, InertiaSetter
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter
+from dashpot.calibrate.problem.vectors import Joint
 from dashpot.object_ids import object_id
 
 _OF_QUANTITY = {
@@ -85,6 +87,8 @@ def parameter_unit(parameter: Parameter, problem: Problem, model: mujoco.MjModel
         return "s" if setter.quantity == "delay" else ""
     if isinstance(setter, MaterialSetter | PairSetter):
         return _OF_QUANTITY.get(setter.quantity, "")
+    if isinstance(setter, Joint) and isinstance(setter.function, InertiaSetter):
+        return UNITS.get(setter.function.labels[parameter.component or 0], "")
     if not isinstance(setter, ModelSetter):
         return ""
     name = setter.attribute

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 from rich.table import Table
 
 from dashpot.calibrate.inference.estimate import Estimate, interval_digits, interval_ends, percent
@@ -29,7 +30,7 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
     if not fit.converged:
         caption = f"not converged: {fit.message}\n{caption}"
     table = Table(
-        title=f"Calibration ({fit.method}, {fit.evaluations} simulations)", caption=caption
+        title=f"Calibration ({fit.method}, {fit.evaluations} simulations)", caption=escape(caption)
     )
     table.add_column("parameter")
     if truth is not None:
@@ -38,7 +39,7 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
     table.add_column(f"{percent(fit.confidence)} interval", justify="right")
     table.add_column("identified")
     for e in fit.estimates:
-        row = [e.name]
+        row = [escape(e.name)]
         if truth is not None:
             row.append(f"{truth[e.name]:.{interval_digits(e.lower, e.upper)}g}")
         digits = interval_digits(e.lower, e.upper)
@@ -47,7 +48,7 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
         table.add_row(*row)
     for name, value in fit.problem.held.items():
         known = [] if truth is None else [f"{truth[name]:.6g}" if name in truth else ""]
-        table.add_row(name, *known, f"{value:.6g}", "", HELD)
+        table.add_row(escape(name), *known, f"{value:.6g}", "", HELD)
     return table
 
 

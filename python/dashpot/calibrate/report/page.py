@@ -18,6 +18,7 @@ from dashpot.calibrate.report.drawings import (
     profile_figure,
     residual_figure,
 )
+from dashpot.calibrate.report.inertia_table import inertia_header, inertia_rows
 from dashpot.calibrate.report.making import shown_predictions
 from dashpot.calibrate.report.page_tables import (
     channels_table,
@@ -69,6 +70,10 @@ def write_report(
         "title": title,
         "summary": _summary(fit, record),
         "parameters": parameters_table(fit, record),
+        "inertias": [
+            {"name": name, "header": inertia_header(own), "rows": inertia_rows(own)}
+            for name, own in fit.inertias().items()
+        ],
         "combinations": [
             (str(c).split(" = ")[0], f"{c.value:.4g}", f"{100 * c.relative_error:.2g} %")
             for c in (fit.combinations if len(fit.combinations) > 1 else ())

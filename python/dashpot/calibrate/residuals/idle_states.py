@@ -1,4 +1,4 @@
-"""Unknowns of initial states on which residuals do not depend, told from rounding.
+"""Unknowns, mostly of initial states, on which residuals do not depend, told from rounding.
 
 Where heights of a ball are all that was measured, nothing tells how it was turned or where it was
 over the floor. Differences of residuals along these are rounding: of a thousandth of a standard
@@ -24,6 +24,19 @@ _DOUBTFUL = 100.0
 # all residuals of the trajectory together by less than these standard deviations.
 _LONGER = 1e3
 _IDLE = 1e-4
+
+
+def without_idle_parameters(jacobian: ArrowMatrix, ranges: Array) -> ArrowMatrix:
+    """Return the Jacobian with 0 in the columns of parameters that are next to nothing.
+
+    Over their whole `ranges` (p,) they would move all residuals together by less than rounding may,
+    as the mass of a body in free flight does.
+    """
+    norms = np.linalg.norm(jacobian.shared, axis=0)
+    if (norms * ranges >= _IDLE).all():
+        return jacobian
+    shared = np.where(norms * ranges >= _IDLE, jacobian.shared, 0.0)
+    return ArrowMatrix(shared, jacobian.own, jacobian.offsets)
 
 
 def without_idle_states(

@@ -25,7 +25,10 @@ from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.differences import derivatives_along
-from dashpot.calibrate.residuals.idle_states import without_idle_states
+from dashpot.calibrate.residuals.idle_states import (
+    without_idle_parameters,
+    without_idle_states,
+)
 from dashpot.calibrate.residuals.recorder import Recorder
 from dashpot.calibrate.residuals.workers import Workers
 
@@ -305,6 +308,7 @@ class Objective:
         own[:, free] = derivatives[count:].T
         shared = np.ascontiguousarray(derivatives[:count].T)
         jacobian = ArrowMatrix(shared, own, self.offsets)
+        jacobian = without_idle_parameters(jacobian, (upper - lower)[:count])
         return without_idle_states(jacobian, self.attempt, point, base, self.differences())
 
     def differences(self) -> Array:

@@ -1,0 +1,99 @@
+"""What a fit says of parameters that belong together: vectors, and the inertia of bodies."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from dashpot.calibrate.inference.body_inertia import BodyInertia, body_inertia
+from dashpot.calibrate.problem.inertia_setter import InertiaSetter
+from dashpot.calibrate.problem.vectors import Joint, vectors_of
+
+if TYPE_CHECKING:
+    from dashpot.calibrate.result import Fit
+
+Array = NDArray[np.float64]
+
+
+class Readback:
+    """The methods of `Fit` that put numbers together again."""
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Values of frozen parameters by name."""
+        return dict(cast("Fit", self).problem.held)
+
+    def vector(self, name: str) -> Array:
+        """Return the values of a vector parameter, (numbers,); KeyError where there is none."""
+        fit = cast("Fit", self)
+        found = vectors_of(fit.problem.parameters, fit.values)
+        if name not in found:
+            raise KeyError(f"no vector named {name!r}; there are {', '.join(found) or 'none'}")
+        return np.asarray(found[name])
+
+    def inertia(self, body: str | int, *, trajectory: str | None = None) -> BodyInertia:
+        """Return mass, centre and moments of inertia of a body that `Parameter.inertia` varied.
+
+        They have intervals, and statements of what the data do not tell: of a body in free flight
+        the ratios of its moments are known, the moments are not.
+
+        Parameters
+        ----------
+        body
+            Name or id, as it was given.
+        trajectory
+            Whose it is, where there is one for each (``per``); None: the first.
+
+        Raises
+        ------
+        KeyError
+            Where no parameter varies the inertia of the body.
+        """
+        fit = cast("Fit", self)
+        name = fit.problem.trajectories[0].name if trajectory is None else trajectory
+        setters = self._inertia_setters()
+        acting = {p.vector for p in fit.problem.parameters if p.acts_in(name)}
+        for vector, setter in setters.items():
+            if setter.body == body and vector in acting:
+                return self._inertia_of(vector, setter)
+        known = ", ".join(sorted({str(setter.body) for setter in setters.values()})) or "none"
+        raise KeyError(f"no parameter varies the inertia of {body!r}; bodies of such: {known}")
+
+    def inertias(self) -> dict[str, BodyInertia]:
+        """Return by parameter the inertia of each body that was fitted, as `inertia` does."""
+        return {name: self._inertia_of(name, s) for name, s in self._inertia_setters().items()}
+
+    def _inertia_setters(self) -> dict[str, InertiaSetter]:
+        found = {}
+        for p in cast("Fit", self).problem.parameters:
+            own = p.apply.function if isinstance(p.apply, Joint) else None
+            if isinstance(own, InertiaSetter) and p.vector is not None:
+                found[p.vector] = own
+        return found
+
+    def _inertia_of(self, vector: str, setter: InertiaSetter) -> BodyInertia:
+        fit = cast("Fit", self)
+        found = [p for p in fit.problem.parameters if p.vector == vector]
+        places = {e.name: i for i, e in enumerate(fit.estimates)}
+        chosen = np.array([places.get(p.name, -1) for p in found])
+        fitted = np.flatnonzero(chosen >= 0)
+        covariance = np.zeros((len(found), len(found)))
+        covariance[np.ix_(fitted, fitted)] = fit.covariance[np.ix_(chosen[fitted], chosen[fitted])]
+        states = [s for s in (fit.initial_velocity, fit.initial_displacement) if s is not None]
+        freedom = fit.live_residuals - len(fit.estimates) - sum(s.size for s in states)
+        if fit.errors == "clustered":
+            freedom = len(fit.problem.trajectories) - 1
+        quantile = special.stdtrit(max(freedom, 1), 0.5 + 0.5 * fit.confidence)
+        return body_inertia(
+            setter,
+            found,
+            [fit.values[p.name] for p in found],
+            covariance,
+            quantile=float(quantile),
+            confidence=fit.confidence,
+            unfinished=None if fit.converged else f"the fit has not converged ({fit.message})",
+            misfit=bool(fit.misfits),
+        )
