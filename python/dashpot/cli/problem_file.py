@@ -37,12 +37,13 @@ _FIT_OPTIONS = (
 # Of trajectories; of tables but for the last.
 _OF_TABLES = ("columns", "unit", "frames")
 _MAX_BYTES = 10_000_000
-_PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference")
+_PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference", "per", "frozen")
 _PARAMETER_KINDS = {
     "material": ("geoms", "quantity"),
     "pair": ("geoms", "quantity"),
     "model": ("attribute", "elements", "index"),
 }
+_INERTIA = ("mass", "centre", "shape", "name", "difference", "per", "frozen")
 
 
 def read_problem(path: str | os.PathLike[str]) -> tuple[Problem, dict[str, Any]]:
@@ -128,15 +129,22 @@ def _model(file: Path) -> mujoco.MjModel:
 
 def _parameter(label: str, entry: Any) -> Parameter:
     kind = _typed(label, entry, dict).get("kind")
+    if kind == "inertia":
+        return _inertia(label, entry)
     if kind not in _PARAMETER_KINDS:
-        raise ValueError(f"{label}: kind is {kind!r}, none of {', '.join(_PARAMETER_KINDS)}")
+        kinds = ", ".join((*_PARAMETER_KINDS, "inertia"))
+        raise ValueError(f"{label}: kind is {kind!r}, none of {kinds}")
     own = _PARAMETER_KINDS[kind]
     required = tuple(key for key in own if key != "index")
     check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
     values = {key: value for key, value in entry.items() if key not in ("kind", *own)}
     values["bounds"] = tuple(_typed(f"{label}.bounds", entry["bounds"], list))
-    geoms = _names(f"{label}.geoms", entry["geoms"]) if "geoms" in own else ()
+    given = entry.get("geoms")
+    several = kind == "pair" and isinstance(given, list) and any(type(g) is list for g in given)
+    geoms = _names(f"{label}.geoms", given) if "geoms" in own and not several else ()
     try:
+        if several:
+            return Parameter.pair(given, entry["quantity"], **values)
         if kind == "model":
             index = entry.get("index")
             return Parameter.model(entry["attribute"], entry["elements"], index=index, **values)
@@ -145,6 +153,17 @@ def _parameter(label: str, entry: Any) -> Parameter:
         if len(geoms) != 2:
             raise ValueError(f"a pair has two geoms, not {len(geoms)}")
         return Parameter.pair(geoms[0], geoms[1], entry["quantity"], **values)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{label}: {error}") from error
+
+
+def _inertia(label: str, entry: Mapping[str, Any]) -> Parameter:
+    check_keys(label, entry, ("kind", "body"), _INERTIA)
+    values = {key: value for key, value in entry.items() if key not in ("kind", "body")}
+    try:
+        if "mass" in values:
+            values["mass"] = tuple(_typed("mass", values["mass"], list))
+        return Parameter.inertia(entry["body"], **values)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{label}: {error}") from error
 

@@ -20,11 +20,13 @@ stiffness = 1e4
 restitution = 0.6
 
 [[parameters]]                   # unknowns
-kind = "material"                # of geoms; "pair": of two geoms with each other;
-geoms = ["ball"]                 # "model": attribute, elements, index of the MuJoCo model
-quantity = "stiffness"           # damping, damping_ratio, restitution, sliding_friction ...
-start = 1e4
-bounds = [1e2, 1e6]
+kind = "material"                # of geoms; "pair": of two geoms with each other, or of several
+geoms = ["ball"]                 #   twos, [["left", "cube"], ["right", "cube"]]; "model":
+quantity = "stiffness"           #   attribute, elements, index of the MuJoCo model; "inertia":
+start = 1e4                      #   body, and optional mass = [LOWER, UPPER], centre, shape;
+bounds = [1e2, 1e6]              #   lists of numbers and of bounds make a vector
+# frozen = true                  # held at its start
+# per = "trajectory"             # one value for each; or a table of names of trajectories by group
 
 [[trajectories]]                 # observations
 file = "throw.npz"               # arrays time, position, quaternion, and if known

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from dashpot.engine import Engine
 
 FIT_HELP = (
-    "what is unknown, as pair:GEOM,GEOM:QUANTITY,... or material:GEOM:QUANTITY,... or "
+    "what is unknown, as pair:GEOM,GEOM:QUANTITY,... (four geoms: two pairs, and so on) or "
+    "material:GEOM:QUANTITY,... or "
     "model:ARRAY:ELEMENT; a quantity may say where it starts, stiffness=1e4, or its bounds, "
     "stiffness=1e3..1e6; may be given several times"
 )
@@ -125,8 +126,9 @@ def described(problem: Problem) -> list[str]:
     """Return lines that say what was assumed: starts, bounds and noise."""
     lines = [
         f"{p.name}: from {p.start:.4g}, between {p.bounds[0]:.4g} and {p.bounds[1]:.4g}"
-        for p in problem.parameters
+        for p in problem.unknowns
     ]
+    lines += [f"{name}: held at {value:.6g}" for name, value in problem.held.items()]
     noise = [f"{problem.position_sigma:.3g} m", f"{problem.rotation_sigma:.3g} rad"]
     noise = [text for text in noise if not text.startswith("inf")]
     noise += [f"{name} {sigma[0]:.3g}" for name, sigma in problem.sensor_sigma.items()]  # type: ignore[index]
@@ -202,11 +204,11 @@ def _parameters(specs: Sequence[str], engine: Engine) -> list[Parameter]:
                 options["name"] = f"{name} {target}" if name in taken else name
                 if kind == "material":
                     made.append(Parameter.material(elements, name, **options))  # type: ignore[arg-type]
-                elif len(elements) != 2:
+                elif len(elements) % 2:
                     raise ValueError(f"a pair has two geoms, not {len(elements)}")
                 else:
-                    first, second = elements
-                    made.append(Parameter.pair(first, second, name, **options))  # type: ignore[call-overload]
+                    pairs = list(zip(elements[::2], elements[1::2], strict=True))
+                    made.append(Parameter.pair(pairs, name, **options))  # type: ignore[call-overload]
             except (ValueError, TypeError) as error:
                 raise ValueError(f"--fit {spec!r}: {error}") from None
     return made

@@ -459,7 +459,7 @@ class Parameter:
         if mass is None and not centre and not shape:
             raise ValueError(f"parameter '{label}': mass, centre and shape are all held")
         if mass is not None:
-            mass = cls(label, mass[0], mass, frozen=True).bounds
+            mass = cls(label, 1.0, mass, frozen=True).bounds
         return cls(
             name=label,
             start=0.0,  # as those that a Problem makes of it, whose model tells them
