@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
@@ -12,6 +14,7 @@ import dashpot
 from dashpot.calibrate import Fit, Parameter, Problem, Trajectory, fit
 from dashpot.calibrate.inference.body_inertia import body_inertia
 from dashpot.calibrate.problem.pseudo_inertia import NUMBERS, body_of, numbers_of, principal
+from dashpot.calibrate.residuals.objective import Objective
 
 BOX = """
 <mujoco>
@@ -280,6 +283,22 @@ def test_corners_of_the_bounds_are_bodies_that_mujoco_takes():
         np.testing.assert_allclose(data.xipos[1] - data.xpos[1], built.body_ipos[1], atol=1e-15)
         largest, *others = built.body_inertia[1]
         assert largest < sum(others) * (1.0 + 1e-12)
+
+
+def test_processes_and_checkpoints_give_the_same_bits(tmp_path):
+    problem = box_problem(throws(0, 1))
+    objective = Objective(problem)
+    begin = objective.start()
+    copied = Objective(pickle.loads(pickle.dumps(problem)))
+    np.testing.assert_array_equal(
+        copied.residuals(copied.start() + 1e-3), objective.residuals(begin + 1e-3)
+    )
+    options = {"starts": 0, "max_evaluations": 60, "checkpoint": tmp_path / "fit.npz"}
+    with ThreadPoolExecutor(2) as executor:
+        first = fit(problem, executor=executor, **options)
+    again = fit(problem, **options)
+    assert again.values == first.values
+    assert again.estimates == first.estimates
 
 
 def simple():

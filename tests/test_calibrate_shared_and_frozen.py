@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
+from scipy import stats
 
 import dashpot
 from dashpot.calibrate import Fit, Parameter, Problem, Trajectory, fit, predict
@@ -190,17 +192,30 @@ def test_both_free_are_not_told_apart():
     assert not result["dof_damping"].identified
 
 
-@pytest.mark.parametrize(("spring", "better"), [(0.0, False), (4.0, True)])
-def test_nested_models_are_compared_by_their_costs(spring, better):
-    """One parameter too many takes half a unit of the cost on average; one missing much more."""
-    full = cart(slowing(noise=1e-3, spring=spring))
-    nested = full.freeze({"jnt_stiffness": 0.0})
-    assert nested.held == {"body_mass": MASS, "jnt_stiffness": 0.0}
-    assert full.held == {"body_mass": MASS}
-    gain = fit(nested, starts=0).cost - fit(full, starts=0).cost
-    assert gain > -1e-6
-    assert (gain > 100.0) == better
-    assert better or gain < 8.0
+@pytest.mark.parametrize(("spring", "needed"), [(0.0, False), (4.0, True)])
+def test_nested_models_are_compared_by_their_costs(spring, needed):
+    """Twice a gain of the cost by one parameter too many is that of Student's t, squared."""
+    problem = cart(slowing(noise=1e-3, spring=spring))
+    held = problem.freeze({"jnt_stiffness": 0.0})
+    assert held.held == {"body_mass": MASS, "jnt_stiffness": 0.0}
+    assert problem.held == {"body_mass": MASS}
+    full, nested = fit(problem, starts=0), fit(held, starts=0)
+    found = full.against(nested)
+    assert found.names == ("jnt_stiffness",)
+    assert found.degrees_of_freedom == (1, 99)
+    assert found.gain == pytest.approx(nested.cost - full.cost)
+    assert (found.p_value < 1e-12) == needed
+    assert needed or found.p_value > 0.01
+    assert str(found).startswith("data need" if needed else "data do not need")
+    if not needed:
+        spring_at = full["jnt_stiffness"]
+        t = spring_at.value / spring_at.standard_error
+        assert found.statistic == pytest.approx(t**2, rel=0.1)
+        assert found.p_value == pytest.approx(2.0 * stats.t.sf(abs(t), 99), rel=0.1)
+    with pytest.raises(ValueError, match="the other fit is not nested in this one: it fits dof"):
+        nested.against(full)
+    with pytest.raises(ValueError, match="noise differs"):
+        full.against(fit(replace(held, sensor_sigma={"encoder": 2e-3}), starts=0))
 
 
 def test_a_profile_runs_over_held_values():

@@ -1,4 +1,4 @@
-"""What a fit says of parameters that belong together: vectors, and the inertia of bodies."""
+"""What a fit says of parameters together: held ones, vectors, inertia, and nested models."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from dashpot.calibrate.inference.body_inertia import BodyInertia, body_inertia
+from dashpot.calibrate.inference.nested import NestedComparison, f_test
 from dashpot.calibrate.problem.inertia_setter import InertiaSetter
 from dashpot.calibrate.problem.vectors import Joint, vectors_of
 
@@ -62,6 +63,64 @@ class Readback:
         known = ", ".join(sorted({str(setter.body) for setter in setters.values()})) or "none"
         raise KeyError(f"no parameter varies the inertia of {body!r}; bodies of such: {known}")
 
+    def against(self, nested: Fit) -> NestedComparison:
+        """Return whether the data need what a nested model holds, by an F test.
+
+        Parameters
+        ----------
+        nested
+            A fit of the same problem with some of the parameters frozen, as `Problem.freeze` makes
+            it. Where noise is estimated, both have to be fitted with the same, as of
+            ``replace(result.problem, noise="stated")``.
+
+        Raises
+        ------
+        ValueError
+            Where it is none of the same data, noise and loss, or holds nothing that this one fits.
+
+        Example
+        -------
+        Whether a cart's rail has friction::
+
+            print(full.against(fit(full.problem.freeze({"friction": 0.0}))))
+        """
+        fit = cast("Fit", self)
+        names = tuple(name for name in fit if name not in nested)
+        beyond = [name for name in nested if name not in fit]
+        if beyond or not names or not {*names} <= {*nested.held}:
+            raise ValueError(
+                f"the other fit is not nested in this one: it fits {', '.join(nested) or 'nothing'}"
+                f" and holds {', '.join(nested.held) or 'nothing'}, this one fits {', '.join(fit)}"
+            )
+        shapes = [
+            [(n, r.shape) for own in f.channel_residuals for n, r in own.items()]
+            for f in (fit, nested)
+        ]
+        if shapes[0] != shapes[1] or (fit.loss, fit.loss_scale) != (nested.loss, nested.loss_scale):
+            raise ValueError("the other fit has other data, or another loss")
+        problems = fit.problem, nested.problem
+        noise = [getattr(problem, "deviations", None) for problem in problems]
+        if None not in noise and noise[0] != noise[1]:
+            raise ValueError(
+                "noise differs between the two fits, so that costs are not compared; fit both with "
+                "replace(result.problem, noise='stated')"
+            )
+        reasons = [
+            "a search has not converged" * (not (fit.converged and nested.converged)),
+            "residuals hang together, and p is too small" * bool(fit.misfits),
+        ]
+        gain = nested.cost - fit.cost
+        caveat = "; ".join(filter(None, reasons))
+        return f_test(names, gain, fit.residual_variance, self._freedom(), caveat)
+
+    def _freedom(self) -> int:
+        """Return the degrees of freedom of the noise, or of clusters."""
+        fit = cast("Fit", self)
+        if fit.errors == "clustered":
+            return max(len(fit.problem.trajectories) - 1, 1)
+        states = [s for s in (fit.initial_velocity, fit.initial_displacement) if s is not None]
+        return max(fit.live_residuals - len(fit.estimates) - sum(s.size for s in states), 1)
+
     def inertias(self) -> dict[str, BodyInertia]:
         """Return by parameter the inertia of each body that was fitted, as `inertia` does."""
         return {name: self._inertia_of(name, s) for name, s in self._inertia_setters().items()}
@@ -82,11 +141,7 @@ class Readback:
         fitted = np.flatnonzero(chosen >= 0)
         covariance = np.zeros((len(found), len(found)))
         covariance[np.ix_(fitted, fitted)] = fit.covariance[np.ix_(chosen[fitted], chosen[fitted])]
-        states = [s for s in (fit.initial_velocity, fit.initial_displacement) if s is not None]
-        freedom = fit.live_residuals - len(fit.estimates) - sum(s.size for s in states)
-        if fit.errors == "clustered":
-            freedom = len(fit.problem.trajectories) - 1
-        quantile = special.stdtrit(max(freedom, 1), 0.5 + 0.5 * fit.confidence)
+        quantile = special.stdtrit(self._freedom(), 0.5 + 0.5 * fit.confidence)
         return body_inertia(
             setter,
             found,
