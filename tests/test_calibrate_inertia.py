@@ -225,6 +225,32 @@ def test_a_mass_alone_is_known_from_a_spring(tmp_path):
     np.testing.assert_allclose(built.body_inertia[1], 2.0 * engine.model.body_inertia[1])
 
 
+def test_a_known_torque_tells_the_moment_about_its_axis():
+    """A rotor under 0.01 N m, its shape held: I = torque / acceleration, whatever its mass."""
+    true = 2.5e-3
+    rotor = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody>
+      <body name="rotor" simple="false"><joint name="axle" type="hinge" axis="0 0 1"/>
+      <geom type="box" size=".1 .07 .04" mass="0.5"/></body></worldbody>
+      <actuator><motor joint="axle"/></actuator>
+      <sensor><jointvel name="rate" joint="axle"/></sensor></mujoco>"""
+    time = 0.01 * np.arange(60)
+    rate = 0.01 / true * time + 0.01 * np.random.default_rng(0).normal(size=60)
+    trajectory = Trajectory.of_sensors(
+        "run up", time, {"rate": rate}, initial_qpos=[0.0], initial_qvel=[0.0],
+        control=np.full((59, 1), 0.01), sampling={"rate": "instant"},
+    )  # fmt: skip
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(rotor))
+    unknown = Parameter.inertia("rotor", centre=False, name="rotor")
+    problem = Problem(engine, [unknown], [trajectory], sensor_sigma={"rate": 0.01})
+    shape = [f"rotor[{n}]" for n in NUMBERS[5:]]
+    result = fit(problem.freeze(shape), starts=0)
+    moment = result.inertia("rotor")["inertia zz"]
+    assert moment.identified, moment.statement
+    assert abs(moment.value - true) < 4.0 * moment.standard_error
+    relative = 0.01 / (0.01 / true * np.sqrt(np.sum(time**2)))
+    assert moment.standard_error / moment.value == pytest.approx(relative, rel=0.2)
+
+
 def test_intervals_follow_the_delta_method():
     """Of a mass and a size known to 1 % and 2 %, moments m s^2 are to root(1 + 16) %."""
     problem = box_problem(throws(0, 1), Parameter.inertia("box", mass=(0.2, 1.0), centre=False))

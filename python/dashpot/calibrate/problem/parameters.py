@@ -421,7 +421,8 @@ class Parameter:
         the model's. `Fit.inertia` tells mass, centre and moments of inertia with intervals.
 
         Motions without known forces tell neither the mass nor how large the inertia is, but where
-        the centre is and how the moments are to each other.
+        the centre is and how the moments are to each other. What turns about one axis alone tells
+        one moment: hold stretches and shears there (`Problem.freeze`).
 
         Parameters
         ----------
