@@ -91,6 +91,37 @@ def test_what_differs_shows_beside_what_is_shared():
     assert result["dull"].value == pytest.approx(0.6, abs=4e-3)
 
 
+def test_channels_of_one_recorder_share_a_delay():
+    """A ramp of 50 N/s felt by a cart of 2 kg, and its poses; both recorders are 20 ms late."""
+    xml = CART.replace("<sensor>", '<sensor><accelerometer name="felt" site="mark"/>').replace(
+        "</body>", '<site name="mark"/></body>'
+    )
+    xml = xml.replace("<sensor>", '<actuator><motor joint="rail"/></actuator><sensor>')
+    model = mujoco.MjModel.from_xml_string(xml.replace('damping="1"', ""))
+    time = 0.01 * np.arange(61)
+    late = np.maximum(time - 0.02, 0.0)
+    felt = np.zeros((61, 3))
+    felt[:, 0] = 25.0 * late
+    trajectory = Trajectory.of_sensors(
+        "push", time, {"encoder": 25.0 * late**3 / 6.0, "felt": felt},
+        initial_qpos=[0.0], initial_qvel=[0.0], control=50.0 * (time[:-1, None] + 0.005),
+        sampling={"felt": "instant"},
+    )  # fmt: skip
+    both = Parameter.delay(["felt", "encoder"], bounds=(-0.01, 0.05))
+    assert both.name == "delay of felt, encoder"
+    sigma = {"encoder": 1e-3, "felt": 0.05}
+    problem = Problem(dashpot.Engine(model), [both], [trajectory], sensor_sigma=sigma, substeps=10)
+    assert fit(problem, starts=0)[both.name].value == pytest.approx(0.02, abs=2e-3)
+    one = Parameter.delay("encoder", bounds=(-0.01, 0.05))
+    with pytest.raises(ValueError, match="both set the delay of encoder"):
+        replace(problem, parameters=[both, one])
+    with pytest.raises(ValueError, match="no trajectory has a channel 'load'"):
+        replace(problem, parameters=[Parameter.delay(["felt", "load"], bounds=(-0.01, 0.05))])
+    for none in ([], 5, ["felt", 5]):
+        with pytest.raises(TypeError, match="channel must be a name, or several"):
+            Parameter.delay(none, bounds=(-0.01, 0.05))
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -481,7 +481,7 @@ class Parameter:
     @classmethod
     def delay(
         cls,
-        channel: str,
+        channel: str | Sequence[str],
         *,
         bounds: tuple[float, float],
         start: float = 0.0,
@@ -494,7 +494,8 @@ class Parameter:
         Parameters
         ----------
         channel
-            Name of a sensor, ``"poses"``, or a kind of events, as ``"impact"``.
+            Name of a sensor, ``"poses"``, or a kind of events, as ``"impact"``; or several, which
+            one recorder has.
         bounds
             (lower, upper), s. Readings at times before the upper one do not count: what they show
             comes before the start. Simulations go on beyond the end by a lower one < 0.
@@ -512,7 +513,7 @@ class Parameter:
     @classmethod
     def gain(
         cls,
-        channel: str,
+        channel: str | Sequence[str],
         *,
         bounds: Bounds,
         start: Start = 1.0,
@@ -529,7 +530,7 @@ class Parameter:
     @classmethod
     def offset(
         cls,
-        channel: str,
+        channel: str | Sequence[str],
         *,
         bounds: Bounds,
         start: Start = 0.0,
@@ -574,7 +575,7 @@ class Parameter:
     def _of_sensing(
         cls,
         quantity: SensingQuantity,
-        channel: str,
+        channel: str | Sequence[str],
         start: Start,
         bounds: Bounds,
         name: str | None,
@@ -583,16 +584,18 @@ class Parameter:
         transform: TransformName,
         centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Parameter:
-        if not isinstance(channel, str):
-            raise TypeError(f"channel must be a name, got {channel!r}")
+        listed = channel if isinstance(channel, Iterable) else ()
+        several = (channel,) if isinstance(channel, str) else tuple(listed)
+        if not several or not all(isinstance(one, str) for one in several):
+            raise TypeError(f"channel must be a name, or several, got {channel!r}")
         return cls(
-            name=f"{quantity} of {channel}" if name is None else name,
+            name=f"{quantity} of {', '.join(several)}" if name is None else name,
             start=start,
             bounds=bounds,
             transform=transform,
             per=per,
             frozen=frozen,
-            apply=SensingSetter(quantity, channel, centre),
+            apply=SensingSetter(quantity, several[0], centre, others=several[1:]),
         )
 
 

@@ -466,11 +466,12 @@ class Problem:
     def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
         """Return by channel of a trajectory the bounds of its delay, s."""
         return {
-            p.apply.channel: p.bounds
+            channel: p.bounds
             for p in self.parameters
             if isinstance(p.apply, SensingSetter)
             and p.apply.quantity == "delay"
             and p.acts_in(trajectory.name)
+            for channel in p.apply.channels
         }
 
     def _check_sensing(self) -> None:

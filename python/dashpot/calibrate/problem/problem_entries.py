@@ -68,7 +68,7 @@ def check_targets(parameters: Sequence[Parameter], model: mujoco.MjModel) -> Non
         if isinstance(setter, MaterialSetter | PairSetter | ModelSetter | InertiaSetter):
             targets = setter.targets(model)
         elif isinstance(setter, SensingSetter):
-            targets = (setter.target,)
+            targets = setter.targets
         else:
             continue
         for target in targets:

@@ -40,14 +40,21 @@ class SensingSetter:
     #: Which of how many numbers of the channel it is of; None: of all alike.
     number: int | None = None
     count: int = 1
+    #: Further channels of the same recorder.
+    others: tuple[str, ...] = ()
 
     def __call__(self, system: System, value: float) -> None:
         """Leave the system as it is."""
 
     @property
-    def target(self) -> str:
+    def channels(self) -> tuple[str, ...]:
+        """All that it is of."""
+        return (self.channel, *self.others)
+
+    @property
+    def targets(self) -> tuple[str, ...]:
         """What it sets, in words."""
-        return f"{self.quantity} of {self.channel}"
+        return tuple(f"{self.quantity} of {channel}" for channel in self.channels)
 
     def component(self, number: int, count: int) -> SensingSetter:
         """Return the setter of one of so many numbers of the channel."""
@@ -83,12 +90,13 @@ def sensing(setters: Mapping[str, SensingSetter], values: Iterable[Mapping[str, 
     found: dict[tuple[SensingQuantity, str], Array] = {}
     for name, setter in setters.items():
         column = np.array([row[name] for row in rows])
-        key = setter.quantity, setter.channel
-        if setter.number is None:
-            found[key] = column
-        else:
-            table = found.setdefault(key, np.empty((len(rows), setter.count)))
-            table[:, setter.number] = column
+        for channel in setter.channels:
+            key = setter.quantity, channel
+            if setter.number is None:
+                found[key] = column
+            else:
+                table = found.setdefault(key, np.empty((len(rows), setter.count)))
+                table[:, setter.number] = column
         if setter.quantity == "scale":
             centre = np.array(setter.centre)
     return Sensing(found, centre)
@@ -110,19 +118,21 @@ def check_channel(
         is of.
     """
     label = f"parameter '{name}'"
-    kind, numbers = channels.get(setter.channel, (None, 0))
-    if kind is None:
-        raise ValueError(
-            f"{label}: no trajectory has a channel {setter.channel!r}; there are "
-            f"{', '.join(channels)}"
-        )
-    if setter.quantity in ("gain", "offset") and setter.channel == POSES:
-        raise ValueError(f"{label}: poses have no {setter.quantity}; they have a scale and a delay")
-    if setter.quantity == "delay" and kind == "scalar":
-        raise ValueError(f"{label}: {setter.channel!r} is no reading at a time, and has no delay")
-    if setter.quantity in ("gain", "offset") and kind == "event":
-        raise ValueError(f"{label}: times of {setter.channel!r} have a delay, no {setter.quantity}")
-    if setter.number is not None and setter.count != numbers:
-        raise ValueError(
-            f"{label}: there are {setter.count} numbers, and {setter.channel!r} has {numbers}"
-        )
+    for channel in setter.channels:
+        kind, numbers = channels.get(channel, (None, 0))
+        if kind is None:
+            raise ValueError(
+                f"{label}: no trajectory has a channel {channel!r}; there are {', '.join(channels)}"
+            )
+        if setter.quantity in ("gain", "offset") and channel == POSES:
+            raise ValueError(
+                f"{label}: poses have no {setter.quantity}; they have a scale and a delay"
+            )
+        if setter.quantity == "delay" and kind == "scalar":
+            raise ValueError(f"{label}: {channel!r} is no reading at a time, and has no delay")
+        if setter.quantity in ("gain", "offset") and kind == "event":
+            raise ValueError(f"{label}: times of {channel!r} have a delay, no {setter.quantity}")
+        if setter.number is not None and setter.count != numbers:
+            raise ValueError(
+                f"{label}: there are {setter.count} numbers, and {channel!r} has {numbers}"
+            )
