@@ -39,7 +39,7 @@ from dashpot.calibrate.problem.problem_entries import (
     checked_states,
 )
 from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
-from dashpot.calibrate.problem.sensing import SensingSetter, check_channel
+from dashpot.calibrate.problem.sensing import SensingSetter, check_channel, check_numbers
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.problem.systems import Builder, own_system, put_in
 from dashpot.calibrate.problem.vectors import builder_values, vectors_of
@@ -477,13 +477,16 @@ class Problem:
     def _check_sensing(self) -> None:
         for parameter in self.parameters:
             if isinstance(parameter.apply, SensingSetter):
-                kinds = {
-                    channel.name: (channel.kind, channel.block.columns)
+                channels = [
+                    channel
                     for trajectory in self.trajectories
                     if parameter.acts_in(trajectory.name)
                     for channel in self.channels(trajectory)
-                }
+                ]
+                kinds = {channel.name: channel.kind for channel in channels}
                 check_channel(parameter.name, parameter.apply, kinds)
+                counts = {channel.name: channel.block.columns for channel in channels}
+                check_numbers(parameter.name, parameter.apply, counts)
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
         label = f"trajectory '{trajectory.name}'"

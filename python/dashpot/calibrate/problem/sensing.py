@@ -102,9 +102,7 @@ def sensing(setters: Mapping[str, SensingSetter], values: Iterable[Mapping[str, 
     return Sensing(found, centre)
 
 
-def check_channel(
-    name: str, setter: SensingSetter, channels: Mapping[str, tuple[str, int]]
-) -> None:
+def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str]) -> None:
     """Raise ValueError where a parameter reads a channel that no trajectory has, or not so.
 
     Parameters
@@ -114,12 +112,11 @@ def check_channel(
     setter
         What it sets.
     channels
-        By name, kinds and counts of numbers of the channels of the trajectories that the parameter
-        is of.
+        Kinds by name of the channels of the trajectories that the parameter is of.
     """
     label = f"parameter '{name}'"
     for channel in setter.channels:
-        kind, numbers = channels.get(channel, (None, 0))
+        kind = channels.get(channel)
         if kind is None:
             raise ValueError(
                 f"{label}: no trajectory has a channel {channel!r}; there are {', '.join(channels)}"
@@ -132,7 +129,13 @@ def check_channel(
             raise ValueError(f"{label}: {channel!r} is no reading at a time, and has no delay")
         if setter.quantity in ("gain", "offset") and kind == "event":
             raise ValueError(f"{label}: times of {channel!r} have a delay, no {setter.quantity}")
-        if setter.number is not None and setter.count != numbers:
+
+
+def check_numbers(name: str, setter: SensingSetter, counts: Mapping[str, int]) -> None:
+    """Raise ValueError where a vector has not one number for each of its channel's, by `counts`."""
+    for channel in setter.channels:
+        if setter.number is not None and setter.count != counts[channel]:
             raise ValueError(
-                f"{label}: there are {setter.count} numbers, and {channel!r} has {numbers}"
+                f"parameter '{name}': there are {setter.count} numbers, and {channel!r} has "
+                f"{counts[channel]}"
             )
