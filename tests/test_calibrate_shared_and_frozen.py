@@ -260,6 +260,17 @@ def test_a_profile_runs_over_held_values():
         assert 2.0 * rise / best.residual_variance == pytest.approx(1.0, rel=0.1)
 
 
+def test_fits_with_other_values_held_may_share_a_checkpoint(tmp_path):
+    """What one value gives is not taken for what another does."""
+    options = {"starts": 0, "checkpoint": tmp_path / "profile.npz", "max_evaluations": 60}
+    problem = cart(slowing(noise=1e-3)).freeze({"jnt_stiffness": 0.0})
+    alone = [
+        fit(problem.freeze({"body_mass": m}), starts=0, max_evaluations=60) for m in (2.0, 4.0)
+    ]
+    for mass, expected in zip((2.0, 4.0), alone, strict=True):
+        assert fit(problem.freeze({"body_mass": mass}), **options).values == expected.values
+
+
 def test_released_parameters_are_fitted_from_where_they_were_held():
     problem = cart(slowing(), spring_frozen=True)
     released = problem.release("jnt_stiffness")

@@ -157,7 +157,7 @@ class Parameter:
                 object.__setattr__(self, name, value)
             components(self)  # each has to be a parameter
             return
-        flag(f"{label}: frozen", self.frozen)
+        object.__setattr__(self, "frozen", flag(f"{label}: frozen", self.frozen))
         if self.transform not in _TRANSFORMS:
             raise ValueError(
                 f"{label}: transform must be one of {', '.join(_TRANSFORMS)}, "

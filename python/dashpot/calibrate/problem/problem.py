@@ -272,7 +272,7 @@ class Problem:
 
     @property
     def start(self) -> dict[str, float]:
-        """Start of the search by name."""
+        """Start of the search by name, and what is held."""
         return {p.name: p.start for p in self.parameters}
 
     def build(self, values: Mapping[str, float], trajectory: str | None = None) -> System:

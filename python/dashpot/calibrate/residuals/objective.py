@@ -254,8 +254,8 @@ class Objective:
 
     @property
     def fingerprint(self) -> bytes:
-        """What tells it from objectives of other windows and noise, within one fit."""
-        digest = hashlib.sha256(repr(self.problem.window).encode())
+        """What tells it from objectives of other windows, noise and frozen values."""
+        digest = hashlib.sha256(repr((self.problem.window, self.problem.held)).encode())
         for recorder in self.recorders:
             for channel in recorder.channels:
                 for array in (channel.time, channel.observed, channel.sigma, channel.measured):
