@@ -272,6 +272,22 @@ def test_intervals_follow_the_delta_method():
     assert found["centre x"].statement == "held"
 
 
+def test_intervals_without_an_end_say_so():
+    problem = box_problem(throws(0, 1), Parameter.inertia("box", mass=(0.2, 1.0), centre=False))
+    values = [p.start for p in problem.parameters]
+    covariance = np.diag([1e-4, 1.0, *[1e-8] * 5])  # a size of 0.04 m, to 1 m
+    found = body_inertia(
+        problem.parameters[0].apply.function, problem.parameters, values, covariance,
+        quantile=2.0, confidence=0.95, unfinished=None, misfit=False,
+    )  # fmt: skip
+    assert found["mass"].identified
+    assert found["moment 2 / moment 1"].identified
+    moment = found["moment 1"]
+    assert (moment.lower, moment.upper) == (0.0, math.inf)
+    assert moment.statement == "not identified: its interval has no end"
+    assert "inf" not in str(found)
+
+
 def test_groups_have_an_inertia_of_their_own_and_nested_models_hold_it():
     unknown = Parameter.inertia("box", per="trajectory", shape=False)
     problem = box_problem(throws(0), unknown)

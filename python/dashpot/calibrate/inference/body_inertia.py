@@ -44,6 +44,8 @@ _MATRIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 # Moments are known where their interval is narrower than by this factor, as parameters are; others
 # where it is narrower than this share of the scale that they are compared with.
 _SHARE = 0.5
+# Of the logarithm of a positive quantity: beyond it an interval counts as without an end.
+_MOST = math.log(1e3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +169,7 @@ def body_inertia(
         ]
         half = quantile * error
         if quantity.positive:
-            stretch = math.exp(min(half / value, 700.0))
+            stretch = math.exp(half / value) if half < _MOST * value else math.inf
             lower, upper = value / stretch, value * stretch
             known = stretch < math.sqrt(MAX_FACTOR)
         else:
@@ -177,11 +179,11 @@ def body_inertia(
         if unknown:
             reason = f"it depends on {', '.join(unknown)}, of which the data say nothing"
         interval = ""
-        if math.isfinite(half):
+        if math.isfinite(upper):
             ends = " to ".join(interval_ends(lower, upper))
             interval = f"{percent(confidence)} interval {ends}"
-            if not known and reason is None:
-                reason = f"its {interval} is wide"
+        if not known and reason is None:
+            reason = f"its {interval} is wide" if interval else "its interval has no end"
         grade: Grade = "within misfit" if misfit else "identified"
         statement = f"identified{' within the misfit' * misfit}: {interval}"
         if error == 0.0:

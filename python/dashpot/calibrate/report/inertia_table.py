@@ -36,7 +36,7 @@ def inertia_rows(inertia: BodyInertia) -> list[Sequence[str]]:
         value, interval, word = f"{e.value:.4g}", "", grade_word(e)
         if e.standard_error == 0.0:
             value, word = f"{e.value:.6g}", HELD
-        elif math.isfinite(e.standard_error):
+        elif math.isfinite(e.upper):
             value = f"{e.value:.{interval_digits(e.lower, e.upper)}g}"
             interval = " – ".join(interval_ends(e.lower, e.upper))
         rows.append((e.name, unit, value, interval, word))
