@@ -251,6 +251,50 @@ def test_a_known_torque_tells_the_moment_about_its_axis():
     assert moment.standard_error / moment.value == pytest.approx(relative, rel=0.2)
 
 
+def test_encoders_of_a_double_pendulum_tell_the_mass_of_its_lower_link():
+    """0.4 kg as drawn, and a load of 0.2 kg at (0.05, 0, -0.2); it turns about one axis."""
+    xml = """<mujoco><option timestep="0.002"/><worldbody>
+      <body name="upper" pos="0 0 1"><joint name="a" type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".5" contype="0"/>
+      <body name="lower" pos="0 0 -.3" simple="false"><joint name="b" type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass=".4" contype="0"/>LOAD</body>
+      </body></worldbody>
+      <sensor><jointpos name="a" joint="a"/><jointpos name="b" joint="b"/></sensor></mujoco>"""
+    load = '<geom size=".02" pos=".05 0 -.2" mass=".2" contype="0"/>'
+    true = dashpot.Engine(mujoco.MjModel.from_xml_string(xml.replace("LOAD", load)))
+    data = true.make_data()
+    data.qpos[:] = (1.0, 0.5)
+    angles = [data.qpos.copy()]
+    for _ in range(80):
+        true.step(data, 5)
+        angles.append(data.qpos.copy())
+    angles = np.array(angles) + 1e-3 * np.random.default_rng(0).normal(size=(81, 2))
+    swing = Trajectory.of_sensors(
+        "swing", 0.01 * np.arange(81), {"a": angles[:, 0], "b": angles[:, 1]},
+        initial_qpos=[1.0, 0.5], initial_qvel=[0.0, 0.0],
+    )  # fmt: skip
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(xml.replace("LOAD", "")))
+    unknown = Parameter.inertia("lower", mass=(0.1, 2.0), name="lower")
+    sigma = {"a": 1e-3, "b": 1e-3}
+    problem = Problem(engine, [unknown], [swing], sensor_sigma=sigma, substeps=5)
+    one_axis = [f"lower[{n}]" for n in ("centre y", *NUMBERS[5:])]
+    result = fit(problem.freeze(one_axis), starts=0)
+    found = result.inertia("lower")
+    model = true.model
+    axes = np.empty(9)
+    mujoco.mju_quat2Mat(axes, model.body_iquat[2])
+    about_y = axes.reshape(3, 3)[1] ** 2 @ model.body_inertia[2]
+    truth = {
+        "mass": 0.6,
+        "centre x": model.body_ipos[2, 0],
+        "centre z": model.body_ipos[2, 2],
+        "inertia yy": about_y,
+    }
+    for name, value in truth.items():
+        assert found[name].identified, found[name].statement
+        assert abs(found[name].value - value) < 4.0 * found[name].standard_error, name
+
+
 def test_intervals_follow_the_delta_method():
     """Of a mass and a size known to 1 % and 2 %, moments m s^2 are to root(1 + 16) %."""
     problem = box_problem(throws(0, 1), Parameter.inertia("box", mass=(0.2, 1.0), centre=False))
