@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import pickle
 from concurrent.futures import ThreadPoolExecutor
@@ -187,6 +188,25 @@ def test_a_fitted_inertia_is_saved_and_written(tumbled, tmp_path):
             np.testing.assert_allclose(
                 getattr(read, name), getattr(fitted, name), rtol=1e-9, atol=1e-12
             )
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("labels", ["mass", "colour"], "labels must be some of mass, centre x"),
+        ("quaternion", [1.0, 0.0, 0.0], "quaternion must be 4 finite numbers"),
+        ("model", [0.5] * 9, "model must be 10 finite numbers"),
+        ("moments", [1.0, "nan", 1.0], "moments must be 3 finite numbers"),
+        ("moments", [1.0, 0.0, 1.0], "moments must be > 0"),
+    ],
+)
+def test_files_that_say_what_no_inertia_is_are_refused(tumbled, tmp_path, field, value, message):
+    file = tumbled.save(tmp_path / "box.json")
+    content = json.loads(file.read_text())
+    content["parameters"][0]["apply"]["function"][field] = value
+    file.write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=message):
+        Fit.load(file)
 
 
 def test_units_are_those_of_the_numbers(tumbled):

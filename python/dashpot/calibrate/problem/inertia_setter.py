@@ -58,6 +58,17 @@ class InertiaSetter:
     moments: tuple[float, ...]
     quaternion: tuple[float, ...]
 
+    def __post_init__(self) -> None:
+        if not set(self.labels) <= set(NUMBERS) or len(set(self.labels)) < len(self.labels):
+            raise ValueError(f"labels must be some of {', '.join(NUMBERS)}, got {self.labels}")
+        for name, size in (("model", len(NUMBERS)), ("moments", 3), ("quaternion", 4)):
+            array = np.array(getattr(self, name))
+            if array.shape != (size,) or not np.isfinite(array).all():
+                raise ValueError(f"{name} must be {size} finite numbers, got {array}")
+        positive = [self.model[NUMBERS.index(name)] for name in _LOGARITHMIC]
+        if min(positive + list(self.moments)) <= 0.0:
+            raise ValueError("mass, size, stretches and moments must be > 0")
+
     def __call__(self, system: System, values: Array) -> None:
         """Set them in the model, or the model of an engine."""
         model = model_of(system)
