@@ -1,0 +1,142 @@
+"""Parameters of recorders: delay, gain and offset of channels, scale of positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from dashpot.calibrate.problem.channels import POSES
+from dashpot.calibrate.problem.parameter_options import Bounds, Frozen, Groups, Start
+from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
+from dashpot.calibrate.problem.transforms import TransformName
+from dashpot.checks import number_array
+
+if TYPE_CHECKING:
+    from dashpot.calibrate.problem.parameters import Parameter
+
+
+class RecorderParameters:
+    """The methods of `Parameter` that make parameters of recorders."""
+
+    @classmethod
+    def delay(
+        cls,
+        channel: str | Sequence[str],
+        *,
+        bounds: tuple[float, float],
+        start: float = 0.0,
+        name: str | None = None,
+        per: Groups | None = None,
+        frozen: Frozen = False,
+    ) -> Parameter:
+        """Estimate by how much a recorder is late, s.
+
+        Parameters
+        ----------
+        channel
+            Name of a sensor, ``"poses"``, or a kind of events, as ``"impact"``; or several, which
+            one recorder has.
+        bounds
+            (lower, upper), s. Readings at times before the upper one do not count: what they show
+            comes before the start. Simulations go on beyond the end by a lower one < 0.
+        start, name, per, frozen
+            As in `Parameter`. By default the name is ``delay of CHANNEL``.
+
+        Example
+        -------
+        A load cell that may be up to 50 ms late beside a camera::
+
+            Parameter.delay("load", bounds=(-0.01, 0.05))
+        """
+        return cls._of_sensing("delay", channel, start, bounds, name, per, frozen, "linear")
+
+    @classmethod
+    def gain(
+        cls,
+        channel: str | Sequence[str],
+        *,
+        bounds: Bounds,
+        start: Start = 1.0,
+        name: str | None = None,
+        per: Groups | None = None,
+        frozen: Frozen = False,
+    ) -> Parameter:
+        """Estimate the gain of a sensor, or of a scalar: its reading is so many times the true one.
+
+        Parameters as in `delay`; `bounds` > 0.
+        """
+        return cls._of_sensing("gain", channel, start, bounds, name, per, frozen, "log")
+
+    @classmethod
+    def offset(
+        cls,
+        channel: str | Sequence[str],
+        *,
+        bounds: Bounds,
+        start: Start = 0.0,
+        name: str | None = None,
+        per: Groups | None = None,
+        frozen: Frozen = False,
+    ) -> Parameter:
+        """Estimate what a sensor, or a scalar, reads where the true reading is 0, in its unit.
+
+        Parameters as in `delay`. Of sensors of several numbers all have the same, unless `start` or
+        `bounds` are those of a vector.
+        """
+        return cls._of_sensing("offset", channel, start, bounds, name, per, frozen, "linear")
+
+    @classmethod
+    def scale(
+        cls,
+        *,
+        bounds: tuple[float, float],
+        start: float = 1.0,
+        centre: Sequence[float] = (0.0, 0.0, 0.0),
+        name: str | None = None,
+        per: Groups | None = None,
+        frozen: Frozen = False,
+    ) -> Parameter:
+        """Estimate the scale of measured positions: they are so many times the true ones.
+
+        Parameters
+        ----------
+        centre
+            (3,) the point that is measured rightly, world, m: the optical axis of a camera.
+        bounds, start, name, per, frozen
+            As in `delay`; `bounds` > 0. By default the name is ``scale of poses``.
+        """
+        point = number_array("centre", centre)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise ValueError(f"centre must be three finite numbers, got {centre!r}")
+        x, y, z = (float(entry) for entry in point)
+        return cls._of_sensing("scale", POSES, start, bounds, name, per, frozen, "log", (x, y, z))
+
+    @classmethod
+    def _of_sensing(
+        cls,
+        quantity: SensingQuantity,
+        channel: str | Sequence[str],
+        start: Start,
+        bounds: Bounds,
+        name: str | None,
+        per: Groups | None,
+        frozen: Frozen,
+        transform: TransformName,
+        centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> Parameter:
+        listed = channel if isinstance(channel, Iterable) else ()
+        several = (channel,) if isinstance(channel, str) else tuple(listed)
+        if not several or not all(isinstance(one, str) for one in several):
+            raise TypeError(f"channel must be a name, or several, got {channel!r}")
+        make = cast("type[Parameter]", cls)
+        return make(
+            name=f"{quantity} of {', '.join(several)}" if name is None else name,
+            start=start,
+            bounds=bounds,
+            transform=transform,
+            per=per,
+            frozen=frozen,
+            apply=SensingSetter(quantity, several[0], centre, others=several[1:]),
+        )
