@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,42 +17,37 @@ from dashpot.calibrate.data.noise import (
     position_deviations,
 )
 from dashpot.calibrate.data.trajectory import Trajectory
-from dashpot.calibrate.problem.channels import Channel
-from dashpot.calibrate.problem.channels_of import channels_of
-from dashpot.calibrate.problem.first_guess import free_bodies, initial_state, robust_guess
-from dashpot.calibrate.problem.frozen import frozen_at, released
-from dashpot.calibrate.problem.gaps import check_kinds
 from dashpot.calibrate.problem.groups import check_acting, single_parameters
 from dashpot.calibrate.problem.inertia_setter import with_inertia
-from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
-from dashpot.calibrate.problem.layout import Layout
-from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
+from dashpot.calibrate.problem.known_starts import start_sigma
+from dashpot.calibrate.problem.observables import Sensor
 from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.problem_channels import ProblemChannels
+from dashpot.calibrate.problem.problem_checks import (
+    check_against_model,
+    check_options,
+    check_sensing,
+    observed_sensors,
+)
 from dashpot.calibrate.problem.problem_entries import (
     all_of,
     check_reach,
-    check_sensors,
-    check_shapes,
     check_targets,
     check_unique,
-    checked_states,
 )
+from dashpot.calibrate.problem.problem_fields import InitialState, Noise, StartStates
+from dashpot.calibrate.problem.problem_starts import ProblemStarts
+from dashpot.calibrate.problem.problem_systems import ProblemSystems
 from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
-from dashpot.calibrate.problem.sensing import SensingSetter, check_channel, check_numbers
 from dashpot.calibrate.problem.setters import System, model_of
-from dashpot.calibrate.problem.systems import Builder, own_system, put_in
-from dashpot.calibrate.problem.vectors import builder_values, vectors_of
-from dashpot.checks import number, positive_count
+from dashpot.calibrate.problem.systems import Builder
 from dashpot.engine import Engine
 
 Array = NDArray[np.float64]
-StartStates: TypeAlias = Callable[[Mapping[str, Any]], tuple[Array, Array]]
-Noise = Literal["stated", "estimate"]
-InitialState = Literal["given", "velocity", "pose_and_velocity"]
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(ProblemSystems, ProblemChannels, ProblemStarts):
     """Everything that defines a calibration.
 
     The simulation of a trajectory starts at its first frame without contact memory; frame k is
@@ -177,337 +171,16 @@ class Problem:
                 "position_sigma and rotation_sigma are all infinite, and so is what else is "
                 "stated: nothing was measured"
             )
-        if self.window is not None and not number("window", self.window) > 0:
-            raise ValueError(f"window must be > 0 s, got {self.window!r}")
-        if self.substeps is not None:
-            positive_count("substeps", self.substeps)
-        if self.initial_state not in ("given", "velocity", "pose_and_velocity"):
-            raise ValueError(
-                "initial_state must be 'given', 'velocity' or 'pose_and_velocity', "
-                f"got {self.initial_state!r}"
-            )
-        if self.noise not in ("stated", "estimate"):
-            raise ValueError(f"noise must be 'stated' or 'estimate', got {self.noise!r}")
-        if self.start_states is not None:
-            if not callable(self.start_states):
-                raise TypeError(f"start_states must be a function, got {self.start_states!r}")
-            if self.initial_state != "given":
-                raise ValueError("start_states needs initial_state='given'")
+        check_options(self)
         check_reach(self.parameters, self.system, self.start_states is not None)
         model = model_of(self.build(self.start))
         check_targets(self.parameters, model)
-        object.__setattr__(self, "_sensors", {})
-        for name, deviations in self.sensor_sigma.items():
-            sensor = self._sensors[name] = find_sensor(model, name, "sensor_sigma")
-            if np.size(deviations) not in (1, sensor.size):
-                raise ValueError(
-                    f"sensor_sigma[{name!r}] must be one number or {sensor.size}, "
-                    f"got {np.size(deviations)}"
-                )
-        for trajectory in self.trajectories:
-            for name in trajectory.scalars:
-                if name.startswith("peak:") and name[5:] not in self._sensors:
-                    label = f"trajectory '{trajectory.name}': scalar {name!r}"
-                    sensor = self._sensors[name[5:]] = find_sensor(model, name[5:], label)
-                    if sensor.size != 1:
-                        raise ValueError(f"{label}: the sensor has {sensor.size} numbers, not one")
+        object.__setattr__(self, "_sensors", observed_sensors(self, model))
         untouched = self.bare_system()
         if isinstance(untouched, Engine):
             check_nothing_is_lost(untouched, self.parameters)
         for trajectory in self.trajectories:
-            self._check_against_model(trajectory, model)
-        self._check_sensing()
+            check_against_model(self, trajectory, model)
+        check_sensing(self)
         known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
         object.__setattr__(self, "_start_sigma", np.array(known))
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters in order, frozen ones included."""
-        return tuple(p.name for p in self.parameters)
-
-    @property
-    def unknowns(self) -> tuple[Parameter, ...]:
-        """The parameters that are fitted, in order."""
-        return tuple(p for p in self.parameters if not p.frozen)
-
-    @property
-    def held(self) -> dict[str, float]:
-        """Values of frozen parameters by name."""
-        return {p.name: p.start for p in self.parameters if p.frozen}
-
-    def freeze(self, values: Iterable[str] | Mapping[str, float]) -> Problem:
-        """Return the same problem with parameters held: a nested model.
-
-        Parameters
-        ----------
-        values
-            Values by name, or names of what is held at its start. That of a vector, or of one with
-            ``per``, stands for all that it is made of.
-
-        Example
-        -------
-        How much worse a model without a slope is::
-
-            fit(problem.freeze({"slope": 0.0})).cost - fit(problem).cost
-        """
-        return replace(self, parameters=frozen_at(self.parameters, values))
-
-    def release(self, names: Iterable[str] | str) -> Problem:
-        """Return the same problem with frozen parameters fitted, from where they were held."""
-        return replace(self, parameters=released(self.parameters, names))
-
-    @property
-    def sigma(self) -> Array:
-        """(6,) standard deviations of x, y, z (m) and rotations about them (rad), inf included."""
-        position = np.broadcast_to(np.asarray(self.position_sigma, dtype=np.float64), 3)
-        return np.concatenate([position, np.full(3, self.rotation_sigma)])
-
-    @property
-    def start_sigma(self) -> Array:
-        """(trajectories, s) how well the estimated velocities, then positions are known before.
-
-        0: exactly; inf: not at all, as they are by default.
-        """
-        return self._start_sigma
-
-    @property
-    def start(self) -> dict[str, float]:
-        """Start of the search by name, and what is held."""
-        return {p.name: p.start for p in self.parameters}
-
-    def build(self, values: Mapping[str, float], trajectory: str | None = None) -> System:
-        """Return a system of its own with `values` (all parameters by name) put in.
-
-        Parameters
-        ----------
-        values
-            Of all parameters; frozen ones may be left out.
-        trajectory
-            Name of the one of which the system is: parameters that act in others alone are left
-            out. None: the first.
-
-        Raises
-        ------
-        ValueError
-            Naming the parameter that is missing or unknown, or whose value was refused.
-        """
-        self.check_values(values)
-        values = {**self.held, **values}
-        name = self.trajectories[0].name if trajectory is None else trajectory
-        system = own_system(self.system, self._values_in(values, name))
-        put_in(system, [p for p in self.parameters if p.acts_in(name)], values)
-        return system
-
-    def bare_system(self, values: Mapping[str, float] | None = None) -> System:
-        """Return a system of the first trajectory before any parameter is put in.
-
-        Functions that build it get `values`, by default the starts.
-        """
-        known = self.start if values is None else values
-        return own_system(self.system, self._values_in(known, self.trajectories[0].name))
-
-    def acting(self, trajectory: Trajectory) -> list[bool]:
-        """Return for each unknown whether the system of a trajectory depends on it."""
-        return [
-            p.acts_in(trajectory.name) and not isinstance(p.apply, SensingSetter)
-            for p in self.unknowns
-        ]
-
-    def sensing_setters(self, trajectory: Trajectory) -> dict[str, SensingSetter]:
-        """Return by name the parameters that say how channels of a trajectory read."""
-        return {
-            p.name: p.apply
-            for p in self.parameters
-            if isinstance(p.apply, SensingSetter) and p.acts_in(trajectory.name)
-        }
-
-    def channels(self, trajectory: Trajectory) -> list[Channel]:
-        """Return the channels of a trajectory of the problem, within the window."""
-        used = trajectory if self.window is None else trajectory.head(self.window)
-        return channels_of(
-            used,
-            self.sigma,
-            [(self._sensors[name], self.sensor_sigma[name]) for name in used.sensors],
-            self.event_sigma,
-            self.scalar_sigma,
-            self.delays(trajectory),
-        )
-
-    def sensor(self, name: str) -> Sensor:
-        """Return an observed sensor."""
-        return self._sensors[name]
-
-    def check_values(self, values: Mapping[str, float]) -> None:
-        """Raise ValueError where `values` are not those of all parameters by name.
-
-        Frozen ones may be left out.
-        """
-        if not {p.name for p in self.unknowns} <= set(values) <= set(self.names):
-            raise ValueError(
-                f"values must be given for exactly {', '.join(self.names)}; got {', '.join(values)}"
-            )
-
-    def layouts(self) -> list[Layout]:
-        """Return by trajectory where its residuals within the window stand."""
-        return [
-            Layout(
-                tuple(channel.block for channel in self.channels(t)),
-                int(np.count_nonzero(is_reading(sigma))),
-            )
-            for t, sigma in zip(self.trajectories, self.start_sigma, strict=True)
-        ]
-
-    def measured(self) -> list[NDArray[np.bool_]]:
-        """Return by trajectory which of its residuals (as `layouts`) are of what was measured."""
-        return [
-            np.concatenate(
-                [
-                    *(channel.measured.reshape(-1) for channel in self.channels(t)),
-                    np.ones(layout.starts, dtype=bool),
-                ]
-            )
-            for t, layout in zip(self.trajectories, self.layouts(), strict=True)
-        ]
-
-    def with_window(self, window: float | None) -> Problem:
-        """Return the same problem over another window."""
-        return replace(self, window=window)
-
-    def with_noise(self, factors: Mapping[str, float]) -> Problem:
-        """Return the same problem with standard deviations multiplied by `factors`.
-
-        Parameters
-        ----------
-        factors
-            By name: ``"position"``, ``"rotation"``, sensors, events and scalars; those that are not
-            named stay.
-        """
-
-        def times(stated: Mapping[str, Any]) -> dict[str, Any]:
-            return {
-                name: tuple(factors.get(name, 1.0) * np.atleast_1d(sigma))
-                if np.ndim(sigma)
-                else factors.get(name, 1.0) * sigma
-                for name, sigma in stated.items()
-            }
-
-        return replace(
-            self,
-            position_sigma=tuple(factors.get("position", 1.0) * self.sigma[:3]),
-            rotation_sigma=factors.get("rotation", 1.0) * self.rotation_sigma,
-            sensor_sigma=times(self.sensor_sigma),
-            event_sigma=times(self.event_sigma),
-            scalar_sigma=times(self.scalar_sigma),
-        )
-
-    @property
-    def deviations(self) -> dict[str, tuple[float, ...]]:
-        """Standard deviations by name: positions (m), rotations (rad), sensors, events, scalars."""
-        stated = {
-            "position": self.sigma[:3],
-            "rotation": self.sigma[3:4],
-            **self.sensor_sigma,
-            **self.event_sigma,
-            **self.scalar_sigma,
-        }
-        return {name: tuple(map(float, np.atleast_1d(s))) for name, s in stated.items()}
-
-    def initial_states(
-        self, model: mujoco.MjModel, values: Mapping[str, float] | None = None
-    ) -> tuple[Array, Array]:
-        """Return initial qpos (trajectories, nq) and qvel (trajectories, nv) of `values`.
-
-        Raises
-        ------
-        ValueError
-            If `start_states` returns arrays of another shape or numbers that are not finite.
-        """
-        count = len(self.trajectories)
-        if self.start_states is not None:
-            known = {**self.start, **({} if values is None else values)}
-            starts = self.start_states(known | vectors_of(self.parameters, known))
-            return checked_states(starts, count, model)
-        qpos = np.empty((count, model.nq))
-        qvel = np.empty((count, model.nv))
-        for i, trajectory in enumerate(self.trajectories):
-            qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
-        return qpos, qvel
-
-    def robust_guesses(self, model: mujoco.MjModel, qvel: Array) -> tuple[Array, Array]:
-        """Return velocities and displacements (trajectories, nv) to start an estimation with.
-
-        Outliers in the first frames do not lead them astray, as they do those of
-        `initial_states`, of which `qvel` (trajectories, nv) are the velocities.
-        """
-        guesses = [
-            robust_guess(
-                t if self.window is None else t.head(self.window), model, self.sigma, given
-            )
-            for t, given in zip(self.trajectories, qvel, strict=True)
-        ]
-        velocity, displacement = zip(*guesses, strict=True)
-        return np.array(velocity), np.array(displacement)
-
-    def starts_at_first_poses(self) -> bool:
-        """Whether simulations without ``initial_qpos`` start at their first observed pose."""
-        return self.initial_state != "pose_and_velocity" and self.start_states is None
-
-    def steps_per_frame(self, trajectory: Trajectory, model: mujoco.MjModel) -> int:
-        """Return the number of simulation steps between two frames."""
-        if self.substeps is not None:
-            return int(self.substeps)
-        # The slack keeps rounding in the times from adding a step.
-        return max(1, math.ceil(trajectory.spacing / float(model.opt.timestep) - 1e-6))
-
-    def _values_in(self, values: Mapping[str, float], trajectory: str) -> dict[str, Any]:
-        """Return the values that a function which builds the system of a trajectory gets."""
-        return builder_values([p for p in self.parameters if p.acts_in(trajectory)], values)
-
-    def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
-        """Return by channel of a trajectory the bounds of its delay, s."""
-        return {
-            channel: p.bounds
-            for p in self.parameters
-            if isinstance(p.apply, SensingSetter)
-            and p.apply.quantity == "delay"
-            and p.acts_in(trajectory.name)
-            for channel in p.apply.channels
-        }
-
-    def _check_sensing(self) -> None:
-        for parameter in self.parameters:
-            if isinstance(parameter.apply, SensingSetter):
-                channels = [
-                    channel
-                    for trajectory in self.trajectories
-                    if parameter.acts_in(trajectory.name)
-                    for channel in self.channels(trajectory)
-                ]
-                kinds = {channel.name: channel.kind for channel in channels}
-                check_channel(parameter.name, parameter.apply, kinds)
-                counts = {channel.name: channel.block.columns for channel in channels}
-                check_numbers(parameter.name, parameter.apply, counts)
-
-    def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
-        label = f"trajectory '{trajectory.name}'"
-        for body in trajectory.bodies:
-            body_id(model, body, label)
-        carried = self.initial_state == "given" and self.start_states is None
-        if trajectory.initial_qvel is None and carried:
-            raise ValueError(
-                f"{label} has no initial_qvel; give it, or estimate it with "
-                "initial_state='velocity'"
-            )
-        check_sensors(trajectory, model, self.sensor_sigma)
-        check_kinds(trajectory, model)
-        if not any(channel.measured.any() for channel in self.channels(trajectory)):
-            raise ValueError(f"{label}: nothing that was measured is left of it")
-        if trajectory.initial_qpos is None and self.starts_at_first_poses():
-            for i, _ in free_bodies(trajectory, model):
-                if not trajectory.measured[0, i, np.isfinite(self.sigma)].all():
-                    raise ValueError(
-                        f"{label}: body '{trajectory.bodies[i]}' was not measured in the first "
-                        "frame; give initial_qpos, or estimate the start with "
-                        "initial_state='pose_and_velocity'"
-                    )
-        check_shapes(trajectory, model)
