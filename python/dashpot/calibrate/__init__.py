@@ -29,6 +29,7 @@ which four are fitted and one is predicted::
 """
 
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.data.views import ImagePlane
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
@@ -41,6 +42,7 @@ __all__ = [
     "Combination",
     "Estimate",
     "Fit",
+    "ImagePlane",
     "Parameter",
     "Prediction",
     "Problem",

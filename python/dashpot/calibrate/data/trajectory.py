@@ -22,6 +22,7 @@ from dashpot.calibrate.data.recorder_fields import (
 )
 from dashpot.calibrate.data.stamps import Frames, frame_times
 from dashpot.calibrate.data.trajectory_fields import finite_field, frozen, poses_field
+from dashpot.calibrate.data.views import ImagePlane, View, with_pixels
 from dashpot.checks import number
 
 Array = NDArray[np.float64]
@@ -112,6 +113,15 @@ class Trajectory:
         that: give the rate of a camera where n is below some hundred.
     quaternion_order
         ``"wxyz"``: scalar first; ``"xyzw"``: scalar last.
+    pixels
+        By name of a body (its origin) or site, (n, 2) columns and rows at which a camera saw it,
+        NaN: not seen. As OpenCV counts: columns to the right, rows down, and 0 is the middle of the
+        first pixel. They are readings like those of sensors, named ``"CAMERA:POINT"``.
+    camera
+        Which saw them: the name of a camera of the model, whose focal length and resolution count,
+        or an `ImagePlane`. None: keys of `pixels` say it, ``"CAMERA:POINT"``.
+    views
+        What readings in pixels show, by name; `pixels` and `camera` make them.
 
     Raises
     ------
@@ -134,6 +144,7 @@ class Trajectory:
     sensor_times: Mapping[str, Array] = field(default_factory=dict)
     events: Mapping[str, Array] = field(default_factory=dict)
     scalars: Mapping[str, Array] = field(default_factory=dict)
+    views: Mapping[str, View] = field(default_factory=dict)
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
@@ -158,7 +169,12 @@ class Trajectory:
         frames: Frames = "stamped",
         rate: float | None = None,
         quaternion_order: QuaternionOrder = "wxyz",
+        pixels: Mapping[str, ArrayLike] | None = None,
+        camera: str | ImagePlane | None = None,
+        views: Mapping[str, View] | None = None,
     ) -> None:
+        sensors = {} if sensors is None else sensors
+        readings, shown = with_pixels(f"trajectory '{name}'", sensors, pixels, camera, views)
         given = {
             "name": name,
             "time": time,
@@ -168,13 +184,14 @@ class Trajectory:
             "initial_qpos": initial_qpos,
             "initial_qvel": initial_qvel,
             "control": control,
-            "sensors": {} if sensors is None else sensors,
+            "sensors": readings,
             "initial_qpos_sigma": initial_qpos_sigma,
             "initial_qvel_sigma": initial_qvel_sigma,
             "sampling": {} if sampling is None else sampling,
             "sensor_times": {} if sensor_times is None else sensor_times,
             "events": {} if events is None else events,
             "scalars": {} if scalars is None else scalars,
+            "views": shown,
         }
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
@@ -277,8 +294,10 @@ class Trajectory:
         cls,
         name: str,
         time: ArrayLike,
-        sensors: Mapping[str, ArrayLike],
+        sensors: Mapping[str, ArrayLike] | None = None,
         *,
+        pixels: Mapping[str, ArrayLike] | None = None,
+        camera: str | ImagePlane | None = None,
         initial_qpos: ArrayLike | None = None,
         initial_qvel: ArrayLike | None = None,
         control: ArrayLike | None = None,
@@ -291,7 +310,7 @@ class Trajectory:
         frames: Frames = "stamped",
         rate: float | None = None,
     ) -> Trajectory:
-        """Return a trajectory of which sensors alone were observed; fields as in the class.
+        """Return one of which sensors, or points in pixels, alone were observed; fields as above.
 
         A leg that lands, with an accelerometer and an encoder that the MJCF names ``imu`` and
         ``knee``, and no pose in the world::
@@ -320,6 +339,8 @@ class Trajectory:
             scalars=scalars or {},
             frames=frames,
             rate=rate,
+            pixels=pixels,
+            camera=camera,
         )
 
     @classmethod
@@ -431,9 +452,9 @@ class Trajectory:
             Empty cells and ``nan``, ``NA``, ``-``: not measured.
         columns
             Names of columns by what they hold: ``time``; ``x``, ``y``, ``z``, ``qw``, ``qx``,
-            ``qy``, ``qz`` or, of several bodies, ``BODY.x`` and on; ``sensor:NAME``, of several
-            numbers ``sensor:NAME.0`` and on. Coordinates and quaternions that are left out were
-            not measured. None: columns are named so.
+            ``qy``, ``qz``, or ``u``, ``v`` in pixels, of several bodies ``BODY.x`` and on;
+            ``sensor:NAME``, of several numbers ``sensor:NAME.0`` and on. What is left out was not
+            measured. None: columns are named so.
         body
             Name of the body, or of several; without one sensors alone were observed.
         run
@@ -446,7 +467,7 @@ class Trajectory:
             Of the trajectory. None: that of the file. Of several runs: in front of the run's, by
             default the column (``run 1``).
         fields
-            Others of `Trajectory`: ``frames``, ``initial_qpos`` ...
+            Others of `Trajectory`: ``frames``, ``initial_qpos``; of ``u``, ``v`` the ``camera``.
 
         Raises
         ------
@@ -457,7 +478,8 @@ class Trajectory:
         """
         bodies = (body,) if isinstance(body, str) else tuple(body)
         try:
-            runs = read_runs(file, Table(columns, bodies, run, unit))
+            seen = fields.get("camera") is not None
+            runs = read_runs(file, Table(columns, bodies, run, unit, seen))
             made = []
             for label, read in runs.items():
                 if run is None and (np.diff(read["time"]) < 0).any():
@@ -469,7 +491,9 @@ class Trajectory:
                     )
                 first = name if name is not None else run if run is not None else Path(file).stem
                 given = {"name": first if run is None else f"{first} {label}", **read, **fields}
-                made.append(cls(bodies=bodies, **given) if bodies else cls.of_sensors(**given))
+                if seen and "pixels" not in read:
+                    raise ValueError("no column 'u' or 'v' of what the camera saw")
+                made.append(cls(**given) if "bodies" in read else cls.of_sensors(**given))
         except ValueError as error:
             raise ValueError(f"{os.fspath(file)}: {error}") from None
         return made[0] if run is None else made

@@ -14,10 +14,10 @@ import numpy as np
 
 from dashpot.calibrate.problem import setters
 from dashpot.calibrate.problem.channels import POSES
-from dashpot.calibrate.problem.default_ranges import start_and_bounds
+from dashpot.calibrate.problem.default_ranges import middle, start_and_bounds
 from dashpot.calibrate.problem.groups import checked_groups
 from dashpot.calibrate.problem.physical_values import check_bounds
-from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
+from dashpot.calibrate.problem.sensing import ImageQuantity, SensingQuantity, SensingSetter
 from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.problem.transforms import Transform, TransformName
 from dashpot.checks import flag, number, number_array
@@ -386,6 +386,45 @@ class Parameter:
             raise ValueError(f"centre must be three finite numbers, got {centre!r}")
         x, y, z = (float(entry) for entry in point)
         return cls._of_sensing("scale", POSES, start, bounds, name, per, "log", (x, y, z))
+
+    @classmethod
+    def image(
+        cls,
+        quantity: ImageQuantity,
+        camera: str = "image",
+        *,
+        bounds: tuple[float, float],
+        start: float | None = None,
+        name: str | None = None,
+        per: Groups | None = None,
+    ) -> Parameter:
+        """Estimate a number of a picture in which points are seen (``Trajectory(pixels=...)``).
+
+        Parameters
+        ----------
+        quantity
+            ``"scale"``: pixels per metre of an `ImagePlane`, of a camera of the model its focal
+            length in pixels; ``"tilt"``: rad, clockwise; ``"origin_u"``, ``"origin_v"``: the pixel
+            where the origin of the world is seen, of a camera of the model the middle.
+            Where a camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
+        camera
+            Name of the camera, or of the `ImagePlane`.
+        bounds
+            (lower, upper); of a scale > 0.
+        start, name, per
+            As in `Parameter`. By default the start is in the middle of the bounds, the name
+            ``scale of image``.
+        """
+        if quantity not in get_args(ImageQuantity):
+            raise ValueError(
+                f"quantity of a picture must be one of {', '.join(get_args(ImageQuantity))}, got "
+                f"{quantity!r}"
+            )
+        scale = quantity == "scale"
+        if start is None and np.shape(bounds) == (2,):
+            start = middle(bounds, logarithmic=scale)
+        transform: TransformName = "log" if scale else "linear"
+        return cls._of_sensing(quantity, camera, start, bounds, name, per, transform)  # type: ignore[arg-type]
 
     @classmethod
     def _of_sensing(

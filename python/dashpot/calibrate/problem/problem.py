@@ -27,6 +27,12 @@ from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
 from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.pixel_starts import start_as_seen
+from dashpot.calibrate.problem.pixels import (
+    is_seen_point,
+    seen_sensor,
+    with_deviations_of_pixels,
+)
 from dashpot.calibrate.problem.problem_entries import (
     all_of,
     check_reach,
@@ -37,7 +43,7 @@ from dashpot.calibrate.problem.problem_entries import (
     checked_states,
 )
 from dashpot.calibrate.problem.replaced_materials import check_nothing_is_lost
-from dashpot.calibrate.problem.sensing import SensingSetter, check_channel
+from dashpot.calibrate.problem.sensing import SensingSetter, check_channel, sensing
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.problem.systems import Builder, own_system, put_in
 from dashpot.checks import number, positive_count
@@ -78,6 +84,7 @@ class Problem:
     sensor_sigma
         Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
+        ``"pixels"``: of all points in pixels that are not named, as ``"CAMERA:POINT"``.
     noise
         ``"stated"``: standard deviations are as stated, up to one factor; or ``"estimate"``: a fit
         estimates them, those of positions, of rotations and of each sensor, event and scalar, and
@@ -161,7 +168,9 @@ class Problem:
         check_acting(self.parameters, names)
         object.__setattr__(self, "position_sigma", position_deviations(self.position_sigma))
         object.__setattr__(self, "rotation_sigma", deviation("rotation_sigma", self.rotation_sigma))
+        views = {name: view for t in self.trajectories for name, view in t.views.items()}
         sensor_sigma = deviations_by_name("sensor_sigma", self.sensor_sigma)
+        sensor_sigma = with_deviations_of_pixels(sensor_sigma, views)
         object.__setattr__(self, "sensor_sigma", sensor_sigma)
         stated = [self.sigma, *map(np.array, sensor_sigma.values())]
         for name in ("event_sigma", "scalar_sigma"):
@@ -194,7 +203,13 @@ class Problem:
         check_targets(self.parameters, model)
         object.__setattr__(self, "_sensors", {})
         for name, deviations in self.sensor_sigma.items():
-            sensor = self._sensors[name] = find_sensor(model, name, "sensor_sigma")
+            if name not in views and is_seen_point(model, name):
+                continue  # of other trajectories
+            sensor = self._sensors[name] = (
+                seen_sensor(model, views[name], "pixels")
+                if name in views
+                else find_sensor(model, name, "sensor_sigma")
+            )
             if np.size(deviations) not in (1, sensor.size):
                 raise ValueError(
                     f"sensor_sigma[{name!r}] must be one number or {sensor.size}, "
@@ -383,6 +398,10 @@ class Problem:
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
             qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
+            if trajectory.views and self.initial_state != "given":
+                found = sensing(self.sensing_setters(trajectory), [self.start])
+                placed = self.initial_state == "pose_and_velocity"
+                start_as_seen(trajectory, model, found, qpos[i], qvel[i], placed=placed)
         return qpos, qvel
 
     def robust_guesses(self, model: mujoco.MjModel, qvel: Array) -> tuple[Array, Array]:
@@ -417,23 +436,27 @@ class Problem:
 
     def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
         """Return by channel of a trajectory the bounds of its delay, s."""
-        return {
+        late = {
             p.apply.channel: p.bounds
             for p in self.parameters
             if isinstance(p.apply, SensingSetter)
             and p.apply.quantity == "delay"
             and p.acts_in(trajectory.name)
         }
+        seen = {n: late[v.camera] for n, v in trajectory.views.items() if v.camera in late}
+        return {**seen, **late}
 
     def _check_sensing(self) -> None:
         for parameter in self.parameters:
             if isinstance(parameter.apply, SensingSetter):
-                kinds = {
+                kinds: dict[str, str] = {
                     channel.name: channel.kind
                     for trajectory in self.trajectories
                     if parameter.acts_in(trajectory.name)
                     for channel in self.channels(trajectory)
                 }
+                cameras = {v.camera for t in self.trajectories for v in t.views.values()}
+                kinds |= dict.fromkeys(cameras, "camera")
                 check_channel(parameter.name, parameter.apply, kinds)
 
     def _check_against_model(self, trajectory: Trajectory, model: mujoco.MjModel) -> None:
