@@ -7,17 +7,21 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashpot.cli import pictures
 from dashpot.cli.options import add_material, load_engine, positive
+from dashpot.cli.pictures import camera_of, parameter_of
 
 if TYPE_CHECKING:
     import mujoco
 
-    from dashpot.calibrate import Parameter, Problem, Trajectory
+    from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
     from dashpot.engine import Engine
 
+_ESTIMATE = "estimate"
 FIT_HELP = (
     "what is unknown, as pair:GEOM,GEOM:QUANTITY,... or material:GEOM:QUANTITY,... or "
-    "model:ARRAY:ELEMENT; a quantity may say where it starts, stiffness=1e4, or its bounds, "
+    "model:ARRAY:ELEMENT or, of a picture, image:QUANTITY,... with scale, tilt, origin_u, "
+    "origin_v; a quantity may say where it starts, stiffness=1e4, or its bounds, "
     "stiffness=1e3..1e6; may be given several times"
 )
 
@@ -31,9 +35,11 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         type=_assignments,
         action="append",
         metavar="KEY=COLUMN,...",
-        help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, sensor:NAME, and run, "
+        help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, u and v in pixels, "
+        "sensor:NAME, and run, "
         "which tells several runs apart (default: columns are named so)",
     )
+    pictures.add_to(options)
     options.add_argument("--fit", action="append", metavar="SPEC", help=FIT_HELP)
     options.add_argument("--body", metavar="NAME", help="(default: the one that moves freely)")
     options.add_argument(
@@ -56,11 +62,12 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )
     options.add_argument(
         "--noise",
-        type=_assignments,
+        type=_deviations,
         action="append",
         metavar="KEY=SIGMA,...",
-        help="standard deviations: position (m), rotation (rad), sensors by name (default: how "
-        "far readings are from smooth paths)",
+        help="standard deviations: position (m), rotation (rad), pixels, sensors by name (default: "
+        "how far readings are from smooth paths); the word 'estimate': those of each channel are "
+        "estimated from the residuals, and start there",
     )
     add_material(parser)
 
@@ -81,17 +88,20 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
             raise ValueError(f"a table needs --{option}; see dashpot calibrate --help")
     engine = load_engine(arguments.model, arguments.material, 1)
     trajectories = _trajectories(arguments, engine.model)
-    position, rotation, sensors = _noise(_joined(arguments.noise), trajectories)
+    stated = _joined(arguments.noise)
+    estimated = stated.pop(_ESTIMATE, None) is not None
+    position, rotation, sensors = _noise(stated, trajectories)
     if arguments.window is not None:
         trajectories = [trajectory.between(*arguments.window) for trajectory in trajectories]
     problem = Problem(
         engine,
-        _parameters(arguments.fit, engine),
+        _parameters(arguments.fit, engine, camera_of(arguments)),
         trajectories,
         position,
         rotation,
         initial_state="pose_and_velocity",
         sensor_sigma=sensors,
+        noise="estimate" if estimated else "stated",
     )
     # Who gives units knows them: fit warns, and goes on.
     for name, what in () if arguments.unit else strange_falls(problem).items():
@@ -107,6 +117,8 @@ def refuse_options(arguments: argparse.Namespace) -> None:
     names = (
         "model",
         "columns",
+        "camera",
+        "image",
         "fit",
         "body",
         "unit",
@@ -132,7 +144,8 @@ def described(problem: Problem) -> list[str]:
     noise += [f"{name} {sigma[0]:.3g}" for name, sigma in problem.sensor_sigma.items()]  # type: ignore[index]
     count = len(problem.trajectories)
     frames = sum(trajectory.frames for trajectory in problem.trajectories)
-    return [*lines, f"{count} runs of {frames} frames, noise of {', '.join(noise)}"]
+    kind = "noise" if problem.noise == "stated" else "noise to be estimated, from"
+    return [*lines, f"{count} runs of {frames} frames, {kind} of {', '.join(noise)}"]
 
 
 def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[Trajectory]:
@@ -147,6 +160,9 @@ def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[
     body = (arguments.body or _moving_body(model)) if poses else ()
     unit = {key: _factor(text) for key, text in _joined(arguments.unit).items()}
     read = {"columns": columns, "body": body, "unit": unit, **fields}
+    camera = camera_of(arguments)
+    if camera is not None:
+        read["camera"] = camera
     if run is None:
         return [Trajectory.from_csv(arguments.problem, **read)]
     return Trajectory.from_csv(arguments.problem, run=run, **read)
@@ -174,27 +190,38 @@ def _noise(
         "rotation": rotation_noise(trajectories),
         **sensor_noise(trajectories),
     }
+    points = {name for trajectory in trajectories for name in trajectory.views}
     for key, text in given.items():
-        if key not in noise:
-            raise ValueError(f"--noise: {key!r} is none of {', '.join(noise)}")
-        noise[key] = _float(f"--noise {key}", text)
+        if key not in noise and not (points and key == "pixels"):
+            raise ValueError(
+                f"--noise: {key!r} is none of {', '.join([*noise, *['pixels'] * bool(points)])}"
+            )
+        for name in points if key == "pixels" else (key,):
+            noise[name] = _float(f"--noise {key}", text)
     return noise.pop("position"), noise.pop("rotation"), noise
 
 
-def _parameters(specs: Sequence[str], engine: Engine) -> list[Parameter]:
+def _parameters(
+    specs: Sequence[str], engine: Engine, camera: str | ImagePlane | None
+) -> list[Parameter]:
     from dashpot.calibrate import Parameter
 
     made: list[Parameter] = []
     for spec in specs:
         kind, _, rest = spec.partition(":")
         target, _, quantities = rest.rpartition(":")
-        if kind not in ("pair", "material", "model") or not target or not quantities:
+        picture = kind == "image" and not target
+        known = picture or (kind in ("pair", "material", "model") and target)
+        if not known or not quantities:
             raise ValueError(f"--fit {spec!r} is not {FIT_HELP.split('; ')[0][20:]}")
         elements = [_element(name, engine) for name in target.split(",")]
         for quantity in quantities.split(","):
             name, _, text = quantity.partition("=")
             options = _range(f"--fit {name}", text)
             try:
+                if picture:
+                    made.append(parameter_of(name, camera, options, engine.model))
+                    continue
                 if kind == "model":
                     made.append(_of_model(target, name, options, engine.model))
                     continue
@@ -278,6 +305,14 @@ def _assignments(text: str) -> dict[str, str]:
             raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE,... with different keys")
         result[key] = value
     return result
+
+
+def _deviations(text: str) -> dict[str, str]:
+    """Return ``KEY=SIGMA,...`` as a mapping, with the word ``estimate`` where it is given."""
+    words = text.split(",")
+    rest = ",".join(word for word in words if word.strip() != _ESTIMATE)
+    found = {_ESTIMATE: ""} if _ESTIMATE in map(str.strip, words) else {}
+    return found | (_assignments(rest) if rest else {})
 
 
 def _window(text: str) -> tuple[float, float]:
