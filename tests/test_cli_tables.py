@@ -59,6 +59,21 @@ def test_one_command_fits_a_table(folder, capsys):
     assert lower < 0.8 < upper
 
 
+def test_noise_is_estimated_where_it_is_asked_for(folder, capsys):
+    """Stated ten times too large, it is found: the interval is as narrow as with the right one."""
+    widths = []
+    for noise in (f"position={NOISE}", f"position={10 * NOISE},estimate"):
+        options = [*COLUMNS, "--unit", "t=ms,z=cm", *FIT, "--noise", noise]
+        assert command(folder, *options) == 0
+        printed = capsys.readouterr().out
+        assert ("noise to be estimated, from" in printed) == noise.endswith("estimate")
+        line = next(row for row in printed.splitlines() if row.startswith("restitution: ident"))
+        lower, upper = (float(word) for word in line.split("interval ")[1].split(" to "))
+        assert lower < 0.8 < upper
+        widths.append(upper - lower)
+    assert widths[1] == pytest.approx(widths[0], rel=0.3)
+
+
 def test_lines_of_python_in_the_readme_do_the_same_as_its_command(folder, monkeypatch, capsys):
     readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
     _, lines = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)

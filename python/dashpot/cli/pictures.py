@@ -79,7 +79,9 @@ def parameter_of(
         "origin_v": _around(float(lens.origin[1]), _ORIGIN_RANGE),
     }
     given = dict(options)
-    if "bounds" not in given and quantity in stated:
+    if "bounds" not in given:
+        if quantity not in stated:
+            raise ValueError(f"a picture has {', '.join(stated)}, no {quantity!r}")
         now, lower, upper = stated[quantity]
         given = {"start": now, "bounds": (lower, upper), **given}
     return Parameter.image(quantity, view.camera, **given)  # type: ignore[arg-type]

@@ -92,7 +92,7 @@ def check_view(view: View, model: mujoco.MjModel, label: str) -> None:
         )
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
         raise ValueError(
-            f"{label}: camera {view.camera!r} turns after a body; its mode is not 'fixed'"
+            f"{label}: camera {view.camera!r} follows a body; its mode is not 'fixed'"
         )
     if (model.cam_resolution[camera] <= 1).any():
         raise ValueError(
