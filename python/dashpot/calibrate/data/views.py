@@ -25,8 +25,13 @@ class ImagePlane:
 
         (u, v) = origin + scale R(tilt) (right . p, down . p)
 
-    where R turns clockwise, as one looks at the picture. Motion along the line of sight is not
-    seen. Each of the numbers can be estimated: `Parameter.image`.
+    where R turns clockwise, as one looks at the picture. Each of the numbers can be estimated:
+    `Parameter.image`.
+
+    Motion along the line of sight is not seen. Where initial states are estimated, a body on a free
+    joint that nothing else observes starts in the plane: neither along the line of sight, if that
+    is an axis of the world, nor about axes across it is its start moved, unless
+    ``initial_qpos_sigma`` and ``initial_qvel_sigma`` of the trajectory say how well it is known.
 
     Parameters
     ----------

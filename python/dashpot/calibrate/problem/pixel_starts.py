@@ -17,6 +17,8 @@ from dashpot.calibrate.problem.sensing import ImageQuantity, Sensing
 
 Array = NDArray[np.float64]
 
+# Directions are one where their cosine is above this.
+_ONE_AXIS = 1.0 - 1e-6
 _QUANTITIES = get_args(ImageQuantity)
 
 
@@ -69,6 +71,39 @@ def start_as_seen(
         if seen[found.bodies[i]][1]:
             qpos[q : q + 3] = position[q : q + 3]
         qvel[v : v + 6] = velocity[v : v + 6]
+
+
+def out_of_sight(trajectory: Trajectory, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (nv,) which velocities no picture shows of bodies that were seen in one plane alone.
+
+    These move in the plane: not along the line of sight, nor do they turn about an axis across it.
+    It is so where the line of sight is an axis of the world, and of the body.
+    """
+    unseen = np.zeros(model.nv, dtype=bool)
+    if len(trajectory.views) < len(trajectory.sensors):
+        return unseen
+    qpos = model.qpos0 if trajectory.initial_qpos is None else trajectory.initial_qpos
+    sights: dict[int, list[Array | None]] = {}
+    for view in trajectory.views.values():
+        body = place_of(view, model)[0]
+        joint = free_joint(model, body)
+        if joint is not None and model.body(body).name not in trajectory.bodies:
+            plane = view.plane
+            sight = None if plane is None else np.cross(plane.right, plane.down)
+            sights.setdefault(joint, []).append(sight)
+    for joint, seen in sights.items():
+        first = seen[0]
+        if first is None or any(s is None or abs(s @ first) < _ONE_AXIS for s in seen):
+            continue
+        q, v = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        in_body = np.zeros(3)
+        inverse = qpos[q + 3 : q + 7] * [1.0, -1.0, -1.0, -1.0]
+        mujoco.mju_rotVecQuat(in_body, first, inverse)
+        along = np.abs(first) > _ONE_AXIS
+        about = np.abs(in_body) > _ONE_AXIS
+        unseen[v : v + 3] = along
+        unseen[v + 3 : v + 6] = ~about & about.any()
+    return unseen
 
 
 def _positions(

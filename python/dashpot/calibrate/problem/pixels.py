@@ -91,9 +91,7 @@ def check_view(view: View, model: mujoco.MjModel, label: str) -> None:
             f"{', '.join(known) or 'none: give an ImagePlane'}"
         )
     if model.cam_mode[camera] != mujoco.mjtCamLight.mjCAMLIGHT_FIXED:
-        raise ValueError(
-            f"{label}: camera {view.camera!r} follows a body; its mode is not 'fixed'"
-        )
+        raise ValueError(f"{label}: camera {view.camera!r} follows a body; its mode is not 'fixed'")
     if (model.cam_resolution[camera] <= 1).any():
         raise ValueError(
             f"{label}: camera {view.camera!r} has no resolution; the MJCF says it in pixels, as in "

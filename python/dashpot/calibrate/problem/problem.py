@@ -27,7 +27,7 @@ from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
 from dashpot.calibrate.problem.parameters import Parameter
-from dashpot.calibrate.problem.pixel_starts import start_as_seen
+from dashpot.calibrate.problem.pixel_starts import out_of_sight, start_as_seen
 from dashpot.calibrate.problem.pixels import (
     is_seen_point,
     seen_sensor,
@@ -228,7 +228,9 @@ class Problem:
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
         self._check_sensing()
-        known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
+        known = [
+            start_sigma(t, self.initial_state, out_of_sight(t, model)) for t in self.trajectories
+        ]
         object.__setattr__(self, "_start_sigma", np.array(known))
 
     @property
