@@ -10,6 +10,7 @@ import pytest
 import dashpot
 from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory, predict
 from dashpot.cli import main
+from dashpot.cli.problem_file import read_problem
 
 SLOPE, RADIUS, SCALE = 15.0, 0.01, 900.0
 SCENE = f"""<mujoco><option timestep="0.004" cone="elliptic"/><worldbody>
@@ -115,3 +116,60 @@ def test_a_wrong_picture_is_named(folder, capsys, image, message):
     with pytest.raises(SystemExit):
         command(folder, "plane.csv", "--image", image)
     assert re.search(message, capsys.readouterr().err)
+
+
+PROBLEM = """
+model = "scene.xml"
+noise = "estimate"
+initial_state = "pose_and_velocity"
+sensor_sigma = {{pixels = 1.0}}
+[[parameters]]
+kind = "image"
+quantity = "scale"
+bounds = [300, 3000]
+[[parameters]]
+kind = "delay"
+channel = "image"
+bounds = [-0.01, 0.01]
+[[trajectories]]
+bodies = ["marble"]
+camera = {{scale = 800, origin = [60, 90]}}
+{file}
+"""
+
+
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_a_problem_file_holds_a_film(folder, form):
+    if form == "csv":
+        file = 'file = "plane.csv"\ncolumns = {time = "t", u = "x_px", v = "y_px"}'
+    else:
+        time, *pixels = np.loadtxt(folder / "plane.csv", delimiter=",", skiprows=1).T
+        np.savez(folder / "plane.npz", **{"time": time, "pixels.marble": np.transpose(pixels)})
+        file = 'file = "plane.npz"'
+    text = PROBLEM.format(file=file)
+    if form == "npz":
+        text = text.replace('bodies = ["marble"]\n', "")
+    (folder / "film.toml").write_text(text)
+    problem, _ = read_problem(folder / "film.toml")
+    assert problem.names == ("scale of image", "delay of image")
+    assert problem.noise == "estimate"
+    assert problem.deviations["image:marble"] == (1.0,)
+    assert problem.parameters[0].start == pytest.approx(math.sqrt(300 * 3000))
+    assert problem.trajectories[0].sensors["image:marble"].shape == (FRAMES, 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("origin", "orign"), r"trajectories\[0\].camera: unknown key 'orign'"),
+        (("scale = 800, ", ""), r"camera: 'scale' is missing"),
+        (("{scale = 800, origin = [60, 90]}", "3"), r"camera is 3, not of type dict"),
+        (('"scale"', '"focus"'), r"parameters\[0\]: quantity of a picture must be one of"),
+        (('channel = "image"', ""), r"parameters\[1\]: 'channel' is missing"),
+    ],
+)
+def test_what_is_wrong_in_a_problem_file_of_a_film_is_named(folder, change, message):
+    file = 'file = "plane.csv"\ncolumns = {time = "t", u = "x_px", v = "y_px"}'
+    (folder / "film.toml").write_text(PROBLEM.format(file=file).replace(*change))
+    with pytest.raises(ValueError, match=message):
+        read_problem(folder / "film.toml")
