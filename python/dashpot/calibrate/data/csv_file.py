@@ -226,6 +226,8 @@ def _number(text: str, line: int, column: str, time: bool, decimal_comma: bool) 
     if not time and word.lower() in _MISSING:
         return math.nan  # as trackers write what they lost
     try:
+        if "_" in word:  # Python has it between digits, no instrument does
+            raise ValueError
         value = float(word.replace(",", ".", 1) if decimal_comma else word)
     except ValueError:
         shown = text if len(text) <= 40 else f"{text[:40]}..."
