@@ -162,3 +162,23 @@ def test_noise_is_read_off_what_is_left_of_smooth_paths(noise, seed):
     assert sensor_noise([slow])["load"] == pytest.approx(7.0 * noise, rel=0.35)
     assert math.isinf(position_noise([slow]))
     assert math.isinf(rotation_noise([slow]))
+
+
+def test_another_table_is_predicted(folder, capsys, tmp_path):
+    """What was not fitted, from its first 0.3 s, before it bounces."""
+    pytest.importorskip("jinja2")
+    other = tmp_path / "other.csv"
+    other.write_text((folder / "ball.csv").read_text())
+    page = tmp_path / "page.html"
+    options = [*COLUMNS, "--unit", "t=ms,z=cm", *FIT, "--report", str(page)]
+    assert command(folder, *options, "--held-out", str(other), "--head", "0.3") == 0
+    table = capsys.readouterr().out.split("Prediction")[1]
+    row = next(line for line in table.splitlines() if "other" in line)
+    assert float(row.split("│")[3]) < 2e3 * NOISE  # mm
+    assert "other" in page.read_text()
+
+
+@pytest.mark.parametrize("options", [["--held-out", "x.csv"], ["--head", "0.1"]])
+def test_a_table_to_predict_needs_a_head(folder, capsys, options):
+    assert command(folder, *COLUMNS, "--unit", "t=ms,z=cm", *FIT, *options) == 1
+    assert "--held-out needs --head" in capsys.readouterr().err

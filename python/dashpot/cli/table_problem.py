@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashpot.cli import pictures
 from dashpot.cli.options import add_material, load_engine, positive
-from dashpot.cli.pictures import camera_of, parameter_of
+from dashpot.cli.pictures import camera_of
+from dashpot.cli.table_parameters import FIT_HELP, float_of, parameters_of
 
 if TYPE_CHECKING:
     import mujoco
 
-    from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
-    from dashpot.engine import Engine
+    from dashpot.calibrate import Problem, Trajectory
 
 _ESTIMATE = "estimate"
-FIT_HELP = (
-    "what is unknown, as pair:GEOM,GEOM:QUANTITY,... or material:GEOM:QUANTITY,... or "
-    "model:ARRAY:ELEMENT or, of a picture, image:QUANTITY,... with scale, tilt, origin_u, "
-    "origin_v; a quantity may say where it starts, stiffness=1e4, or its bounds, "
-    "stiffness=1e3..1e6; may be given several times"
-)
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
@@ -69,6 +62,12 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "how far readings are from smooth paths); the word 'estimate': those of each channel are "
         "estimated from the residuals, and start there",
     )
+    options.add_argument(
+        "--held-out", metavar="FILE", help="another such table, which is predicted, not fitted"
+    )
+    options.add_argument(
+        "--head", type=positive, metavar="SECONDS", help="of each run in it that tell how it starts"
+    )
     add_material(parser)
 
 
@@ -87,7 +86,7 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         if getattr(arguments, option) is None:
             raise ValueError(f"a table needs --{option}; see dashpot calibrate --help")
     engine = load_engine(arguments.model, arguments.material, 1)
-    trajectories = _trajectories(arguments, engine.model)
+    trajectories = _trajectories(arguments, engine.model, arguments.problem)
     stated = _joined(arguments.noise)
     estimated = stated.pop(_ESTIMATE, None) is not None
     position, rotation, sensors = _noise(stated, trajectories)
@@ -95,7 +94,7 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         trajectories = [trajectory.between(*arguments.window) for trajectory in trajectories]
     problem = Problem(
         engine,
-        _parameters(arguments.fit, engine, camera_of(arguments)),
+        parameters_of(arguments.fit, engine, camera_of(arguments)),
         trajectories,
         position,
         rotation,
@@ -110,6 +109,27 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
             "time=ms,z=cm or such"
         )
     return problem, {}
+
+
+def read_held_out(arguments: argparse.Namespace, problem: Problem) -> list[Trajectory]:
+    """Return the runs that are to be predicted, none where the options name no file.
+
+    Raises
+    ------
+    ValueError
+        Where one of --held-out and --head is given without the other.
+    """
+    if (arguments.held_out is None) != (arguments.head is None):
+        raise ValueError(
+            "--held-out needs --head, the seconds before the first contact, or at least some, from "
+            "which the start of each run is estimated; and the other way round"
+        )
+    if arguments.held_out is None:
+        return []
+    from dashpot.calibrate.problem.setters import model_of
+
+    model = model_of(problem.build(problem.start))
+    return _trajectories(arguments, model, arguments.held_out)
 
 
 def refuse_options(arguments: argparse.Namespace) -> None:
@@ -127,10 +147,14 @@ def refuse_options(arguments: argparse.Namespace) -> None:
         "window",
         "noise",
         "material",
+        "held_out",
+        "head",
     )
     given = next((name for name in names if getattr(arguments, name)), None)
     if given is not None:
-        raise ValueError(f"--{given} is for tables, .csv; {arguments.problem} says it itself")
+        raise ValueError(
+            f"--{given.replace('_', '-')} is for tables, .csv; {arguments.problem} says it itself"
+        )
 
 
 def described(problem: Problem) -> list[str]:
@@ -148,7 +172,9 @@ def described(problem: Problem) -> list[str]:
     return [*lines, f"{count} runs of {frames} frames, {kind} of {', '.join(noise)}"]
 
 
-def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[Trajectory]:
+def _trajectories(
+    arguments: argparse.Namespace, model: mujoco.MjModel, file: str
+) -> list[Trajectory]:
     from dashpot.calibrate import Trajectory
 
     columns = _joined(arguments.columns) or None
@@ -164,8 +190,8 @@ def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[
     if camera is not None:
         read["camera"] = camera
     if run is None:
-        return [Trajectory.from_csv(arguments.problem, **read)]
-    return Trajectory.from_csv(arguments.problem, run=run, **read)
+        return [Trajectory.from_csv(file, **read)]
+    return Trajectory.from_csv(file, run=run, **read)
 
 
 def _moving_body(model: mujoco.MjModel) -> str:
@@ -197,85 +223,8 @@ def _noise(
                 f"--noise: {key!r} is none of {', '.join([*noise, *['pixels'] * bool(points)])}"
             )
         for name in points if key == "pixels" else (key,):
-            noise[name] = _float(f"--noise {key}", text)
+            noise[name] = float_of(f"--noise {key}", text)
     return noise.pop("position"), noise.pop("rotation"), noise
-
-
-def _parameters(
-    specs: Sequence[str], engine: Engine, camera: str | ImagePlane | None
-) -> list[Parameter]:
-    from dashpot.calibrate import Parameter
-
-    made: list[Parameter] = []
-    for spec in specs:
-        kind, _, rest = spec.partition(":")
-        target, _, quantities = rest.rpartition(":")
-        picture = kind == "image" and not target
-        known = picture or (kind in ("pair", "material", "model") and target)
-        if not known or not quantities:
-            raise ValueError(f"--fit {spec!r} is not {FIT_HELP.split('; ')[0][20:]}")
-        elements = [_element(name, engine) for name in target.split(",")]
-        for quantity in quantities.split(","):
-            name, _, text = quantity.partition("=")
-            options = _range(f"--fit {name}", text)
-            try:
-                if picture:
-                    made.append(parameter_of(name, camera, options, engine.model))
-                    continue
-                if kind == "model":
-                    made.append(_of_model(target, name, options, engine.model))
-                    continue
-                taken = [p.name for p in made]
-                options["name"] = f"{name} {target}" if name in taken else name
-                if kind == "material":
-                    made.append(Parameter.material(elements, name, **options))  # type: ignore[arg-type]
-                elif len(elements) != 2:
-                    raise ValueError(f"a pair has two geoms, not {len(elements)}")
-                else:
-                    first, second = elements
-                    made.append(Parameter.pair(first, second, name, **options))  # type: ignore[arg-type]
-            except (ValueError, TypeError) as error:
-                raise ValueError(f"--fit {spec!r}: {error}") from None
-    return made
-
-
-def _of_model(
-    target: str, element: str, options: dict[str, Any], model: mujoco.MjModel
-) -> Parameter:
-    """Return a parameter of an array, ``NAME`` or ``NAME[COLUMN]``, between a tenth and tenfold."""
-    from dashpot.calibrate import Parameter
-    from dashpot.calibrate.problem.default_ranges import middle
-
-    match = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", target)
-    if match is None:
-        raise ValueError(f"{target!r} is not ARRAY or ARRAY[COLUMN]")
-    index = None if match[2] is None else int(match[2])
-    if "bounds" not in options:
-        now = options.get("start")
-        if now is None and match[1].startswith("body_mass"):
-            now = float(model.body(element).mass[0])
-        if now is None or now <= 0.0:
-            raise ValueError(f"{target} has no default bounds: say {element}=LOWER..UPPER")
-        options |= {"start": now, "bounds": (now / 10.0, now * 10.0)}
-    linear = options["bounds"][0] <= 0.0
-    options.setdefault("start", middle(options["bounds"], logarithmic=not linear))
-    return Parameter.model(
-        match[1], element, index=index, transform="linear" if linear else "log", **options
-    )
-
-
-def _range(label: str, text: str) -> dict[str, Any]:
-    """Return what ``START`` or ``LOWER..UPPER`` says."""
-    lower, dots, upper = text.partition("..")
-    if dots:
-        return {"bounds": (_float(label, lower), _float(label, upper))}
-    return {"start": _float(label, text)} if text else {}
-
-
-def _element(name: str, engine: Engine) -> str | int:
-    """Return a geom by name, or by id where none has such a name."""
-    named = any(engine.model.geom(i).name == name for i in range(engine.model.ngeom))
-    return int(name) if name.isdecimal() and not named else name
 
 
 def _factor(text: str) -> str | float:
@@ -283,13 +232,6 @@ def _factor(text: str) -> str | float:
         return float(text)
     except ValueError:
         return text
-
-
-def _float(label: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{label}: {text!r} is not a number") from None
 
 
 def _joined(parts: Sequence[dict[str, str]] | None) -> dict[str, str]:
