@@ -226,10 +226,10 @@ def test_a_fall_on_film_says_gravity_or_the_scale(camera, parameters, truth, noi
 
 
 def test_intervals_of_films_cover():
-    """Of eight films, 95 % intervals contain the scale in at least six."""
+    """Of five films, 95 % intervals contain the scale in at least four."""
     system = dashpot.Engine(mujoco.MjModel.from_xml_string(FALL.format(g=-G)))
     covered = 0
-    for seed in range(8):
+    for seed in range(5):
         time, pixels = falling(np.random.default_rng(seed), "picture", frames=20)
         plane = ImagePlane(scale=500, origin=(50, 80))
         film = Trajectory.of_sensors("fall", time, pixels={"ball": pixels}, camera=plane)
@@ -242,7 +242,7 @@ def test_intervals_of_films_cover():
         )
         scale = fit(problem, starts=0)["scale of image"]
         covered += scale.lower < 700 < scale.upper
-    assert covered >= 6
+    assert covered >= 4
 
 
 def test_scale_and_gravity_together_are_not_identified():
@@ -538,3 +538,75 @@ def test_poses_of_one_body_and_pixels_of_another_are_in_one_table(tmp_path):
 def test_columns_in_pixels_that_are_of_nothing_are_named(table, fields, message):
     with pytest.raises(ValueError, match=message):
         Trajectory.from_csv(table, **fields)
+
+
+JOINTS = {
+    "free": "<freejoint/>",
+    "planar": '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+    '<joint type="hinge" axis="0 1 0"/>',
+    "pendulum": '<joint type="hinge" axis="0 1 0" pos="-.5 0 .2"/>',
+}
+
+
+@pytest.mark.parametrize("joints", [*JOINTS])
+@pytest.mark.parametrize("camera", ["picture", "side"])
+def test_the_search_starts_where_the_film_does(joints, camera):
+    """Within noise, as fast as in the first frames; the model has it elsewhere, at rest."""
+    xml = f"""<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody>
+      <camera name="side" pos="0 -2 0" xyaxes="1 0 0 0 0 1" fovy="60" resolution="1280 1024"/>
+      <body name="ball">{JOINTS[joints]}<geom size=".05" mass="1"/>
+      <site name="mark" pos=".1 0 .05"/></body></worldbody></mujoco>"""
+    system = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    start, speed = system.model.qpos0.copy(), np.zeros(system.model.nv)
+    if joints == "pendulum":
+        start[0], speed[0] = 0.4, -0.8
+    else:
+        start[[0, 1 if joints == "planar" else 2]] += 0.3, -0.2
+        speed[[0, 1 if joints == "planar" else 2]] = 0.5, -0.4
+    seen_by = ImagePlane(scale=700, origin=(200, 300)) if camera == "picture" else "side"
+    fields = {"initial_qpos": start, "initial_qvel": speed}
+    unknown = [Parameter.model("body_mass", "ball", start=1.0, bounds=(0.5, 2.0))]
+    point = "ball" if joints == "planar" else "mark"
+    blank = thrown(
+        system, {point: np.zeros((8, 2))}, seen_by, frames=8, parameters=unknown, **fields
+    )
+    (prediction,) = predict(blank, {"body_mass": 1.0})
+    film = Trajectory.of_sensors(
+        "film",
+        blank.trajectories[0].time,
+        pixels={point: next(iter(prediction.sensors.values()))},
+        camera=seen_by,
+    )
+    problem = Problem(
+        system, unknown, [film], sensor_sigma={"pixels": 0.5}, initial_state="pose_and_velocity"
+    )
+    qpos, qvel = problem.initial_states(system.model)
+    np.testing.assert_allclose(qpos[0], start, atol=0.02)
+    np.testing.assert_allclose(qvel[0], speed, atol=0.06)
+    still = dataclasses.replace(problem, initial_state="velocity").initial_states(system.model)
+    np.testing.assert_array_equal(still[0][0], system.model.qpos0)
+
+
+@pytest.mark.parametrize("joints", ["free", "planar"])
+def test_a_marble_that_is_seen_from_the_middle_of_its_way_on(joints):
+    """Scale and tilt are found from a start that is off by an eighth, whatever its joints."""
+    xml = RAMP.replace("<freejoint/>", JOINTS[joints])
+    system = dashpot.Engine(mujoco.MjModel.from_xml_string(xml))
+    system.set_pair_material("marble", "ramp", dashpot.Material(1e4, friction=(0.3, 0, 0)))
+    time = np.arange(40) / 60
+    way = 0.25 + 0.15 * time + 0.5 * ROLLING * time**2
+    x = RADIUS * math.sin(SLOPE) + way * math.cos(SLOPE)
+    z = RADIUS * math.cos(SLOPE) - way * math.sin(SLOPE)
+    pixels = np.stack([100 + 800 * x, 60 - 800 * z], axis=1)
+    pixels += 0.3 * np.random.default_rng(0).normal(size=pixels.shape)
+    film = Trajectory.of_sensors(
+        "roll", time, pixels={"marble": pixels}, camera=ImagePlane(scale=700, origin=(100, 60))
+    )
+    problem = Problem(
+        system, [SCALE, TILT], [film], sensor_sigma={"pixels": 0.3},
+        initial_state="pose_and_velocity",
+    )  # fmt: skip
+    result = fit(problem, starts=0)
+    assert result["scale of image"].lower < 800 < result["scale of image"].upper
+    assert result["tilt of image"].lower < 0 < result["tilt of image"].upper
+    assert result.evaluations < 1500
