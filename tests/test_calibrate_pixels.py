@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import warnings
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import mujoco
 import numpy as np
@@ -610,3 +612,25 @@ def test_a_marble_that_is_seen_from_the_middle_of_its_way_on(joints):
     assert result["scale of image"].lower < 800 < result["scale of image"].upper
     assert result["tilt of image"].lower < 0 < result["tilt of image"].upper
     assert result.evaluations < 1500
+
+
+def test_each_film_has_a_picture_and_a_scale_of_its_own():
+    """Two cameras at other distances, simulated by a worker of its own."""
+    system = dashpot.Engine(mujoco.MjModel.from_xml_string(FALL.format(g=-G)))
+    films = []
+    for name, scale in (("near", 900.0), ("far", 400.0)):
+        time, pixels = falling(np.random.default_rng(4), "picture", scale=scale)
+        plane = ImagePlane(scale=scale + 100, origin=(50, 80))
+        films.append(Trajectory.of_sensors(name, time, pixels={"ball": pixels}, camera=plane))
+    problem = Problem(
+        system,
+        [Parameter.image("scale", bounds=(200, 3000), start=500, per="trajectory")],
+        films,
+        sensor_sigma={"pixels": 0.5},
+        initial_state="pose_and_velocity",
+    )
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        result = fit(problem, starts=0, executor=pool)
+    for name, scale in (("near", 900.0), ("far", 400.0)):
+        estimate = result[f"scale of image[{name}]"]
+        assert estimate.lower < scale < estimate.upper
