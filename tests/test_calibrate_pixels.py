@@ -14,6 +14,7 @@ import pytest
 
 import dashpot
 from dashpot.calibrate import Fit, ImagePlane, Parameter, Problem, Trajectory, fit, predict
+from dashpot.calibrate.problem.data_warnings import strange_falls
 
 G = 9.81
 STEP = 0.002
@@ -634,3 +635,26 @@ def test_each_film_has_a_picture_and_a_scale_of_its_own():
     for name, scale in (("near", 900.0), ("far", 400.0)):
         estimate = result[f"scale of image[{name}]"]
         assert estimate.lower < scale < estimate.upper
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda uv: uv, None),
+        (lambda uv: uv * [1, -1] + [0, 900], "falls at -1 times gravity, as with an axis"),
+        (lambda uv: 50 + 100 * (uv - 50), "falls at 100 times gravity, as with positions in cm"),
+    ],
+)
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_rows_that_count_from_below_are_told_by_a_fall(change, said, tilt):
+    time, pixels = falling(np.random.default_rng(0), "picture", turned=tilt)
+    system = dashpot.Engine(mujoco.MjModel.from_xml_string(FALL.format(g=-G)))
+    down = ImagePlane(scale=700, origin=(50, 80), tilt=tilt if said is None else -tilt)
+    if said is not None and "100" in said:
+        down = dataclasses.replace(down, tilt=tilt)
+    film = Trajectory.of_sensors("fall", time, pixels={"ball": change(pixels)}, camera=down)
+    problem = Problem(
+        system, [SCALE], [film], sensor_sigma={"pixels": 0.5}, initial_state="pose_and_velocity"
+    )
+    found = strange_falls(problem)
+    assert (said is None and not found) or said in found["fall"]

@@ -136,6 +136,12 @@ class ImagePlane:
             name=name,
         )
 
+    def unturned(self, pixels: Array) -> Array:
+        """Return (n, 2) how far to the right and down of the origin pixels (n, 2) are, m."""
+        cosine, sine = math.cos(self.tilt), math.sin(self.tilt)
+        turned = np.array([[cosine, -sine], [sine, cosine]])
+        return np.asarray((pixels - self.origin) @ turned / self.scale)
+
 
 @dataclass(frozen=True)
 class View:
