@@ -19,6 +19,7 @@ import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -258,6 +259,7 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=1000, help="mutated files of each kind")
     arguments = parser.parse_args()
     signal.signal(signal.SIGALRM, too_long)
+    warnings.simplefilter("error", RuntimeWarning)  # a number that nobody looked at
     mujoco.set_mju_user_warning(lambda message: None)
     failed = False
     with tempfile.TemporaryDirectory() as folder:
