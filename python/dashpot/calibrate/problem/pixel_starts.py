@@ -121,7 +121,8 @@ def _turn_joints(
         place, now = there, after
     qpos[:] = place
     if trajectory.initial_qvel is None and np.isfinite(slopes(place, now)).all():
-        qvel[dofs] = np.linalg.pinv(slopes(place, now), rcond=_LEAST) @ rate
+        slope = slopes(place, now)
+        qvel[dofs] += np.linalg.pinv(slope, rcond=_LEAST) @ (rate - slope @ qvel[dofs])
 
 
 def _first_line(trajectory: Trajectory, name: str) -> tuple[Array, Array] | None:
