@@ -680,3 +680,15 @@ def test_of_a_marble_that_rolls_friction_is_not_identified(start):
     found = fit(problem)["sliding_friction"]
     assert not found.identified
     assert found.lower < 0.3 < found.upper
+
+
+@pytest.mark.parametrize("name", ["impact", "peak", "poses", "sensor"])
+def test_cameras_have_any_name(name):
+    """Events and scalars are named like channels of pixels."""
+    xml = SCENE.format(lens=FOVY).replace('"side"', f'"{name}"')
+    pixels = seen(dashpot.Engine(mujoco.MjModel.from_xml_string(xml)), "mark", name)
+    np.testing.assert_array_equal(pixels, seen(_plain(), "mark", "side"))
+
+
+def _plain():
+    return dashpot.Engine(mujoco.MjModel.from_xml_string(SCENE.format(lens=FOVY)))

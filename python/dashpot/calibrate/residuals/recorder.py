@@ -72,7 +72,11 @@ class Recorder:
             sensor = problem.sensor(name)
             self._columns[name] = slice(len(numbers), len(numbers) + sensor.size)
             numbers += [(sensor.address + i, sensor.mean) for i in range(sensor.size)]
-        gaps = [gap_geoms(model, trajectory, channel.name) for channel in self.channels]
+        gaps = [
+            gap_geoms(model, trajectory, channel.name)
+            for channel in self.channels
+            if channel.kind in ("event", "scalar")
+        ]
         recorded = [body_id(model, body, trajectory.name) for body in trajectory.bodies]
         for view in trajectory.views.values():
             recorded += bodies_of(view, model)
@@ -216,7 +220,8 @@ class Recorder:
 
 def _peaks(channels: list[Channel]) -> list[str]:
     """Return the sensors of which peaks are observed."""
-    return [c.name[len(_PEAK) :] for c in channels if c.name.startswith(_PEAK)]
+    scalars = [channel.name for channel in channels if channel.kind == "scalar"]
+    return [name[len(_PEAK) :] for name in scalars if name.startswith(_PEAK)]
 
 
 def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:
