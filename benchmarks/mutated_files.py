@@ -1,6 +1,7 @@
 """Damaged recordings: mutated files of every kind that dashpot reads, and what their readers say.
 
     python benchmarks/mutated_files.py -n 100000     # an hour and a half of one core
+    python benchmarks/mutated_files.py -n 10000 --kinds .csv .toml checkpoint
 
 Bytes are changed, left out, repeated and cut off; half of the time numbers of a header are changed.
 A reader returns or raises ValueError, in a process whose address space may grow by as much as
@@ -12,17 +13,22 @@ from __future__ import annotations
 import argparse
 import collections
 import json
+import re
 import resource
+import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from dashpot.calibrate import Trajectory
+from dashpot.calibrate import Fit, ImagePlane, Parameter, Problem, Trajectory, fit
+from dashpot.calibrate.residuals.checkpoint import Checkpoint
+from dashpot.cli import parser, table_problem
 from dashpot.cli.problem_file import read_problem
 from dashpot.cli.recordings import read_npz
 from dashpot.data import load_cube_tosses, save_cube_tosses
@@ -34,11 +40,30 @@ MODEL = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
   <body name="ball" pos="0 0 1"><freejoint/><geom name="ball" size=".1"/><site name="s"/></body>
   </worldbody><sensor><accelerometer name="imu" site="s"/></sensor></mujoco>"""
 FRAMES = 40
+LONGEST = 20  # s for one file
 PICKLE = (  # of a tensor of (4, 5) doubles, as PyTorch writes it
     b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\nq\x00((X\x07\x00\x00\x00storageq\x01ctorch\n"
     b"DoubleStorage\nq\x02X\x01\x00\x00\x000q\x03X\x03\x00\x00\x00cpuq\x04K\x14tq\x05QK\x00K\x04K\x05"
     b"\x86q\x06K\x05K\x01\x86q\x07\x89ccollections\nOrderedDict\nq\x08)Rq\ttq\nRq\x0b."
 )
+COLUMNS = {"time": "t", "u": "x_px", "v": "y_px"}
+WORDS = ["--columns", "time=t,u=x_px,v=y_px", "--image", "scale=900,origin=9/9"]
+WORDS += ["--fit", "image:scale,tilt", "--fit", "material:ball:stiffness", "--noise", "estimate"]
+FILM = """model = "scene.xml"
+noise = "estimate"
+initial_state = "pose_and_velocity"
+sensor_sigma = {pixels = 0.5}
+[[parameters]]
+kind = "image"
+quantity = "scale"
+bounds = [300.0, 3000.0]
+[[trajectories]]
+file = "film.csv"
+bodies = ["ball"]
+columns = {time = "t", u = "x_px", v = "y_px"}
+camera = {scale = 900, origin = [60, 90], right = [1, 0, 0]}
+frames = "even"
+"""
 Reader = Callable[[Path], object]
 
 
@@ -64,6 +89,11 @@ def whole_files(folder: Path) -> dict[str, tuple[Path, Reader]]:
         for i, (t, x) in enumerate(zip(time_of_frames, position[:, 0], strict=True))
     )]  # fmt: skip
     (folder / "runs.csv").write_text("\n".join(lines))
+    pixels = 300.0 + 1e4 * position[:, :2]
+    film = np.column_stack([time_of_frames, pixels])
+    np.savetxt(folder / "film.csv", film, "%.3f", ",", header="t,x_px,y_px", comments="")
+    np.savez(folder / "film.npz", **{"time": time_of_frames, "pixels.ball": pixels})
+    save_fit(folder, model, make_fall(time_of_frames, position))
     problem = {
         "model": "scene.xml",
         "position_sigma": 0.001,
@@ -86,6 +116,7 @@ def whole_files(folder: Path) -> dict[str, tuple[Path, Reader]]:
     lines += ['geoms = ["ball"]', 'quantity = "stiffness"', "start = 1e4", "bounds = [100.0, 1e6]"]
     lines += ["[[trajectories]]", 'file = "stored.npz"', 'bodies = ["ball"]']
     (folder / "problem.toml").write_text("\n".join(lines))
+    (folder / "film.toml").write_text(FILM)
     still = [np.zeros((FRAMES, 3))] * 2
     tosses = [make_toss(i, position, quaternion, *still) for i in range(2)]
     save_cube_tosses(CubeTosses(tuple(tosses)), folder / "tosses.npz")
@@ -98,10 +129,62 @@ def whole_files(folder: Path) -> dict[str, tuple[Path, Reader]]:
         "tosses.npz": (folder / "tosses.npz", load_cube_tosses),
         "throw.csv": (folder / "throw.csv", lambda file: Trajectory.from_csv(file, body="ball")),
         "runs.csv": (folder / "runs.csv", read_laboratory_table),
+        "film.csv": (folder / "film.csv", read_film),
+        "options.csv": (folder / "film.csv", read_by_options),
+        "film.npz": (folder / "film.npz", lambda file: read_npz(file, [], model)),
+        "fit.json": (folder / "fit.json", Fit.load),
+        "checkpoint.npz": (folder / "checkpoint.npz", Checkpoint),
+        "film.toml": (folder / "film.toml", read_problem),
         "tensor.pt": (folder / "tensor.pt", read_tensor),
         "problem.json": (folder / "problem.json", read_problem),
         "problem.toml": (folder / "problem.toml", read_problem),
     }
+
+
+def make_fall(time_of_frames: np.ndarray, position: np.ndarray) -> Trajectory:
+    """Return a recording whose start is known."""
+    start = [*position[0], 1.0, 0.0, 0.0, 0.0]
+    return Trajectory("fall", time_of_frames, position, None, "ball", initial_qpos=start)
+
+
+def save_fit(folder: Path, model: mujoco.MjModel, fall: Trajectory) -> None:
+    """Write a fit, and what it simulated."""
+    unknown = Parameter.model("body_mass", "ball", start=1.0, bounds=(0.1, 10.0))
+    problem = Problem(model, [unknown], [fall], position_sigma=0.1, initial_state="velocity")
+    result = fit(problem, starts=0, max_evaluations=9, checkpoint=folder / "checkpoint.npz")
+    result.save(folder / "fit.json")
+
+
+def read_film(file: Path) -> object:
+    """Read pixels of a ball in the picture of a plane; they must be what plain cells say."""
+    plane = ImagePlane(scale=900)
+    film = Trajectory.from_csv(file, columns=COLUMNS, body="ball", camera=plane)
+    said = plain_table(file, tuple(COLUMNS.values()))
+    if said is not None and not np.array_equal(film.sensors["image:ball"], said[:, 1:], True):
+        raise AssertionError("other numbers than the file has")
+    return film
+
+
+def plain_table(file: Path, names: tuple[str, ...]) -> np.ndarray | None:
+    """Return columns of a table whose lines are a header and plain numbers, None of another."""
+    try:
+        header, *lines = file.read_text("utf-8").split("\n")
+        rows = [line.split(",") for line in lines if line.strip()]
+        if any(not re.fullmatch(r"-?\d+(\.\d*)?", cell) for row in rows for cell in row):
+            return None
+        places = [header.split(",").index(name) for name in names]
+        return np.array(rows, dtype=np.float64)[:, places]
+    except (ValueError, IndexError):
+        return None
+
+
+def read_by_options(file: Path) -> object:
+    """Read what the command line reads of a table, up to the fit."""
+    return table_problem.read_table_problem(
+        parser().parse_args(
+            ["calibrate", str(file), "--model", str(file.parent / "scene.xml"), *WORDS]
+        )
+    )
 
 
 def read_laboratory_table(file: Path) -> object:
@@ -114,6 +197,11 @@ def read_laboratory_table(file: Path) -> object:
         unit={"time": "ms", "z": "cm"},
         frames="even",
     )
+
+
+def too_long(number: int, frame: object) -> None:
+    """Raise TimeoutError: nothing that is read of a small file takes so long."""
+    raise TimeoutError(f"{LONGEST} s")
 
 
 def mutated(content: bytes, rng: np.random.Generator) -> bytes:
@@ -149,28 +237,38 @@ def failures(kind: str, whole: Path, read: Reader, count: int) -> collections.Co
     found: collections.Counter[str] = collections.Counter()
     for seed in range(count):
         file.write_bytes(mutated(content, np.random.default_rng(seed)))
+        signal.alarm(LONGEST)
         try:
             read(file)
         except ValueError:
             continue
         except FileNotFoundError:
-            if not kind.startswith("problem"):  # those name other files
+            if not kind.endswith((".toml", "problem.json")):  # those name other files
                 found[f"FileNotFoundError of {kind} (seed {seed})"] += 1
         except Exception as error:
             print(f"{kind}, seed {seed}: {type(error).__name__}: {str(error)[:100]}", flush=True)
             found[type(error).__name__] += 1
+    signal.alarm(0)
     return found
 
 
 def main() -> None:
     """Print a line for each kind of file."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kinds", nargs="+", default=[""], help="parts of their names")
     parser.add_argument("-n", type=int, default=1000, help="mutated files of each kind")
     arguments = parser.parse_args()
+    signal.signal(signal.SIGALRM, too_long)
+    warnings.simplefilter("error", RuntimeWarning)  # a number that nobody looked at
     mujoco.set_mju_user_warning(lambda message: None)
     failed = False
     with tempfile.TemporaryDirectory() as folder:
         files = whole_files(Path(folder))
+        files = {
+            kind: entry
+            for kind, entry in files.items()
+            if any(part in kind for part in arguments.kinds)
+        }
         for _, (whole, read) in files.items():
             read(whole)
         in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()

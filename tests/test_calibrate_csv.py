@@ -127,6 +127,7 @@ def test_stamps_of_a_file_may_jitter(table, seed):
         (["t,height", "0,1", "1,2,3"], {}, "line 3 has 3 values, the header 2"),
         (["#", "t,height", "0,1", "1,up"], {}, "line 4, column 'height': 'up' is not a number"),
         (["t,height", "0,1", ",2"], {}, "line 3, column 't': '' is not a number"),
+        (["t,height", "0,1", "1,2_0"], {}, "line 3, column 'height': '2_0' is not a number"),
         (["t,height", "0,1", "nan,2"], {}, "line 3, column 't': nan is not a finite number"),
         (["t,height", "0,1", "1,1e999"], {}, "line 3, column 'height': 1e999 is not a finite"),
         (["t,height", "0,1"], {}, "a header and at least two rows are needed"),

@@ -35,11 +35,14 @@ class Page(HTMLParser):
         self.addresses: list[str] = []
         self.words: list[str] = []
         self.open: list[str] = []
+        self.descriptions: list[str] = []
         self.feed(text)
         self.text = " ".join(" ".join(self.words).split())
 
     def handle_starttag(self, tag, attrs):
         self.addresses += [value for name, value in attrs if name in ("src", "href", "data")]
+        if tag == "img":
+            self.descriptions.append(dict(attrs).get("alt") or "")
         if tag not in ("meta", "img", "br", "link"):
             self.open.append(tag)
 
@@ -116,6 +119,12 @@ def test_a_report_refers_to_nothing_outside(written):
 def test_a_report_is_well_formed(written):
     assert written.open == []
     assert "A <ball>" in written.text
+
+
+def test_each_picture_of_a_report_is_told_in_words_of_its_own(written):
+    assert len(written.descriptions) > 5
+    assert all(len(text.split()) > 1 for text in written.descriptions)
+    assert len(set(written.descriptions)) == len(written.descriptions)
 
 
 def test_a_report_says_what_the_fit_says(fitted, written):

@@ -1,5 +1,6 @@
 """Calibration: stamps that jitter about even frames, clocks that vary, and windows of time."""
 
+import warnings
 from dataclasses import replace
 
 import mujoco
@@ -247,3 +248,13 @@ def test_a_fit_of_a_window_starts_where_it_does():
     problem = Problem(engine, [unknown], [ball], 1e-3, np.inf, initial_state="pose_and_velocity")
     result = fit(problem, starts=0)
     assert result["restitution"].value == pytest.approx(0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("frames", ["stamped", "even"])
+def test_a_clock_that_stands_is_said_without_a_warning(frames):
+    """All frames but two have one stamp: no spacing is left of the others."""
+    time = np.array([0.0, *[0.01] * 60, 0.02])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ValueError, match="time"):
+            Trajectory("ball", time, np.zeros((62, 3)), None, "ball", frames=frames)

@@ -4,10 +4,11 @@ import math
 from dataclasses import replace
 from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 
-from dashpot.calibrate import Parameter, Problem, fit
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit
 from dashpot.calibrate.inference import settlement
 from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
@@ -181,3 +182,35 @@ def test_a_walk_ends_where_simulations_fail():
     assert [float(place.point[0]) for place in below] == pytest.approx(
         [-0.2, -0.4, -0.8, -1.6, -3.0]
     )
+
+
+@pytest.mark.parametrize("other", [2.0, 2.6, 4.0])
+def test_an_interval_contains_the_other_value_that_does_as_well(other):
+    """A ball that falls shows gravity alone, which two values of the unknown give it."""
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><option timestep="0.005" gravity="0 0 -9.81"/><worldbody><body name="ball">'
+        '<freejoint/><geom size=".1" mass="1"/></body></worldbody></mujoco>'
+    )
+
+    # Between them it is off by five standard errors.
+    hill = 0.084 / (other - 1.0) ** 2
+
+    def apply(system, value):
+        system.opt.gravity[2] = -9.81 - hill * (value - 1.0) * (value - other)
+
+    unknown = Parameter(
+        "unknown", start=0.9, bounds=(0.5, 5.0), transform="linear", apply=apply,
+        changes_model=True,
+    )  # fmt: skip
+    time = 0.01 * np.arange(40)
+    # Euler's steps fall by a sum that is closed.
+    steps = 2 * np.arange(40)
+    height = -9.81 * 0.005**2 * steps * (steps + 1) / 2
+    position = np.stack([0 * time, 0 * time, height], axis=1)
+    position += 1e-3 * np.random.default_rng(2).normal(size=(40, 3))
+    fall = Trajectory(
+        "fall", time, position, None, "ball", initial_qpos=model.qpos0, initial_qvel=np.zeros(6)
+    )
+    estimate = fit(Problem(model, [unknown], [fall], 1e-3)).estimates[0]
+    assert estimate.lower < 1.0
+    assert estimate.upper > other

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+import re
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -70,6 +73,38 @@ def fits(problems):
 def test_processes_come_to_the_bits_of_threads(problems, fits, count):
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         same(fit(problems[count], executor=pool, **OPTIONS), fits[count])
+
+
+class FakeRay:
+    """Has of Ray what an executor takes: tasks that become futures."""
+
+    def __init__(self):
+        self.tasks = 0
+
+    def remote(self, function):
+        ray = self
+
+        class Task:
+            def remote(self, *args):
+                ray.tasks += 1
+                self.result = pickle.dumps(function(*pickle.loads(pickle.dumps(args))))
+                return self
+
+            def future(self):
+                future = Future()
+                future.set_result(pickle.loads(self.result))
+                return future
+
+        return Task()
+
+
+def test_the_executor_of_ray_that_the_page_shows_comes_to_the_bits_of_threads(problems, fits):
+    page = (Path(__file__).parents[1] / "docs/recordings.md").read_text(encoding="utf-8")
+    code = re.search(r"(class RayExecutor:\n(?:    .*\n)+)", page)[1]
+    names = {"ray": FakeRay()}
+    exec(code, names)
+    same(fit(problems[2], executor=names["RayExecutor"](), **OPTIONS), fits[2])
+    assert names["ray"].tasks > 10
 
 
 def test_dask_comes_to_the_bits_of_threads(problems, fits):

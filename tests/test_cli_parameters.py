@@ -9,7 +9,8 @@ import pytest
 
 from dashpot import Engine, Material
 from dashpot.cli.problem_file import read_problem
-from dashpot.cli.table_problem import _parameters, described
+from dashpot.cli.table_parameters import parameters_of
+from dashpot.cli.table_problem import described
 
 SCENE = """<mujoco><worldbody>
   <geom name="left" type="plane" size="9 9 1"/><geom name="right" type="plane" size="9 9 1"/>
@@ -78,6 +79,12 @@ def test_inertia_stands_in_a_problem_file(problem):
     )
 
 
+def test_what_a_recorder_does_may_be_frozen_or_by_trajectory_in_a_problem_file(problem):
+    late = {"kind": "delay", "channel": ["poses"], "bounds": [0, 0.1], "per": "trajectory"}
+    read, _ = read_problem(problem(PAIRS, {**late, "start": 0.02, "frozen": True}))
+    assert read.held == {"delay of poses[ball]": 0.02}
+
+
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
@@ -89,7 +96,7 @@ def test_inertia_stands_in_a_problem_file(problem):
         ({"kind": "inertia", "body": "ball", "start": 1.0}, "start"),
         ({**PAIRS, "geoms": [["left", "ball"], "right"]}, "a pair is two geoms"),
         ({**PAIRS, "frozen": "yes"}, "frozen must be"),
-        ({**PAIRS, "kind": "mass"}, "kind is 'mass', none of material, pair, model, inertia"),
+        ({**PAIRS, "kind": "mass"}, "kind is 'mass', none of material, .*, image, .*, inertia"),
     ],
 )
 def test_wrong_entries_are_named(problem, entry, message):
@@ -100,5 +107,5 @@ def test_wrong_entries_are_named(problem, entry, message):
 def test_a_command_names_several_pairs_by_four_geoms():
     engine = Engine(mujoco.MjModel.from_xml_string(SCENE))
     engine.set_pair_material("left", "ball", Material(1e4))
-    (parameter,) = _parameters(["pair:left,ball,right,ball:stiffness"], engine)
+    (parameter,) = parameters_of(["pair:left,ball,right,ball:stiffness"], engine, None)
     assert parameter.apply.pairs == (("left", "ball"), ("right", "ball"))

@@ -59,6 +59,21 @@ def test_one_command_fits_a_table(folder, capsys):
     assert lower < 0.8 < upper
 
 
+def test_noise_is_estimated_where_it_is_asked_for(folder, capsys):
+    """Stated ten times too large, it is found: the interval is as narrow as with the right one."""
+    widths = []
+    for noise in (f"position={NOISE}", f"position={10 * NOISE},estimate"):
+        options = [*COLUMNS, "--unit", "t=ms,z=cm", *FIT, "--noise", noise]
+        assert command(folder, *options) == 0
+        printed = capsys.readouterr().out
+        assert ("noise to be estimated, from" in printed) == noise.endswith("estimate")
+        line = next(row for row in printed.splitlines() if row.startswith("restitution: ident"))
+        lower, upper = (float(word) for word in line.split("interval ")[1].split(" to "))
+        assert lower < 0.8 < upper
+        widths.append(upper - lower)
+    assert widths[1] == pytest.approx(widths[0], rel=0.3)
+
+
 def test_lines_of_python_in_the_readme_do_the_same_as_its_command(folder, monkeypatch, capsys):
     readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
     _, lines = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
@@ -147,3 +162,23 @@ def test_noise_is_read_off_what_is_left_of_smooth_paths(noise, seed):
     assert sensor_noise([slow])["load"] == pytest.approx(7.0 * noise, rel=0.35)
     assert math.isinf(position_noise([slow]))
     assert math.isinf(rotation_noise([slow]))
+
+
+def test_another_table_is_predicted(folder, capsys, tmp_path):
+    """What was not fitted, from its first 0.3 s, before it bounces."""
+    pytest.importorskip("jinja2")
+    other = tmp_path / "other.csv"
+    other.write_text((folder / "ball.csv").read_text())
+    page = tmp_path / "page.html"
+    options = [*COLUMNS, "--unit", "t=ms,z=cm", *FIT, "--report", str(page)]
+    assert command(folder, *options, "--held-out", str(other), "--head", "0.3") == 0
+    table = capsys.readouterr().out.split("Prediction")[1]
+    row = next(line for line in table.splitlines() if "other" in line)
+    assert float(row.split("│")[3]) < 2e3 * NOISE  # mm
+    assert "other" in page.read_text()
+
+
+@pytest.mark.parametrize("options", [["--held-out", "x.csv"], ["--head", "0.1"]])
+def test_a_table_to_predict_needs_a_head(folder, capsys, options):
+    assert command(folder, *COLUMNS, "--unit", "t=ms,z=cm", *FIT, *options) == 1
+    assert "--held-out needs --head" in capsys.readouterr().err

@@ -57,6 +57,7 @@ PAGES = (
     "docs/from_mujoco.md",
     "docs/limits.md",
     "docs/method.md",
+    "docs/recordings.md",
     "docs/reports.md",
 )
 LINKS = [
@@ -114,6 +115,18 @@ def test_the_script_about_reports_runs(
     assert "As custom numerics" in capsys.readouterr().out
     written = {file.name for file in tmp_path.iterdir()}
     assert written == {"ball.html", "again.html", "ball.json", "ball.xml"}
+
+
+def test_the_script_about_films_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    films, clusters = read("docs/recordings.md").split("## On a cluster")
+    names: dict[str, Any] = {}
+    exec(compile(only(r"```python\n([^`]*)```", films), "docs/recordings.md", "exec"), names)
+    for name, truth in {"scale of image": 900.0, "tilt of image": 0.0}.items():
+        estimate = names["result"][name]
+        assert estimate.lower <= truth <= estimate.upper
+    for script in re.findall(r"```python\n(.*?)```", clusters, re.DOTALL):
+        compile(script, "docs/recordings.md", "exec")
 
 
 def test_the_script_of_the_guide_runs() -> None:

@@ -19,6 +19,7 @@ _OBJECT = {
     "site": (mujoco.mjtObj.mjOBJ_SITE, "nsite"),
     "pair": (mujoco.mjtObj.mjOBJ_PAIR, "npair"),
     "actuator": (mujoco.mjtObj.mjOBJ_ACTUATOR, "nu"),
+    "camera": (mujoco.mjtObj.mjOBJ_CAMERA, "ncam"),
     "tendon": (mujoco.mjtObj.mjOBJ_TENDON, "ntendon"),
 }
 

@@ -2,7 +2,8 @@
 
 State what moves, what is unknown and what was observed in a `Problem`; `fit` estimates, gives
 intervals, and says for each parameter whether the data identify it. Observed are poses of bodies,
-or sensors of the model: encoders, accelerometers, force plates (`Trajectory.of_sensors`).
+sensors of the model: encoders, accelerometers, force plates (`Trajectory.of_sensors`), or points in
+pixels that a camera saw.
 
 Five throws of a ball, with time (s), position (m) and quaternion (scalar first) of every frame, of
 which four are fitted and one is predicted::
@@ -29,6 +30,7 @@ which four are fitted and one is predicted::
 """
 
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.data.views import ImagePlane
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
@@ -41,6 +43,7 @@ __all__ = [
     "Combination",
     "Estimate",
     "Fit",
+    "ImagePlane",
     "Parameter",
     "Prediction",
     "Problem",

@@ -156,9 +156,11 @@ def fit(
         Show a progress bar.
     executor
         Any `concurrent.futures.Executor`, which simulates in place of threads here: of processes,
-        ``client.get_executor()`` of Dask, or MPI's (``mpi4py.futures.MPIPoolExecutor``). The result
-        is the same bit for bit. The problem has to be one that can be pickled; functions of a
-        notebook or a script are where cloudpickle is installed, as it is with Dask.
+        ``client.get_executor()`` of Dask, or MPI's (``mpi4py.futures.MPIPoolExecutor``). Of Ray any
+        object will do whose ``submit(function, *args)`` returns
+        ``ray.remote(function).remote(*args).future()``. The result is the same bit for bit. The
+        problem has to be one that can be pickled; functions of a notebook or a script are where
+        cloudpickle is installed, as it is with Dask and Ray.
     checkpoint
         A file, ``fit.npz``, that keeps what is simulated: where it is there, the fit goes on from
         it to the same bits, and repeats nothing. It is written every ten seconds or more, at an

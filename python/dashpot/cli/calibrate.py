@@ -52,10 +52,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     if arguments.problem.endswith(".csv"):
         problem, options = table_problem.read_table_problem(arguments)
+        held_out = table_problem.read_held_out(arguments, problem)
         print(*table_problem.described(problem), sep="\n", flush=True)
     else:
         table_problem.refuse_options(arguments)
         problem, options = read_problem(arguments.problem)
+        held_out = []
     try:
         result = fit(problem, **options, nthread=arguments.threads, progress=sys.stderr.isatty())
     except (ValueError, TypeError) as error:
@@ -80,6 +82,9 @@ def run(arguments: argparse.Namespace) -> int:
         f"residuals: {', '.join(errors)} (root mean square); "
         f"{result.evaluations} simulations in {result.seconds:.1f} s"
     )
+    unseen = {"held_out": held_out, "head": arguments.head} if held_out else {}
+    if unseen:
+        Console().print(result.predict(held_out, head=arguments.head).table())
     if arguments.out is not None:
         text = json.dumps(result.to_dict(), indent=2) + "\n"
         arguments.out.write_text(text, encoding="utf-8")
@@ -91,6 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         result.save(arguments.save)
         print(f"wrote {arguments.save}")
     if arguments.report is not None:
-        result.report(arguments.report, title=f"Calibration: {arguments.problem}")
+        title = f"Calibration: {arguments.problem}"
+        result.report(arguments.report, title=title, **unseen)
         print(f"wrote {arguments.report}")
     return 0

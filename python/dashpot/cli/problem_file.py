@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from typing import Any
 
 import mujoco
 
-from dashpot.calibrate import Parameter, Problem, Trajectory
+from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory
 from dashpot.cli.recordings import check_keys, read_npz
 from dashpot.compare.runner import load_model
 from dashpot.engine import Engine
@@ -35,14 +36,22 @@ _FIT_OPTIONS = (
     "seed",
 )
 # Of trajectories; of tables but for the last.
-_OF_TABLES = ("columns", "unit", "frames")
+_OF_TABLES = ("columns", "unit", "camera", "frames")
+_OF_PICTURES = ("origin", "right", "down", "tilt", "name")
 _MAX_BYTES = 10_000_000
 _PARAMETER_COMMON = ("kind", "start", "bounds", "name", "transform", "difference", "per", "frozen")
 _PARAMETER_KINDS = {
     "material": ("geoms", "quantity"),
     "pair": ("geoms", "quantity"),
     "model": ("attribute", "elements", "index"),
+    "image": ("quantity", "camera"),
+    "delay": ("channel",),
+    "gain": ("channel",),
+    "offset": ("channel",),
 }
+_OPTIONAL = ("index", "camera")
+_OF_READINGS = ("image", "delay", "gain", "offset")
+_OF_READINGS_COMMON = ("kind", "start", "bounds", "name", "per", "frozen")
 _INERTIA = ("mass", "centre", "shape", "name", "difference", "per", "frozen")
 
 
@@ -85,9 +94,10 @@ def _parse(file: Path) -> dict[str, Any]:
 
 
 def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[str, Any]]:
-    optional = ("initial_state", "substeps", "window", "sensor_sigma", "materials", "fit")
-    required = ("model", "position_sigma", "rotation_sigma", "parameters", "trajectories")
-    check_keys("the problem", content, required, optional)
+    optional = ("initial_state", "substeps", "window", "sensor_sigma", "noise")
+    others = ("position_sigma", "rotation_sigma", "materials", "fit")
+    required = ("model", "parameters", "trajectories")
+    check_keys("the problem", content, required, (*optional, *others))
     engine = Engine(_model(folder / _typed("model", content["model"], str)))
     materials: dict[int, Material] = {}
     for geom, fields in _typed("materials", content.get("materials", {}), dict).items():
@@ -100,7 +110,7 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
     engine.set_materials(materials)
     options = _typed("fit", content.get("fit", {}), dict)
     check_keys("fit", options, (), _FIT_OPTIONS)
-    chosen = {key: content[key] for key in optional[:4] if key in content}
+    chosen = {key: content[key] for key in optional if key in content}
     problem = Problem(
         engine,
         [
@@ -111,8 +121,8 @@ def _problem(content: Mapping[str, Any], folder: Path) -> tuple[Problem, dict[st
             _trajectory(f"trajectories[{index}]", entry, folder, engine.model)
             for index, entry in enumerate(_typed("trajectories", content["trajectories"], list))
         ],
-        _typed("position_sigma", content["position_sigma"], (int, float, list)),
-        _typed("rotation_sigma", content["rotation_sigma"], (int, float)),
+        _typed("position_sigma", content.get("position_sigma", math.inf), (int, float, list)),
+        _typed("rotation_sigma", content.get("rotation_sigma", math.inf), (int, float)),
         **chosen,
     )
     return problem, dict(options)
@@ -135,8 +145,10 @@ def _parameter(label: str, entry: Any) -> Parameter:
         kinds = ", ".join((*_PARAMETER_KINDS, "inertia"))
         raise ValueError(f"{label}: kind is {kind!r}, none of {kinds}")
     own = _PARAMETER_KINDS[kind]
-    required = tuple(key for key in own if key != "index")
-    check_keys(label, entry, ("start", "bounds", *required), (*_PARAMETER_COMMON, *own))
+    required = tuple(key for key in own if key not in _OPTIONAL)
+    common = _OF_READINGS_COMMON if kind in _OF_READINGS else _PARAMETER_COMMON
+    start = () if kind in _OF_READINGS else ("start",)
+    check_keys(label, entry, (*start, "bounds", *required), (*common, *own))
     values = {key: value for key, value in entry.items() if key not in ("kind", *own)}
     values["bounds"] = tuple(_typed(f"{label}.bounds", entry["bounds"], list))
     given = entry.get("geoms")
@@ -148,6 +160,10 @@ def _parameter(label: str, entry: Any) -> Parameter:
         if kind == "model":
             index = entry.get("index")
             return Parameter.model(entry["attribute"], entry["elements"], index=index, **values)
+        if kind in _OF_READINGS:
+            first = [entry[key] for key in own if key in entry]
+            made: Parameter = getattr(Parameter, kind)(*first, **values)
+            return made
         if kind == "material":
             return Parameter.material(geoms, entry["quantity"], **values)
         if len(geoms) != 2:
@@ -177,13 +193,15 @@ def _trajectory(label: str, entry: Any, folder: Path, model: mujoco.MjModel) -> 
     name = str(entry.get("name", file.stem))
     options = {key: entry[key] for key in _OF_TABLES if key in entry}
     try:
+        if "camera" in options:
+            options["camera"] = _camera(f"{label}.camera", options["camera"])
         if file.suffix == ".csv":
             made: Trajectory
             for key, kind in (("columns", dict), ("unit", dict), ("frames", str)):
                 _typed(f"{label}.{key}", options.get(key, kind()), kind)
             made = Trajectory.from_csv(file, body=bodies, name=name, **options)
             return made
-        if set(options) - {"frames"}:
+        if set(options) - {"camera", "frames"}:
             raise ValueError(f"{next(iter(options))!r} is of .csv files")
         try:
             arrays = {**read_npz(file, bodies, model), **options}
@@ -194,6 +212,14 @@ def _trajectory(label: str, entry: Any, folder: Path, model: mujoco.MjModel) -> 
         return Trajectory(name=name, bodies=bodies, **arrays)
     except (KeyError, OSError, ValueError, TypeError) as error:
         raise ValueError(f"{label}: {error}") from error
+
+
+def _camera(label: str, entry: Any) -> str | ImagePlane:
+    """Return the name of a camera, or the picture that a table describes."""
+    if isinstance(entry, str):
+        return entry
+    check_keys(label, _typed(label, entry, dict), ("scale",), _OF_PICTURES)
+    return ImagePlane(**entry)
 
 
 def _names(label: str, value: Any) -> tuple[str, ...]:

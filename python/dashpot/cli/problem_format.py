@@ -7,13 +7,14 @@ Problem file, TOML shown, JSON with the same keys; paths are relative to the fil
 
 model = "scene.xml"              # MJCF, URDF or MJB
 position_sigma = 0.001           # m, standard deviation of an observed coordinate, or three, of
-rotation_sigma = 0.01            #   x, y, z; rad; inf (JSON: Infinity): not measured
+rotation_sigma = 0.01            #   x, y, z; rad; inf (JSON: Infinity), or none: not measured
+noise = "stated"                 # or "estimate": they are where the estimation of noise starts
 initial_state = "pose_and_velocity"   # estimated; or "velocity", "given"; optional, as are
 substeps = 4                     #   steps per frame, and
 window = 0.5                     #   seconds of each trajectory that are used
 
 [sensor_sigma]                   # standard deviations of sensors of the model, in their units;
-# encoder = 1e-4                 #   optional
+# encoder = 1e-4                 #   optional; pixels: of all points in pixels
 
 [materials.ball]                 # starting materials, fields of dashpot.Material; optional
 stiffness = 1e4
@@ -24,7 +25,8 @@ kind = "material"                # of geoms; "pair": of two geoms with each othe
 geoms = ["ball"]                 #   twos, [["left", "cube"], ["right", "cube"]]; "model":
 quantity = "stiffness"           #   attribute, elements, index of the MuJoCo model; "inertia":
 start = 1e4                      #   body, and optional mass = [LOWER, UPPER], centre, shape;
-bounds = [1e2, 1e6]              #   lists of numbers and of bounds make a vector
+bounds = [1e2, 1e6]              #   lists of numbers and of bounds make a vector;
+                                 #   "delay", "gain", "offset": channel; "image": quantity, camera
 # frozen = true                  # held at its start
 # per = "trajectory"             # one value for each; or a table of names of trajectories by group
 
@@ -34,7 +36,10 @@ bodies = ["ball"]                #   initial_qpos, initial_qvel (and with _sigma
                                  #   control, sensors.NAME; or a .csv file with columns time,
                                  #   x,y,z,qw,qx,qy,qz (ball.x, ... for several), sensors.NAME
                                  #   (sensors.NAME.0, .1 ... for several); nan or an empty cell:
-                                 #   not measured in that frame; without bodies sensors alone
+                                 #   not measured in that frame; without bodies sensors alone;
+                                 #   u,v (ball.u, ...; .npz: pixels.ball): in pixels of a
+# camera = "side"                #   camera of the model, or a picture: {scale = 812, origin =
+                                 #   [320, 240], right = [1, 0, 0], down = [0, 0, -1]}
 # columns = {time = "t", z = "height", "sensor:load" = "F"}   # names of a .csv file's columns,
 # unit = {time = "ms", z = "cm"}                              #   and their units; optional, as is
 # frames = "even"                #   "stamped" (default): times are right; "even": stamps jitter

@@ -13,7 +13,7 @@ import mujoco
 from dashpot.calibrate.problem.observables import find_sensor
 from dashpot.data.archive import ArrayArchive
 
-_SENSOR = "sensors."
+_SENSOR, _PIXELS = "sensors.", "pixels."
 _OPTIONAL = (
     "initial_qpos",
     "initial_qvel",
@@ -35,7 +35,7 @@ def read_npz(file: Path, bodies: Sequence[str], model: mujoco.MjModel) -> dict[s
     """
     required = ("time", "position", "quaternion") if bodies else ("time",)
     with ArrayArchive(file) as archive:
-        own = [name for name in archive if not name.startswith(_SENSOR)]
+        own = [name for name in archive if not name.startswith((_SENSOR, _PIXELS))]
         check_keys("the arrays", dict.fromkeys(own), required, _OPTIONAL)
         most = _most_numbers(archive, bodies, model)
         for name, header in archive.items():
@@ -44,9 +44,12 @@ def read_npz(file: Path, bodies: Sequence[str], model: mujoco.MjModel) -> dict[s
                     f"array {name!r} has shape {header.shape}; the model and the times have "
                     f"{most[name]} numbers for it"
                 )
-        arrays = {name: archive.read(name) for name in archive}
-    sensors = {name.removeprefix(_SENSOR): arrays.pop(name) for name in archive if name not in own}
-    return {**arrays, "sensors": sensors}
+        arrays: dict[str, Any] = {name: archive.read(name) for name in archive}
+    for field, prefix in (("sensors", _SENSOR), ("pixels", _PIXELS)):
+        named = [name for name in arrays if name.startswith(prefix)]
+        if named or field == "sensors":
+            arrays[field] = {name.removeprefix(prefix): arrays.pop(name) for name in named}
+    return arrays
 
 
 def _most_numbers(
@@ -64,6 +67,8 @@ def _most_numbers(
         "initial_qvel_sigma": model.nv,
     }
     for name in archive:
+        if name.startswith(_PIXELS):
+            most[name] = 2 * frames
         if name.startswith(_SENSOR):
             sensor = find_sensor(model, name.removeprefix(_SENSOR), "the arrays")
             most[name] = frames * sensor.size

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from dashpot.cli import pictures
 from dashpot.cli.options import add_material, load_engine, positive
+from dashpot.cli.pictures import camera_of
+from dashpot.cli.table_parameters import FIT_HELP, float_of, parameters_of
 
 if TYPE_CHECKING:
     import mujoco
 
-    from dashpot.calibrate import Parameter, Problem, Trajectory
-    from dashpot.engine import Engine
+    from dashpot.calibrate import Problem, Trajectory
 
-FIT_HELP = (
-    "what is unknown, as pair:GEOM,GEOM:QUANTITY,... (four geoms: two pairs, and so on) or "
-    "material:GEOM:QUANTITY,... or "
-    "model:ARRAY:ELEMENT; a quantity may say where it starts, stiffness=1e4, or its bounds, "
-    "stiffness=1e3..1e6; may be given several times"
-)
+_ESTIMATE = "estimate"
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
@@ -32,9 +28,11 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         type=_assignments,
         action="append",
         metavar="KEY=COLUMN,...",
-        help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, sensor:NAME, and run, "
+        help="columns by what they hold: time, x, y, z, qw, qx, qy, qz, u and v in pixels, "
+        "sensor:NAME, and run, "
         "which tells several runs apart (default: columns are named so)",
     )
+    pictures.add_to(options)
     options.add_argument("--fit", action="append", metavar="SPEC", help=FIT_HELP)
     options.add_argument("--body", metavar="NAME", help="(default: the one that moves freely)")
     options.add_argument(
@@ -57,11 +55,18 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )
     options.add_argument(
         "--noise",
-        type=_assignments,
+        type=_deviations,
         action="append",
         metavar="KEY=SIGMA,...",
-        help="standard deviations: position (m), rotation (rad), sensors by name (default: how "
-        "far readings are from smooth paths)",
+        help="standard deviations: position (m), rotation (rad), pixels, sensors by name (default: "
+        "how far readings are from smooth paths); the word 'estimate': those of each channel are "
+        "estimated from the residuals, and start there",
+    )
+    options.add_argument(
+        "--held-out", metavar="FILE", help="another such table, which is predicted, not fitted"
+    )
+    options.add_argument(
+        "--head", type=positive, metavar="SECONDS", help="of each run in it that tell how it starts"
     )
     add_material(parser)
 
@@ -81,18 +86,21 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
         if getattr(arguments, option) is None:
             raise ValueError(f"a table needs --{option}; see dashpot calibrate --help")
     engine = load_engine(arguments.model, arguments.material, 1)
-    trajectories = _trajectories(arguments, engine.model)
-    position, rotation, sensors = _noise(_joined(arguments.noise), trajectories)
+    trajectories = _trajectories(arguments, engine.model, arguments.problem)
+    stated = _joined(arguments.noise)
+    estimated = stated.pop(_ESTIMATE, None) is not None
+    position, rotation, sensors = _noise(stated, trajectories)
     if arguments.window is not None:
         trajectories = [trajectory.between(*arguments.window) for trajectory in trajectories]
     problem = Problem(
         engine,
-        _parameters(arguments.fit, engine),
+        parameters_of(arguments.fit, engine, camera_of(arguments)),
         trajectories,
         position,
         rotation,
         initial_state="pose_and_velocity",
         sensor_sigma=sensors,
+        noise="estimate" if estimated else "stated",
     )
     # Who gives units knows them: fit warns, and goes on.
     for name, what in () if arguments.unit else strange_falls(problem).items():
@@ -103,11 +111,34 @@ def read_table_problem(arguments: argparse.Namespace) -> tuple[Problem, dict[str
     return problem, {}
 
 
+def read_held_out(arguments: argparse.Namespace, problem: Problem) -> list[Trajectory]:
+    """Return the runs that are to be predicted, none where the options name no file.
+
+    Raises
+    ------
+    ValueError
+        Where one of --held-out and --head is given without the other.
+    """
+    if (arguments.held_out is None) != (arguments.head is None):
+        raise ValueError(
+            "--held-out needs --head, the seconds before the first contact, or at least some, from "
+            "which the start of each run is estimated; and the other way round"
+        )
+    if arguments.held_out is None:
+        return []
+    from dashpot.calibrate.problem.setters import model_of
+
+    model = model_of(problem.build(problem.start))
+    return _trajectories(arguments, model, arguments.held_out)
+
+
 def refuse_options(arguments: argparse.Namespace) -> None:
     """Raise ValueError where options of tables are given beside a problem file."""
     names = (
         "model",
         "columns",
+        "camera",
+        "image",
         "fit",
         "body",
         "unit",
@@ -116,10 +147,14 @@ def refuse_options(arguments: argparse.Namespace) -> None:
         "window",
         "noise",
         "material",
+        "held_out",
+        "head",
     )
     given = next((name for name in names if getattr(arguments, name)), None)
     if given is not None:
-        raise ValueError(f"--{given} is for tables, .csv; {arguments.problem} says it itself")
+        raise ValueError(
+            f"--{given.replace('_', '-')} is for tables, .csv; {arguments.problem} says it itself"
+        )
 
 
 def described(problem: Problem) -> list[str]:
@@ -134,10 +169,13 @@ def described(problem: Problem) -> list[str]:
     noise += [f"{name} {sigma[0]:.3g}" for name, sigma in problem.sensor_sigma.items()]  # type: ignore[index]
     count = len(problem.trajectories)
     frames = sum(trajectory.frames for trajectory in problem.trajectories)
-    return [*lines, f"{count} runs of {frames} frames, noise of {', '.join(noise)}"]
+    kind = "noise" if problem.noise == "stated" else "noise to be estimated, from"
+    return [*lines, f"{count} runs of {frames} frames, {kind} of {', '.join(noise)}"]
 
 
-def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[Trajectory]:
+def _trajectories(
+    arguments: argparse.Namespace, model: mujoco.MjModel, file: str
+) -> list[Trajectory]:
     from dashpot.calibrate import Trajectory
 
     columns = _joined(arguments.columns) or None
@@ -149,9 +187,12 @@ def _trajectories(arguments: argparse.Namespace, model: mujoco.MjModel) -> list[
     body = (arguments.body or _moving_body(model)) if poses else ()
     unit = {key: _factor(text) for key, text in _joined(arguments.unit).items()}
     read = {"columns": columns, "body": body, "unit": unit, **fields}
+    camera = camera_of(arguments)
+    if camera is not None:
+        read["camera"] = camera
     if run is None:
-        return [Trajectory.from_csv(arguments.problem, **read)]
-    return Trajectory.from_csv(arguments.problem, run=run, **read)
+        return [Trajectory.from_csv(file, **read)]
+    return Trajectory.from_csv(file, run=run, **read)
 
 
 def _moving_body(model: mujoco.MjModel) -> str:
@@ -176,81 +217,15 @@ def _noise(
         "rotation": rotation_noise(trajectories),
         **sensor_noise(trajectories),
     }
+    points = {name for trajectory in trajectories for name in trajectory.views}
     for key, text in given.items():
-        if key not in noise:
-            raise ValueError(f"--noise: {key!r} is none of {', '.join(noise)}")
-        noise[key] = _float(f"--noise {key}", text)
+        if key not in noise and not (points and key == "pixels"):
+            raise ValueError(
+                f"--noise: {key!r} is none of {', '.join([*noise, *['pixels'] * bool(points)])}"
+            )
+        for name in points if key == "pixels" else (key,):
+            noise[name] = float_of(f"--noise {key}", text)
     return noise.pop("position"), noise.pop("rotation"), noise
-
-
-def _parameters(specs: Sequence[str], engine: Engine) -> list[Parameter]:
-    from dashpot.calibrate import Parameter
-
-    made: list[Parameter] = []
-    for spec in specs:
-        kind, _, rest = spec.partition(":")
-        target, _, quantities = rest.rpartition(":")
-        if kind not in ("pair", "material", "model") or not target or not quantities:
-            raise ValueError(f"--fit {spec!r} is not {FIT_HELP.split('; ')[0][20:]}")
-        elements = [_element(name, engine) for name in target.split(",")]
-        for quantity in quantities.split(","):
-            name, _, text = quantity.partition("=")
-            options = _range(f"--fit {name}", text)
-            try:
-                if kind == "model":
-                    made.append(_of_model(target, name, options, engine.model))
-                    continue
-                taken = [p.name for p in made]
-                options["name"] = f"{name} {target}" if name in taken else name
-                if kind == "material":
-                    made.append(Parameter.material(elements, name, **options))  # type: ignore[arg-type]
-                elif len(elements) % 2:
-                    raise ValueError(f"a pair has two geoms, not {len(elements)}")
-                else:
-                    pairs = list(zip(elements[::2], elements[1::2], strict=True))
-                    made.append(Parameter.pair(pairs, name, **options))  # type: ignore[call-overload]
-            except (ValueError, TypeError) as error:
-                raise ValueError(f"--fit {spec!r}: {error}") from None
-    return made
-
-
-def _of_model(
-    target: str, element: str, options: dict[str, Any], model: mujoco.MjModel
-) -> Parameter:
-    """Return a parameter of an array, ``NAME`` or ``NAME[COLUMN]``, between a tenth and tenfold."""
-    from dashpot.calibrate import Parameter
-    from dashpot.calibrate.problem.default_ranges import middle
-
-    match = re.fullmatch(r"(\w+)(?:\[(\d+)\])?", target)
-    if match is None:
-        raise ValueError(f"{target!r} is not ARRAY or ARRAY[COLUMN]")
-    index = None if match[2] is None else int(match[2])
-    if "bounds" not in options:
-        now = options.get("start")
-        if now is None and match[1].startswith("body_mass"):
-            now = float(model.body(element).mass[0])
-        if now is None or now <= 0.0:
-            raise ValueError(f"{target} has no default bounds: say {element}=LOWER..UPPER")
-        options |= {"start": now, "bounds": (now / 10.0, now * 10.0)}
-    linear = options["bounds"][0] <= 0.0
-    options.setdefault("start", middle(options["bounds"], logarithmic=not linear))
-    return Parameter.model(
-        match[1], element, index=index, transform="linear" if linear else "log", **options
-    )
-
-
-def _range(label: str, text: str) -> dict[str, Any]:
-    """Return what ``START`` or ``LOWER..UPPER`` says."""
-    lower, dots, upper = text.partition("..")
-    if dots:
-        return {"bounds": (_float(label, lower), _float(label, upper))}
-    return {"start": _float(label, text)} if text else {}
-
-
-def _element(name: str, engine: Engine) -> str | int:
-    """Return a geom by name, or by id where none has such a name."""
-    named = any(engine.model.geom(i).name == name for i in range(engine.model.ngeom))
-    return int(name) if name.isdecimal() and not named else name
 
 
 def _factor(text: str) -> str | float:
@@ -258,13 +233,6 @@ def _factor(text: str) -> str | float:
         return float(text)
     except ValueError:
         return text
-
-
-def _float(label: str, text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise ValueError(f"{label}: {text!r} is not a number") from None
 
 
 def _joined(parts: Sequence[dict[str, str]] | None) -> dict[str, str]:
@@ -280,6 +248,14 @@ def _assignments(text: str) -> dict[str, str]:
             raise argparse.ArgumentTypeError(f"{text!r} is not KEY=VALUE,... with different keys")
         result[key] = value
     return result
+
+
+def _deviations(text: str) -> dict[str, str]:
+    """Return ``KEY=SIGMA,...`` as a mapping, with the word ``estimate`` where it is given."""
+    words = text.split(",")
+    rest = ",".join(word for word in words if word.strip() != _ESTIMATE)
+    found = {_ESTIMATE: ""} if _ESTIMATE in map(str.strip, words) else {}
+    return found | (_assignments(rest) if rest else {})
 
 
 def _window(text: str) -> tuple[float, float]:

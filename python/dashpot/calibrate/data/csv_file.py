@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
+PIXELS = ("u", "v")
 _SENSOR, _SENSOR_IN_FILES = "sensor:", "sensors."
 # Between cells, the first that a header has all wanted columns with.
 _DELIMITERS = (",", ";", "\t")
@@ -47,12 +48,15 @@ class Table:
         Column that tells runs apart, None: there is one.
     unit
         Units by what it holds, by column, or by ``position`` for all coordinates.
+    pixels
+        Whether a camera is there that ``u`` and ``v`` are of, or ``BODY.u``.
     """
 
     columns: Mapping[str, str] | None
     bodies: tuple[str, ...]
     run: str | None = None
     unit: Mapping[str, str | float] | None = None
+    pixels: bool = False
 
 
 def read_runs(file: str | os.PathLike[str], table: Table) -> dict[str, dict[str, Any]]:
@@ -135,9 +139,10 @@ def _keys(header: Sequence[str], table: Table) -> dict[str, str]:
     """Return columns by what they hold; raise ValueError for what no trajectory holds."""
     bodies = table.bodies
     alone = len(bodies) == 1
-    poses = {f"{body}.{name}": f"{body}.{name}" for body in bodies for name in POSE}
+    of_bodies = (*POSE, *PIXELS) if table.pixels or table.columns is not None else POSE
+    poses = {f"{body}.{name}": f"{body}.{name}" for body in bodies for name in of_bodies}
     if alone:
-        poses |= {name: f"{bodies[0]}.{name}" for name in POSE}
+        poses |= {name: f"{bodies[0]}.{name}" for name in of_bodies}
     keys: dict[str, str] = {}
     given = {name: name for name in header} if table.columns is None else table.columns
     for key, column in given.items():
@@ -147,8 +152,9 @@ def _keys(header: Sequence[str], table: Table) -> dict[str, str]:
         if not known and table.columns is None:
             continue  # files have columns of their own
         if not known:
-            if key in POSE:
-                raise ValueError(f"column {key!r} is of a pose: say of which body")
+            if key in (*POSE, *PIXELS):
+                what = "in pixels" if key in PIXELS else "of a pose"
+                raise ValueError(f"column {key!r} is {what}: say of which body")
             known_keys = ["time", *(poses if bodies else ()), f"{_SENSOR}NAME"]
             near = difflib.get_close_matches(key, known_keys, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known_keys)}"
@@ -162,9 +168,15 @@ def _keys(header: Sequence[str], table: Table) -> dict[str, str]:
         raise ValueError(f"no column 'time'; there are {_shown(list(header))}")
     for body in bodies:
         turned = [name for name in POSE[3:] if f"{body}.{name}" in keys]
-        if not any(f"{body}.{name}" in keys for name in POSE):
-            prefix = "" if alone else f"{body}."
+        seen = [name for name in PIXELS if f"{body}.{name}" in keys]
+        prefix = "" if alone else f"{body}."
+        if not any(f"{body}.{name}" in keys for name in (*POSE, *PIXELS)):
             raise ValueError(f"no column '{prefix}x', '{prefix}y' or '{prefix}z' of body '{body}'")
+        if seen and not table.pixels:
+            raise ValueError(
+                f"column '{prefix}{seen[0]}' is in pixels: say which camera saw them, one of the "
+                "model or an ImagePlane"
+            )
         if turned and len(turned) < 4:
             missing = next(name for name in POSE[3:] if name not in turned)
             raise ValueError(f"no column {missing!r} of the quaternion of body '{body}'")
@@ -214,6 +226,8 @@ def _number(text: str, line: int, column: str, time: bool, decimal_comma: bool) 
     if not time and word.lower() in _MISSING:
         return math.nan  # as trackers write what they lost
     try:
+        if "_" in word:  # Python has it between digits, no instrument does
+            raise ValueError
         value = float(word.replace(",", ".", 1) if decimal_comma else word)
     except ValueError:
         shown = text if len(text) <= 40 else f"{text[:40]}..."
@@ -226,21 +240,30 @@ def _number(text: str, line: int, column: str, time: bool, decimal_comma: bool) 
 def _fields(
     run: Mapping[str, array[float]], columns: Mapping[str, str], table: Table
 ) -> dict[str, Any]:
-    """Return time, position, quaternion and sensors of a run, in SI units."""
+    """Return time, bodies, positions, quaternions, pixels and sensors of a run, in SI units."""
     factors = _factors(columns, table)
     numbers = {key: factors[key] * np.array(values) for key, values in run.items()}
     n = len(run["time"])
     lost = np.full(n, np.nan)
-    poses = [[numbers.get(f"{body}.{name}", lost) for name in POSE] for body in table.bodies]
-    block: Array = np.array(poses).reshape(len(table.bodies), 7, n).transpose(2, 0, 1)
+    posed = [body for body in table.bodies if any(f"{body}.{name}" in numbers for name in POSE)]
+    poses = [[numbers.get(f"{body}.{name}", lost) for name in POSE] for body in posed]
+    block: Array = np.array(poses).reshape(len(posed), 7, n).transpose(2, 0, 1)
+    pixels = {
+        body: np.stack([numbers.get(f"{body}.{name}", lost) for name in PIXELS], axis=1)
+        for body in table.bodies
+        if any(f"{body}.{name}" in numbers for name in PIXELS)
+    }
     turned = any(key.endswith(".qw") for key in numbers if not key.startswith(_SENSOR))
     sensors = {
         name: np.stack([numbers[key] for key in keys], axis=1)
         for name, keys in _sensors(columns).items()
     }
     fields: dict[str, Any] = {"time": numbers["time"], "sensors": sensors}
-    if table.bodies:
+    if pixels:
+        fields["pixels"] = pixels
+    if posed:
         fields |= {"position": block[..., :3], "quaternion": block[..., 3:] if turned else None}
+        fields["bodies"] = posed
     return fields
 
 

@@ -53,7 +53,8 @@ def offsets(time: Array, frame: Places) -> tuple[float, Array]:
         off = time - line(frame)
         usual = 1.4826 * np.median(np.abs(off))
         kept = np.abs(off) <= 3.0 * max(usual, 1e-6 * spacing)
-        if (kept == used).all() or np.count_nonzero(kept) < max(_FEWEST, time.size // 2):
+        few = np.count_nonzero(kept) < max(_FEWEST, time.size // 2)
+        if (kept == used).all() or few or np.ptp(time[kept]) == 0.0:
             break
         used = kept
     return spacing, off / spacing

@@ -4,7 +4,8 @@ Noise of some hundred residuals hides valleys: it explains a cost of three stand
 its own above the least one, which is more than ten standard errors of a parameter. So where an end
 counts as explained, the cost is followed along each parameter to its bounds, all else refitted
 (`dashpot.calibrate.inference.profiles`), and the search goes on from where that is lower, or
-falls again beyond a hill, where refits without derivatives of their own may lag. Intervals go on to
+falls again beyond a hill, where refits without derivatives of their own may lag. Where that is no
+lower, but as low as confidence asks for, intervals reach over both valleys. Intervals go on to
 where the cost has risen by what their confidence asks for: with t the quantile of Student's
 distribution, ``t^2 / 2`` times the dispersion (Meeker and Escobar, The American Statistician 49,
 1995). Curvature does not tell that where one side is flat, as of friction that soon holds.
@@ -112,10 +113,25 @@ def settle(search: Search, errors: str, confidence: float, seed: int) -> End:
             except SimulationError:
                 break
             if trial.best_cost >= search.best_cost - _LOWER * _dispersion(end.covariance):
+                end = _with_valley(end, trial, search.best_cost, errors, confidence, seed)
                 break
             search.take_over(trial)
             finish(search)
     return end
+
+
+def _with_valley(
+    end: End, trial: Search, lowest: float, errors: str, confidence: float, seed: int
+) -> End:
+    """Return an end whose intervals reach over another valley, where the cost is as low."""
+    rise = 0.5 * end.covariance.quantile(confidence) ** 2 * _dispersion(end.covariance)
+    if trial.best_cost > lowest + rise:
+        return end
+    with trial.budget.beside(trial.objective):
+        other, _ = _examine(trial, errors, confidence, seed)
+    lower = np.fmin(end.intervals[:, 0], other.intervals[:, 0])
+    upper = np.fmax(end.intervals[:, 1], other.intervals[:, 1])
+    return replace(end, intervals=np.stack([lower, upper], axis=1))
 
 
 def _dispersion(covariance: Covariance) -> float:

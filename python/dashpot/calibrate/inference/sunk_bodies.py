@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 # Of what called fit, which calls `warn_of_sunk_bodies`.
 _STACK_LEVEL = 3
+# Cosine of the slope below which a plane is level.
+_LEVEL = 1.0 - 1e-12
 # Trajectories that are looked at: those of the largest cost.
 _MOST_TRAJECTORIES = 20
 
@@ -134,6 +136,9 @@ def _lowest(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     for geom in np.flatnonzero(model.body_weldid[model.geom_bodyid] == 0):
         if model.geom_contype[geom] or model.geom_conaffinity[geom]:
             reach = 0.0  # of planes
+            is_plane = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
+            if is_plane and data.geom_xmat[geom, 8] < _LEVEL:
+                return -np.inf  # a slope goes down without end
             if model.geom_rbound[geom] > 0.0:
                 row, box = data.geom_xmat[geom, 6:], model.geom_aabb[geom]
                 reach = float(row @ box[:3] - np.abs(row) @ box[3:])

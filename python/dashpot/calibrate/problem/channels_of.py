@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -89,6 +90,8 @@ def _sensor(
     delay: tuple[float, float],
 ) -> Channel:
     readings = trajectory.sensors[sensor.name]
+    # Of planes each trajectory may have its own.
+    sensor = replace(sensor, view=trajectory.views.get(sensor.name))
     own = sensor.name in trajectory.sensor_times
     time = trajectory.sensor_time(sensor.name) - trajectory.time[0]
     spacing = float(np.median(np.diff(time))) if own and time.size > 1 else trajectory.spacing

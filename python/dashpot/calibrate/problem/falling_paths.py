@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dashpot.calibrate.data.falls import Path
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.first_guess import free_joint, gravity_of
+from dashpot.calibrate.problem.pixels import place_of
 from dashpot.object_ids import id_of_name
 
 Array = NDArray[np.float64]
@@ -40,6 +41,12 @@ def falling_paths(trajectory: Trajectory, model: mujoco.MjModel, sigma: Array) -
         if gravity is not None:
             unknown = np.full(gravity.size, np.inf)
             paths.append(_path(trajectory, readings, gravity, unknown))
+    for name, view in trajectory.views.items():
+        body = place_of(view, model)[0]
+        if view.plane is not None and name not in trajectory.sensor_times and _falls(model, body):
+            flat = view.plane.unturned(trajectory.sensors[name])
+            axes = np.array([view.plane.right, view.plane.down])
+            paths.append(_path(trajectory, flat, axes @ _gravity(model, body), np.full(2, np.inf)))
     return [path for path in paths if path.time.size > 1]
 
 

@@ -53,9 +53,20 @@ def is_reading(sigma: Array) -> NDArray[np.bool_]:
     return (sigma > 0.0) & np.isfinite(sigma)
 
 
-def start_sigma(trajectory: Trajectory, nv: int, initial_state: str) -> Array:
-    """Return the standard deviations (s,) of the unknowns of an initial state."""
+def start_sigma(trajectory: Trajectory, initial_state: str, unseen: NDArray[np.bool_]) -> Array:
+    """Return the standard deviations (s,) of the unknowns of an initial state.
+
+    Parameters
+    ----------
+    trajectory
+        Says them, or not.
+    initial_state
+        What the problem estimates.
+    unseen
+        (nv,) degrees of freedom that are held where the trajectory says nothing.
+    """
     parts = {"given": 0, "velocity": 1, "pose_and_velocity": 2}[initial_state]
     known = (trajectory.initial_qvel_sigma, trajectory.initial_qpos_sigma)[:parts]
-    rows = [np.broadcast_to(np.inf if sigma is None else sigma, nv) for sigma in known]
+    free = np.where(unseen, 0.0, np.inf)
+    rows = [np.broadcast_to(free if sigma is None else sigma, unseen.size) for sigma in known]
     return np.concatenate([np.empty(0), *rows])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import mujoco
 
+from dashpot.calibrate.data.views import View
 from dashpot.object_ids import id_of_name
 
 _LIMITS = (
@@ -29,12 +30,15 @@ class Sensor:
         Of its numbers in ``sensordata``.
     mean
         Whether it needs accelerations or forces, and is compared as a mean.
+    view
+        Of a point in pixels, which no sensor of the model reads, what is seen.
     """
 
     name: str
     address: int
     size: int
     mean: bool
+    view: View | None = None
 
 
 def body_id(model: mujoco.MjModel, name: str, label: str) -> int:

@@ -22,7 +22,8 @@ from dashpot.calibrate.problem.inertia_setter import with_inertia
 from dashpot.calibrate.problem.known_starts import start_sigma
 from dashpot.calibrate.problem.observables import Sensor
 from dashpot.calibrate.problem.parameters import Parameter
-from dashpot.calibrate.problem.problem_channels import ProblemChannels
+from dashpot.calibrate.problem.pixel_starts import out_of_sight
+from dashpot.calibrate.problem.pixels import with_deviations_of_pixels
 from dashpot.calibrate.problem.problem_checks import (
     check_against_model,
     check_options,
@@ -47,7 +48,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(ProblemSystems, ProblemChannels, ProblemStarts):
+class Problem(ProblemSystems, ProblemStarts):
     """Everything that defines a calibration.
 
     The simulation of a trajectory starts at its first frame without contact memory; frame k is
@@ -75,6 +76,7 @@ class Problem(ProblemSystems, ProblemChannels, ProblemStarts):
     sensor_sigma
         Standard deviations of observed sensors by name, in the unit of the sensor, > 0: one, or one
         for each of its numbers; infinite: not measured. All sensors of trajectories need one.
+        ``"pixels"``: of all points in pixels that are not named, as ``"CAMERA:POINT"``.
     noise
         ``"stated"``: standard deviations are as stated, up to one factor; or ``"estimate"``: a fit
         estimates them, those of positions, of rotations and of each sensor, event and scalar, and
@@ -159,7 +161,9 @@ class Problem(ProblemSystems, ProblemChannels, ProblemStarts):
         check_acting(self.parameters, names)
         object.__setattr__(self, "position_sigma", position_deviations(self.position_sigma))
         object.__setattr__(self, "rotation_sigma", deviation("rotation_sigma", self.rotation_sigma))
+        views = {name: view for t in self.trajectories for name, view in t.views.items()}
         sensor_sigma = deviations_by_name("sensor_sigma", self.sensor_sigma)
+        sensor_sigma = with_deviations_of_pixels(sensor_sigma, views)
         object.__setattr__(self, "sensor_sigma", sensor_sigma)
         sigmas = [self.sigma, *map(np.array, sensor_sigma.values())]
         for name in ("event_sigma", "scalar_sigma"):
@@ -182,5 +186,7 @@ class Problem(ProblemSystems, ProblemChannels, ProblemStarts):
         for trajectory in self.trajectories:
             check_against_model(self, trajectory, model)
         check_sensing(self)
-        known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
+        known = [
+            start_sigma(t, self.initial_state, out_of_sight(t, model)) for t in self.trajectories
+        ]
         object.__setattr__(self, "_start_sigma", np.array(known))

@@ -46,7 +46,7 @@ class ProblemChannels(ProblemFields):
 
     def delays(self, trajectory: Trajectory) -> dict[str, tuple[float, float]]:
         """Return by channel of a trajectory the bounds of its delay, s."""
-        return {
+        late = {
             channel: p.bounds
             for p in self.parameters
             if isinstance(p.apply, SensingSetter)
@@ -54,6 +54,8 @@ class ProblemChannels(ProblemFields):
             and p.acts_in(trajectory.name)
             for channel in p.apply.channels
         }
+        seen = {n: late[v.camera] for n, v in trajectory.views.items() if v.camera in late}
+        return {**seen, **late}
 
     def layouts(self) -> list[Layout]:
         """Return by trajectory where its residuals within the window stand."""

@@ -11,6 +11,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.first_guess import free_bodies
 from dashpot.calibrate.problem.gaps import check_kinds
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
+from dashpot.calibrate.problem.pixels import is_seen_point, seen_sensor
 from dashpot.calibrate.problem.problem_channels import ProblemChannels
 from dashpot.calibrate.problem.problem_entries import check_sensors, check_shapes
 from dashpot.calibrate.problem.problem_fields import ProblemFields
@@ -50,8 +51,15 @@ def observed_sensors(problem: ProblemFields, model: mujoco.MjModel) -> dict[str,
         Where the model has no such, or of another count of numbers.
     """
     found: dict[str, Sensor] = {}
+    views = {name: view for t in problem.trajectories for name, view in t.views.items()}
     for name, deviations in problem.sensor_sigma.items():
-        sensor = found[name] = find_sensor(model, name, "sensor_sigma")
+        if name not in views and is_seen_point(model, name):
+            continue  # of other trajectories
+        sensor = found[name] = (
+            seen_sensor(model, views[name], "pixels")
+            if name in views
+            else find_sensor(model, name, "sensor_sigma")
+        )
         if np.size(deviations) not in (1, sensor.size):
             raise ValueError(
                 f"sensor_sigma[{name!r}] must be one number or {sensor.size}, "
@@ -77,7 +85,9 @@ def check_sensing(problem: ProblemChannels) -> None:
                 if parameter.acts_in(trajectory.name)
                 for channel in problem.channels(trajectory)
             ]
-            kinds = {channel.name: channel.kind for channel in channels}
+            kinds: dict[str, str] = {channel.name: channel.kind for channel in channels}
+            cameras = {v.camera for t in problem.trajectories for v in t.views.values()}
+            kinds |= dict.fromkeys(cameras, "camera")
             check_channel(parameter.name, parameter.apply, kinds)
             counts = {channel.name: channel.block.columns for channel in channels}
             check_numbers(parameter.name, parameter.apply, counts)

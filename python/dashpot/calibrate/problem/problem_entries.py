@@ -13,6 +13,7 @@ from dashpot.calibrate.data.trajectory import UNIT_TOLERANCE, Trajectory
 from dashpot.calibrate.problem.inertia_setter import InertiaSetter
 from dashpot.calibrate.problem.observables import find_sensor
 from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.pixels import check_in_picture, seen_sensor
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter
 from dashpot.calibrate.problem.vectors import Joint
@@ -93,13 +94,19 @@ def check_sensors(trajectory: Trajectory, model: mujoco.MjModel, known: Containe
     """Raise ValueError where readings are of no sensor, or of one whose noise is not `known`."""
     label = f"trajectory '{trajectory.name}'"
     for name, readings in trajectory.sensors.items():
-        size = find_sensor(model, name, label).size
+        view = trajectory.views.get(name)
+        if view is None:
+            size = find_sensor(model, name, label).size
+        else:
+            size = seen_sensor(model, view, label).size
+            check_in_picture(view, readings, model, label)
         if readings.shape[1] != size:
             raise ValueError(
                 f"{label}: sensor '{name}' has {size} numbers, got readings {readings.shape}"
             )
         if name not in known:
-            raise ValueError(f"{label}: sensor '{name}' has no sensor_sigma")
+            of_pixels = "; 'pixels' is that of all points in pixels" if view else ""
+            raise ValueError(f"{label}: sensor '{name}' has no sensor_sigma{of_pixels}")
 
 
 def check_shapes(trajectory: Trajectory, model: mujoco.MjModel) -> None:

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.first_guess import initial_state, robust_guess
+from dashpot.calibrate.problem.pixel_starts import start_as_seen
+from dashpot.calibrate.problem.problem_channels import ProblemChannels
 from dashpot.calibrate.problem.problem_entries import checked_states
-from dashpot.calibrate.problem.problem_fields import ProblemFields
+from dashpot.calibrate.problem.sensing import sensing
 from dashpot.calibrate.problem.vectors import vectors_of
 
 Array = NDArray[np.float64]
 
 
-class ProblemStarts(ProblemFields):
+class ProblemStarts(ProblemChannels):
     """The methods of `Problem` that tell where simulations start."""
 
     def initial_states(
@@ -40,6 +42,10 @@ class ProblemStarts(ProblemFields):
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
             qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
+            if trajectory.views and self.initial_state != "given":
+                found = sensing(self.sensing_setters(trajectory), [self.start])
+                placed = self.initial_state == "pose_and_velocity"
+                start_as_seen(trajectory, model, found, qpos[i], qvel[i], placed=placed)
         return qpos, qvel
 
     def robust_guesses(self, model: mujoco.MjModel, qvel: Array) -> tuple[Array, Array]:

@@ -1,15 +1,16 @@
-"""Parameters of recorders: delay, gain and offset of channels, scale of positions."""
+"""Parameters of recorders: delay, gain and offset of channels, scale of positions, pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, cast, get_args
 
 import numpy as np
 
 from dashpot.calibrate.problem.channels import POSES
+from dashpot.calibrate.problem.default_ranges import middle
 from dashpot.calibrate.problem.parameter_options import Bounds, Frozen, Groups, Start
-from dashpot.calibrate.problem.sensing import SensingQuantity, SensingSetter
+from dashpot.calibrate.problem.sensing import ImageQuantity, SensingQuantity, SensingSetter
 from dashpot.calibrate.problem.transforms import TransformName
 from dashpot.checks import number_array
 
@@ -112,6 +113,48 @@ class RecorderParameters:
             raise ValueError(f"centre must be three finite numbers, got {centre!r}")
         x, y, z = (float(entry) for entry in point)
         return cls._of_sensing("scale", POSES, start, bounds, name, per, frozen, "log", (x, y, z))
+
+    @classmethod
+    def image(
+        cls,
+        quantity: ImageQuantity,
+        camera: str = "image",
+        *,
+        bounds: tuple[float, float],
+        start: float | None = None,
+        name: str | None = None,
+        per: Groups | None = None,
+        frozen: Frozen = False,
+    ) -> Parameter:
+        """Estimate a number of a picture in which points are seen (``Trajectory(pixels=...)``).
+
+        Parameters
+        ----------
+        quantity
+            ``"scale"``: pixels per metre of an `ImagePlane`, of a camera of the model its focal
+            length in pixels; ``"tilt"``: rad, clockwise; ``"origin_u"``, ``"origin_v"``: the pixel
+            where the origin of the world is seen, of a camera of the model the middle.
+            Where a camera stands and looks `model` varies: ``cam_pos``, ``cam_fovy`` ...
+        camera
+            Name of the camera, or of the `ImagePlane`.
+        bounds
+            (lower, upper); of a scale > 0.
+        start, name, per, frozen
+            As in `Parameter`. By default the start is in the middle of the bounds, the name
+            ``scale of image``.
+        """
+        if quantity not in get_args(ImageQuantity):
+            raise ValueError(
+                f"quantity of a picture must be one of {', '.join(get_args(ImageQuantity))}, got "
+                f"{quantity!r}"
+            )
+        if not isinstance(camera, str):
+            raise TypeError(f"camera must be a name, got {camera!r}")
+        scale = quantity == "scale"
+        if start is None and np.shape(bounds) == (2,):
+            start = middle(bounds, logarithmic=scale)
+        transform: TransformName = "log" if scale else "linear"
+        return cls._of_sensing(quantity, camera, start, bounds, name, per, frozen, transform)  # type: ignore[arg-type]
 
     @classmethod
     def _of_sensing(

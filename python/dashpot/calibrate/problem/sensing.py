@@ -1,4 +1,4 @@
-"""How recorders see: delay, gain and offset of channels, scale of positions.
+"""How recorders see: delay, gain and offset of channels, scale of positions, pictures.
 
 A channel that shows the number s(t) of the model at the time t reads
 
@@ -8,16 +8,19 @@ and positions p, about a centre c that the tracker takes for right,
 
     c + scale * (p - c).
 
+What a picture's scale, tilt and origin are says `dashpot.calibrate.problem.pixels`.
+
 A delay > 0 is a recorder whose stamps are late: the world is shown as it was before. Times of
 events are read later by it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,9 +28,8 @@ from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.setters import System
 
 Array = NDArray[np.float64]
-SensingQuantity = Literal["delay", "gain", "offset", "scale"]
-
-_NEUTRAL: dict[SensingQuantity, float] = {"delay": 0.0, "gain": 1.0, "offset": 0.0, "scale": 1.0}
+ImageQuantity = Literal["scale", "tilt", "origin_u", "origin_v"]
+SensingQuantity = Literal["delay", "gain", "offset"] | ImageQuantity
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ class SensingSetter:
 
     def component(self, number: int, count: int) -> SensingSetter:
         """Return the setter of one of so many numbers of the channel."""
-        if self.quantity in ("delay", "scale"):
+        if self.quantity not in ("gain", "offset"):
             raise ValueError(f"{self.quantity} is one number, and there are {count}")
         return replace(self, number=number, count=count)
 
@@ -73,17 +75,24 @@ class Sensing:
         (simulations,) by quantity and channel, or (simulations, numbers) where these differ.
     centre
         (3,) of the scale of positions, m.
+    models
+        (simulations,) where pictures need them.
     """
 
     values: Mapping[tuple[SensingQuantity, str], Array]
     centre: Array
+    models: Sequence[mujoco.MjModel] = field(default=())
 
     def of(self, quantity: SensingQuantity, channel: str) -> Array | None:
         """Return its values, None where no parameter sets the quantity."""
         return self.values.get((quantity, channel))
 
 
-def sensing(setters: Mapping[str, SensingSetter], values: Iterable[Mapping[str, float]]) -> Sensing:
+def sensing(
+    setters: Mapping[str, SensingSetter],
+    values: Iterable[Mapping[str, float]],
+    models: Sequence[mujoco.MjModel] = (),
+) -> Sensing:
     """Return how channels read for values of parameters by name, of which `setters` are some."""
     rows = list(values)
     centre = np.zeros(3)
@@ -97,9 +106,9 @@ def sensing(setters: Mapping[str, SensingSetter], values: Iterable[Mapping[str, 
             else:
                 table = found.setdefault(key, np.empty((len(rows), setter.count)))
                 table[:, setter.number] = column
-        if setter.quantity == "scale":
+        if f"scale of {POSES}" in setter.targets:
             centre = np.array(setter.centre)
-    return Sensing(found, centre)
+    return Sensing(found, centre, models)
 
 
 def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str]) -> None:
@@ -121,6 +130,11 @@ def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str])
             raise ValueError(
                 f"{label}: no trajectory has a channel {channel!r}; there are {', '.join(channels)}"
             )
+        of_picture = setter.quantity in get_args(ImageQuantity)
+        if of_picture and kind != "camera" and (setter.quantity, channel) != ("scale", POSES):
+            raise ValueError(f"{label}: {channel!r} is no camera, and has no {setter.quantity}")
+        if kind == "camera" and not (of_picture or setter.quantity == "delay"):
+            raise ValueError(f"{label}: camera {channel!r} has no {setter.quantity}")
         if setter.quantity in ("gain", "offset") and channel == POSES:
             raise ValueError(
                 f"{label}: poses have no {setter.quantity}; they have a scale and a delay"

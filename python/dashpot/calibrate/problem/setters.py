@@ -25,8 +25,8 @@ _DAMPING_FORMS = ("damping", "damping_ratio", "restitution")
 
 # Rows of arrays whose names begin so belong to elements of a kind. A joint has one row of "dof" for
 # each of its degrees of freedom.
-_KINDS = ("body", "geom", "jnt", "site", "pair", "actuator", "tendon", "dof")
-_NOUN = {"jnt": "joint", "dof": "joint"}
+_KINDS = ("body", "geom", "jnt", "site", "pair", "actuator", "tendon", "cam", "dof")
+_NOUN = {"jnt": "joint", "cam": "camera", "dof": "joint"}
 
 _DOF_COUNT = {
     mujoco.mjtJoint.mjJNT_FREE: 6,

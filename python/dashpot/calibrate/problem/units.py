@@ -6,11 +6,12 @@ import mujoco
 
 from dashpot.calibrate.problem.inertia_setter import UNITS, InertiaSetter
 from dashpot.calibrate.problem.parameters import Parameter
+from dashpot.calibrate.problem.pixels import lens_of
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import SensingSetter
 from dashpot.calibrate.problem.setters import MaterialSetter, ModelSetter, PairSetter
 from dashpot.calibrate.problem.vectors import Joint
-from dashpot.object_ids import object_id
+from dashpot.object_ids import id_of_name, object_id
 
 _OF_QUANTITY = {
     "stiffness": "N/m",
@@ -81,6 +82,11 @@ def parameter_unit(parameter: Parameter, problem: Problem, model: mujoco.MjModel
     """Return the unit of a parameter; empty where it has none, or none is known."""
     setter = parameter.apply
     if isinstance(setter, SensingSetter):
+        seen = [v for t in problem.trajectories for v in t.views.values()]
+        of_camera = [view for view in seen if view.camera == setter.channel]
+        if of_camera and setter.quantity != "delay":
+            plain = lens_of(of_camera[0], model).perspective
+            return {"scale": "px" if plain else "px/m", "tilt": "rad"}.get(setter.quantity, "px")
         observed = any(setter.channel in t.sensors for t in problem.trajectories)
         if setter.quantity == "offset":
             return sensor_unit(model, setter.channel) if observed else ""
@@ -103,7 +109,9 @@ def parameter_unit(parameter: Parameter, problem: Problem, model: mujoco.MjModel
 
 def sensor_unit(model: mujoco.MjModel, name: str) -> str:
     """Return the unit of a sensor; empty where none is known."""
-    row = model.sensor(name).id
+    row = id_of_name(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
+    if row < 0:
+        return "px"
     kind = _S(int(model.sensor_type[row]))
     if kind in _OF_JOINT_SENSOR:
         return _OF_JOINT_SENSOR[kind][0 if _slides(model, int(model.sensor_objid[row])) else 1]

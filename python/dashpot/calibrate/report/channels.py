@@ -150,7 +150,8 @@ def _residual_names(
         ]
     count = channel.measured.shape[1]
     unit = _unit(channel, model)
-    names = [channel.name] if count == 1 else [f"{channel.name} {i}" for i in range(count)]
+    columns = "uv" if channel.sensor is not None and channel.sensor.view else range(count)
+    names = [channel.name] if count == 1 else [f"{channel.name} {i}" for i in columns]
     return [(name, unit) for name in names]
 
 

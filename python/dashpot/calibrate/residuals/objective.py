@@ -228,10 +228,24 @@ class Objective:
         for t, users, readings in self._read(candidates, failures):
             rows_of_t = slice(self.offsets[t], self.offsets[t + 1] - self.layouts[t].starts)
             residuals[users, rows_of_t] = self.recorders[t].residuals(readings)
-        failed = list(failures)
         residuals = np.where(self._measured, residuals, 0.0)
+        for v in np.flatnonzero(np.isnan(residuals).any(axis=1)):
+            name = self._unseen(residuals[v])
+            failures[int(v)] = failure_of(candidates[int(v)].values, name)
+        failed = list(failures)
         residuals[failed] = np.inf
         return residuals, failures
+
+    def _unseen(self, residuals: Array) -> str:
+        """Return what of one point cannot be seen where its residuals are NaN."""
+        for trajectory, channels in zip(
+            self.problem.trajectories, self.by_channel(residuals), strict=True
+        ):
+            for name, rows in channels.items():
+                if np.isnan(rows).any():
+                    behind = "; it is behind the camera" if name in trajectory.views else ""
+                    return f"trajectory '{trajectory.name}': {name!r} reads nan{behind}"
+        return "residuals are nan"
 
     def _simulate_elsewhere(self, points: Array) -> tuple[Array, dict[int, SimulationError]]:
         assert self._workers is not None
@@ -436,7 +450,11 @@ class Objective:
                     users.append(v)
                     rows.append(row)
             for t, (users, rows) in found.items():
-                seen = sensing(setters[t], [candidates[v].values for v in users])
+                seen = sensing(
+                    setters[t],
+                    [candidates[v].values for v in users],
+                    [model_of(candidates[v].systems[t]) for v in users],
+                )
                 yield t, users, self.recorders[t].readings(np.array(rows), seen)
         for v, (_, failure) in failed.items():
             failures[v] = failure_of(candidates[v].values, failure)

@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.data.views import View
 from dashpot.calibrate.problem.channels import POSES, Channel
 from dashpot.calibrate.problem.gaps import gap_geoms
 from dashpot.calibrate.problem.observables import body_id
+from dashpot.calibrate.problem.pixels import bodies_of, pixels
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import Sensing
 from dashpot.calibrate.residuals.clocks import at_times, instants_of, means_over
@@ -65,16 +67,27 @@ class Recorder:
             control = np.concatenate([control, np.repeat(control[-1:], beyond, axis=0)])
         self._columns: dict[str, slice] = {}
         numbers: list[tuple[int, bool]] = []
-        for name in dict.fromkeys([*trajectory.sensors, *_peaks(self.channels)]):
+        read = [name for name in trajectory.sensors if name not in trajectory.views]
+        for name in dict.fromkeys([*read, *_peaks(self.channels)]):
             sensor = problem.sensor(name)
             self._columns[name] = slice(len(numbers), len(numbers) + sensor.size)
             numbers += [(sensor.address + i, sensor.mean) for i in range(sensor.size)]
-        gaps = [gap_geoms(model, trajectory, channel.name) for channel in self.channels]
+        gaps = [
+            gap_geoms(model, trajectory, channel.name)
+            for channel in self.channels
+            if channel.kind in ("event", "scalar")
+        ]
+        recorded = [body_id(model, body, trajectory.name) for body in trajectory.bodies]
+        for view in trajectory.views.values():
+            recorded += bodies_of(view, model)
+        #: Bodies whose poses are recorded, those observed first.
+        self._recorded = recorded[: self._bodies]
+        self._recorded += [b for b in dict.fromkeys(recorded) if b not in self._recorded]
         self.recording = _core.Recording(
             name=trajectory.name,
             timestep=self._step,
             record_step=record_step.tolist(),
-            body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
+            body=self._recorded,
             channel=numbers,
             gap=next((pairs for pairs in gaps if pairs), []),
             control=control,
@@ -92,14 +105,19 @@ class Recorder:
         rows, columns = self.recording.shape
         table = recorded.reshape(len(recorded), rows, columns)
         poses = table[..., : 7 * self._bodies]
-        others = table[..., 7 * self._bodies :]
+        others = table[..., 7 * len(self._recorded) :]
         found: dict[str, Array] = {}
         for channel in self.channels:
+            view = None if channel.sensor is None else channel.sensor.view
             delay = sensing.of("delay", channel.name)
+            if delay is None and view is not None:
+                delay = sensing.of("delay", view.camera)
             times = channel.time - (np.zeros((1, 1)) if delay is None else delay[:, None])
             times = np.broadcast_to(times, (len(table), channel.time.size))
             if channel.kind == "poses":
                 reading = self._poses(poses, times, sensing)
+            elif view is not None:
+                reading = pixels(view, self._poses_of(view, table, times, sensing), sensing)
             elif channel.kind == "sensor":
                 reading = self._sensor(channel, others[..., self._columns[channel.name]], times)
             elif channel.kind == "event":
@@ -145,15 +163,30 @@ class Recorder:
         return np.asarray(error / channel.sigma * channel.measured)
 
     def _poses(self, poses: Array, times: Array, sensing: Sensing) -> Array:
-        if self._every_step:
-            poses = at_times(_same_side(poses), times, self._step)
-            turned = poses.reshape(*poses.shape[:2], -1, 7)
-            turned[..., 3:] /= np.linalg.norm(turned[..., 3:], axis=-1, keepdims=True)
+        poses = self._at(poses, times)
         scale = sensing.of("scale", POSES)
         if scale is not None:
             poses = poses.copy()
             position = poses.reshape(*poses.shape[:2], -1, 7)[..., :3]
             position += (scale[:, None, None, None] - 1.0) * (position - sensing.centre)
+        return poses
+
+    def _poses_of(
+        self, view: View, table: Array, times: Array, sensing: Sensing
+    ) -> dict[int, Array]:
+        """Return the poses (items, rows, 7) at `times` of the bodies that a view needs."""
+        found = {}
+        for body in bodies_of(view, sensing.models[0]):
+            first = 7 * self._recorded.index(body)
+            found[body] = self._at(table[..., first : first + 7], times)
+        return found
+
+    def _at(self, poses: Array, times: Array) -> Array:
+        if not self._every_step:
+            return poses
+        poses = at_times(_same_side(poses), times, self._step)
+        turned = poses.reshape(*poses.shape[:2], -1, 7)
+        turned[..., 3:] /= np.linalg.norm(turned[..., 3:], axis=-1, keepdims=True)
         return poses
 
     def _sensor(self, channel: Channel, numbers: Array, times: Array) -> Array:
@@ -175,7 +208,7 @@ class Recorder:
         found = []
         for item in table:
             if channel.name.startswith(_PEAK):
-                column = 7 * self._bodies + self._columns[channel.name[len(_PEAK) :]].start
+                column = 7 * len(self._recorded) + self._columns[channel.name[len(_PEAK) :]].start
                 found.append(np.full(count, peak(item[1:, column])))
             else:
                 height = item[:, 2]
@@ -187,7 +220,8 @@ class Recorder:
 
 def _peaks(channels: list[Channel]) -> list[str]:
     """Return the sensors of which peaks are observed."""
-    return [c.name[len(_PEAK) :] for c in channels if c.name.startswith(_PEAK)]
+    scalars = [channel.name for channel in channels if channel.kind == "scalar"]
+    return [name[len(_PEAK) :] for name in scalars if name.startswith(_PEAK)]
 
 
 def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:
