@@ -32,6 +32,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
+from dashpot.calibrate.inference.explanations import Explanation
 from dashpot.calibrate.prediction import Prediction, predict
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem import Problem
@@ -40,6 +41,7 @@ from dashpot.calibrate.result import Fit
 __all__ = [
     "Combination",
     "Estimate",
+    "Explanation",
     "Fit",
     "Parameter",
     "Prediction",

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.at_bounds import leaders
+from dashpot.calibrate.inference.explanations import Explanation, explanations
 from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import check_count
 from dashpot.calibrate.inference.misfit_report import sizes_differ
@@ -239,6 +240,7 @@ def fit(
             objective = search.objective
             problem = objective.problem
         end = settle(search, errors_kind, confidence, seed)
+        explained_by = explanations(search, end)
         if not search.converged:
             search.message = advice(search, max_evaluations)
         warn_of_sunk_bodies(objective, end.point, end.residuals)
@@ -247,6 +249,7 @@ def fit(
         objective,
         end,
         search,
+        explained_by,
         evaluations=budget.spent,
         seconds=time.perf_counter() - began,
         method=method,
@@ -261,6 +264,7 @@ def _result(
     objective: Objective,
     end: End,
     search: Search,
+    explained_by: tuple[Explanation, ...],
     *,
     evaluations: int,
     seconds: float,
@@ -330,6 +334,7 @@ def _result(
         converged=search.converged,
         message=search.message,
         channels=end.channels,
+        explanations=explained_by,
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,

@@ -233,14 +233,14 @@ class Objective:
         assert self._workers is not None
         return self._workers.attempt(self, points)
 
-    def of(self, problem: Problem) -> Objective:
-        """Return the objective of another problem, simulated in the same way."""
+    def of(self, problem: Problem, *, kept: bool = True) -> Objective:
+        """Return the objective of another problem, simulated in the same way; `kept` in a file."""
         return Objective(
             problem,
             nthread=self.nthread,
             held=self.held,
             workers=self._workers,
-            checkpoint=self._checkpoint,
+            checkpoint=self._checkpoint if kept else None,
         )
 
     def points_of(self, points: Array, first: int, last: int) -> Array:
@@ -251,9 +251,10 @@ class Objective:
     @property
     def fingerprint(self) -> bytes:
         """What tells it from objectives of other windows and noise, within one fit."""
-        digest = hashlib.sha256(repr(self.problem.window).encode())
+        digest = hashlib.sha256(repr((self.problem.window, self.problem.names)).encode())
         for recorder in self.recorders:
             for channel in recorder.channels:
+                digest.update(repr((channel.name, channel.window)).encode())
                 for array in (channel.time, channel.observed, channel.sigma, channel.measured):
                     digest.update(np.ascontiguousarray(array).tobytes())
         return digest.digest()

@@ -47,7 +47,7 @@ class Recorder:
         self._every_step = bool(delays) or any(
             channel.own_clock
             or channel.kind in ("event", "scalar")
-            or (channel.sensor is not None and channel.sensor.mean and not channel.window)
+            or (channel.sensor is not None and channel.sensor.mean != (channel.window > 0.0))
             for channel in self.channels
         )
         frame_step = substeps * frames.frame_number
