@@ -34,6 +34,7 @@ from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
 from dashpot.calibrate.inference.explanations import Explanation
 from dashpot.calibrate.prediction import Prediction, predict
+from dashpot.calibrate.problem.own_residuals import SimulatedRecording
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.result import Fit
@@ -46,6 +47,7 @@ __all__ = [
     "Parameter",
     "Prediction",
     "Problem",
+    "SimulatedRecording",
     "Trajectory",
     "fit",
     "predict",

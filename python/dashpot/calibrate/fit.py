@@ -213,6 +213,7 @@ def fit(
         Objective(stage, nthread=threads, workers=workers, checkpoint=kept) for stage in stages
     ]
     objective = objectives[-1]
+    problem = objective.problem
     check_count(objective.measured_count, objective.unknowns)
     errors_kind = _errors_kind(errors, problem, objective)
     warn_of_noisy_starts(

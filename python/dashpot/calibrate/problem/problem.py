@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, cast
 
 import mujoco
 import numpy as np
@@ -26,6 +26,12 @@ from dashpot.calibrate.problem.groups import check_acting, single_parameters
 from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
+from dashpot.calibrate.problem.own_residuals import (
+    OwnResiduals,
+    ResidualFunction,
+    own_channels,
+    own_residuals,
+)
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem_entries import (
     all_of,
@@ -91,6 +97,12 @@ class Problem:
         Seconds of each trajectory that are used. Short windows after the first contact fix damping
         and the friction of impacts; long ones see sliding and rolling. Scalars are of the
         whole, and count in no window that is shorter. None: all of it.
+    residuals
+        Functions by name, or one, of a `SimulatedRecording` and its `Trajectory`, that return (n,)
+        residuals in units of their standard deviation, or a pair, residuals and their standard
+        deviations (`dashpot.calibrate.problem.own_residuals`). n may differ between trajectories,
+        0 too, but is one for all values of the parameters. Candidates for which a function raises,
+        or returns what is not finite, count as failed. They are of the whole, as scalars are.
     start_states
         Function from the values of all parameters by name to initial qpos (trajectories, nq) and
         qvel (trajectories, nv), for parameters on which the initial states depend (where the centre
@@ -123,6 +135,7 @@ class Problem:
     event_sigma: Mapping[str, float] = field(default_factory=dict)
     scalar_sigma: Mapping[str, float] = field(default_factory=dict)
     noise: Noise = "stated"
+    residuals: Mapping[str, ResidualFunction] | ResidualFunction = field(default_factory=dict)
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
     _start_sigma: Array = field(init=False, repr=False)
 
@@ -143,6 +156,7 @@ class Problem:
             event_sigma: Mapping[str, float] = ...,
             scalar_sigma: Mapping[str, float] = ...,
             noise: Noise = ...,
+            residuals: Mapping[str, ResidualFunction] | ResidualFunction = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -168,6 +182,9 @@ class Problem:
             sigma = deviation_by_name(name, getattr(self, name))
             object.__setattr__(self, name, sigma)
             stated.append(np.array([*sigma.values()]))
+        taken = {**sensor_sigma, **self.event_sigma, **self.scalar_sigma}
+        object.__setattr__(self, "residuals", own_residuals(self.residuals, taken))
+        stated.append(np.ones(len(self.own)))
         if not np.isfinite(np.concatenate(stated)).any():
             raise ValueError(
                 "position_sigma and rotation_sigma are all infinite, and so is what else is "
@@ -280,7 +297,7 @@ class Problem:
     def channels(self, trajectory: Trajectory) -> list[Channel]:
         """Return the channels of a trajectory of the problem, within the window."""
         used = trajectory if self.window is None else trajectory.head(self.window)
-        return channels_of(
+        read = channels_of(
             used,
             self.sigma,
             [(self._sensors[name], self.sensor_sigma[name]) for name in used.sensors],
@@ -288,6 +305,12 @@ class Problem:
             self.scalar_sigma,
             self.delays(trajectory),
         )
+        return [*read, *own_channels(self.own, trajectory, used)]
+
+    @property
+    def own(self) -> Mapping[str, OwnResiduals]:
+        """Functions of residuals by name, with what is known of these."""
+        return cast("Mapping[str, OwnResiduals]", self.residuals)
 
     def sensor(self, name: str) -> Sensor:
         """Return an observed sensor."""
@@ -351,6 +374,10 @@ class Problem:
             sensor_sigma=times(self.sensor_sigma),
             event_sigma=times(self.event_sigma),
             scalar_sigma=times(self.scalar_sigma),
+            residuals={
+                name: replace(own, sigma=factors.get(name, 1.0) * own.sigma)
+                for name, own in self.own.items()
+            },
         )
 
     @property
@@ -362,6 +389,7 @@ class Problem:
             **self.sensor_sigma,
             **self.event_sigma,
             **self.scalar_sigma,
+            **{name: own.sigma for name, own in self.own.items()},
         }
         return {name: tuple(map(float, np.atleast_1d(s))) for name, s in stated.items()}
 
@@ -448,7 +476,8 @@ class Problem:
             )
         check_sensors(trajectory, model, self.sensor_sigma)
         check_kinds(trajectory, model)
-        if not any(channel.measured.any() for channel in self.channels(trajectory)):
+        seen = any(channel.measured.any() for channel in self.channels(trajectory))
+        if not (seen or self.own):
             raise ValueError(f"{label}: nothing that was measured is left of it")
         if trajectory.initial_qpos is None and self.starts_at_first_poses():
             for i, _ in free_bodies(trajectory, model):

@@ -98,6 +98,8 @@ def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str])
             f"{label}: no trajectory has a channel {setter.channel!r}; there are "
             f"{', '.join(channels)}"
         )
+    if kind == "residual":
+        raise ValueError(f"{label}: {setter.channel!r} is a function's, and has no recorder")
     if setter.quantity in ("gain", "offset") and setter.channel == POSES:
         raise ValueError(f"{label}: poses have no {setter.quantity}; they have a scale and a delay")
     if setter.quantity == "delay" and kind == "scalar":

@@ -25,6 +25,7 @@ from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.differences import derivatives_along
+from dashpot.calibrate.residuals.first_counts import with_counts
 from dashpot.calibrate.residuals.idle_states import without_idle_states
 from dashpot.calibrate.residuals.recorder import Recorder
 from dashpot.calibrate.residuals.workers import Workers
@@ -52,7 +53,6 @@ class Objective:
         workers: Workers | None = None,
         checkpoint: Checkpoint | None = None,
     ) -> None:
-        self.problem = problem
         self.nthread = nthread
         self._workers, self._checkpoint = workers, checkpoint
         #: Values of the parameters where points do not hold them.
@@ -65,6 +65,9 @@ class Objective:
         model = model_of(problem.build(problem.start if held is None else held))
         self._model = model
         self._qpos, self._qvel = problem.initial_states(model, held)
+        values = problem.start if held is None else held
+        problem = with_counts(problem, model, values, self._qpos, self._qvel, nthread)
+        self.problem = problem
         #: Of each trajectory.
         self.recorders = [Recorder(problem, t, model) for t in problem.trajectories]
         self._acting = [np.array(problem.acting(t), dtype=bool) for t in problem.trajectories]
@@ -433,6 +436,10 @@ class Objective:
                     rows.append(row)
             for t, (users, rows) in found.items():
                 seen = sensing(setters[t], [candidates[v].values for v in users])
-                yield t, users, self.recorders[t].readings(np.array(rows), seen)
+                readings, refused = self.recorders[t].readings(np.array(rows), seen)
+                for item, reason in refused.items():
+                    v = users[item]
+                    failed[v] = min(failed.get(v, (t, reason)), (t, reason))
+                yield t, users, readings
         for v, (_, failure) in failed.items():
             failures[v] = failure_of(candidates[v].values, failure)
