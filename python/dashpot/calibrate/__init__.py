@@ -32,7 +32,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
-from dashpot.calibrate.inference.explanations import Explanation
+from dashpot.calibrate.inference.explanation import Explanation
 from dashpot.calibrate.prediction import Prediction, predict
 from dashpot.calibrate.problem.own_residuals import SimulatedRecording
 from dashpot.calibrate.problem.parameters import Parameter

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.at_bounds import leaders
-from dashpot.calibrate.inference.explanations import Explanation, explanations
+from dashpot.calibrate.inference.explanation import Explanation
+from dashpot.calibrate.inference.explanations import explanations
 from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import check_count
 from dashpot.calibrate.inference.misfit_report import sizes_differ

@@ -15,7 +15,7 @@ from rich.table import Table
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.inference.combinations import Combination, combinations
 from dashpot.calibrate.inference.estimate import Estimate
-from dashpot.calibrate.inference.explanations import Explanation
+from dashpot.calibrate.inference.explanation import Explanation
 from dashpot.calibrate.inference.metrics import root_mean_squares
 from dashpot.calibrate.inference.misfit_report import ChannelReport
 from dashpot.calibrate.inference.sampling import draw
@@ -80,8 +80,8 @@ class Fit(Outputs):
     channels
         What the residuals say of each channel: their size, and whether they hang together.
     explanations
-        Where some do: which delay, gain, offset, scale or sampling would explain the misfit, best
-        first (`dashpot.calibrate.inference.explanations`); none where none does.
+        Where some do, or are larger than stated noise: which delay, gain, offset, scale or sampling
+        of a recorder would explain it, best first; empty where none does.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
     made

@@ -1,8 +1,9 @@
 """Which parameter of a recorder would explain a misfit: a delay, gain, offset, scale, or sampling.
 
-Where residuals of a channel hang together in time, each of these that is no unknown is tried on the
-readings of the simulation at the estimate. With r the residuals as a function of its value and M
-the projection onto what the unknowns of the fit cannot make up for,
+Where residuals of a channel hang together in time, or are larger than stated noise, each of these
+that is no unknown is tried on the readings of the simulation at the estimate. With r the residuals
+as a function of its value and M the projection onto what the unknowns of the fit cannot make up
+for,
 
     S(value) = |M r(value)|^2
 
@@ -15,12 +16,13 @@ but no larger than stated. One is named where all of this holds:
 
 * Its estimate is off the neutral value by more than chance makes in one of a hundred fits, over all
   that is tried (Bonferroni), in the score test with the covariance of the residuals that are left.
-  Fits of a right model are tried in one of some hundred, as they have no misfit (`Fit.misfits`).
+  Few fits of a right model are tried at all.
 * It explains half of the misfit, and with it residuals are white; or four fifths, and some is left,
   as beside a second cause. Physics that a model lacks explains itself by no recorder so well.
 
-Two that do the same to all that was measured are both named: a load cell that is late and a camera
-that is early, or a gain of force and a mass that is held at another value.
+Two that do the same to all that was measured are both named, as the gain of a load cell and that of
+a scale of places, and neither is told from a mass that is held at a wrong value. Of two channels
+whose starts are estimated, only the delay of one beside the other is known: the later is named.
 """
 
 from __future__ import annotations
@@ -32,10 +34,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from dashpot.calibrate.inference.explanation import Explanation
 from dashpot.calibrate.inference.leftovers import Leftovers
 from dashpot.calibrate.inference.misfit_report import hangs_together
 from dashpot.calibrate.inference.recorder_trials import Quantity, Trial, recorder_trials
 from dashpot.calibrate.inference.settlement import End
+from dashpot.calibrate.inference.stated_noise import noise_explains
+from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.residuals.candidates import SimulationError
 from dashpot.calibrate.residuals.misfit import residual_covariance
 from dashpot.calibrate.residuals.whiteness import whiteness
@@ -52,66 +57,8 @@ MOST = 3
 # To first order shares may be too small.
 _WORTH_A_REFIT = 0.05
 _MOST_REFITS, _MOST_ITERATIONS = 4, 12
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """A parameter of a recorder that would explain a misfit.
-
-    Attributes
-    ----------
-    channel
-        That reads so: ``"poses"``, or the name of a sensor, event or scalar.
-    quantity
-        As the methods of `Parameter`; ``"sampling"``: as ``Trajectory(sampling=...)``.
-    value
-        The estimate, in the unit of the parameter. Of sampling 1: the other than now.
-    standard_error
-        In the same unit.
-    share
-        Of the misfit that it explains, up to 1.
-    white
-        Whether nothing of the misfit is seen any more with it.
-    unit
-        Of the value; empty where there is none.
-    remedy
-        How the problem would say it.
-    """
-
-    channel: str
-    quantity: Quantity
-    value: float
-    standard_error: float
-    share: float
-    white: bool
-    unit: str = ""
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        """Return what it looks like, how it is said, and how much it explains."""
-        rest = "" if self.white else ", and leaves some"
-        share = f"{100.0 * self.share:.0f} %"
-        return f"{self._looks} ({self.remedy}): explains {share} of the misfit{rest}"
-
-    @property
-    def _looks(self) -> str:
-        value, error = self.value, self.standard_error
-        if self.quantity == "delay":
-            which = "late" if value > 0.0 else "early"
-            return f"{self.channel} looks {_told(1e3 * abs(value), 1e3 * error)} ms {which}"
-        if self.quantity == "gain":
-            return f"{self.channel} looks {_told(value, error)} times as large as it is"
-        if self.quantity == "scale":
-            which = "large" if value > 1.0 else "small"
-            told = _told(100.0 * abs(value - 1.0), 100.0 * error)
-            return f"positions look {told} % too {which}"
-        if self.quantity == "offset":
-            which = "large" if value > 0.0 else "small"
-            return f"{self.channel} looks {_told(abs(value), error)} {self.unit} too {which}"
-        mean = "mean" in self.remedy
-        return (
-            f"{self.channel} looks like {'means, not instants' if mean else 'instants, no means'}"
-        )
+# Residuals that are held at once.
+_MOST_RESIDUALS = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,21 +77,54 @@ def explanations(search: Search, end: End) -> tuple[Explanation, ...]:
     Refits take of what is left of the budget of the search; of a robust loss residuals count as it
     weighs them at the estimate.
     """
-    if not any(channel.misfit for channel in end.channels):
+    if not _is_bad(search, end):
         return ()
     left = Leftovers(search.objective, end.point, end.residuals, end.jacobian, search.loss)
     trials = list(recorder_trials(search.objective, end.point))
     scores = [screened(trial, left) for trial in trials]
-    search.budget.spend(sum(trial.simulations for trial in trials))
+    search.budget.spend(sum(trial.simulated() for trial in trials))
     level = FALSE_ALARMS / max(len(trials), 1)
     scores = _best([s for s in scores if s.chance < level and s.said.share >= _WORTH_A_REFIT])
     refitted = [_refitted(score, left, search, end) for score in scores[:_MOST_REFITS]]
+    refitted = [_late(score, trials, search.objective.problem) for score in refitted]
     kept = [s for s in refitted if s.chance < level and s.said.share >= _least_share(s.said)]
-    return tuple(score.said for score in _best(kept))[:MOST]
+    found = [score.said for score in _best(kept)]
+    # What leaves some of the misfit is no match for what leaves none.
+    return tuple(said for said in found if said.white or not found[0].white)[:MOST]
+
+
+def _is_bad(search: Search, end: End) -> bool:
+    """Whether residuals of a channel hang together, or are larger than noise that is stated."""
+    misfit = any(channel.misfit for channel in end.channels)
+    if misfit or search.objective.problem.noise == "estimate":
+        return misfit
+    live = int(np.count_nonzero(search.objective.live(end.residuals)))
+    variance = end.covariance.residual_variance
+    return not noise_explains(variance, live, robust=search.loss.robust)
 
 
 def _least_share(said: Explanation) -> float:
     return LEAST_SHARE if said.white else LEAST_SHARE_BESIDE_ANOTHER
+
+
+def _late(score: _Score, trials: Sequence[Trial], problem: Problem) -> _Score:
+    """Return a delay beside the only other channel that may have one, of the later of the two."""
+    delays = {trial.channel: trial for trial in trials if trial.quantity == "delay"}
+    said, known = score.said, problem.initial_state == "given"
+    moving = any(trajectory.control is not None for trajectory in problem.trajectories)
+    if said.quantity != "delay" or len(delays) != 2 or known or moving:
+        return score
+    (other,) = (trial for name, trial in delays.items() if name != said.channel)
+    if said.value > 0.0:
+        return replace(score, said=replace(said, beside=other.channel))
+    said = replace(
+        said,
+        channel=other.channel,
+        value=-said.value,
+        remedy=other.remedy,
+        beside=said.channel,
+    )
+    return replace(score, trial=other, said=said)
 
 
 def _best(scores: Sequence[_Score]) -> list[_Score]:
@@ -158,7 +138,7 @@ def _best(scores: Sequence[_Score]) -> list[_Score]:
 def screened(trial: Trial, left: Leftovers) -> _Score:
     """Return what a trial comes to, to first order in the other unknowns."""
     values = trial.values
-    tried, counted, taken = left.of(trial.residuals(values), trial.rows)
+    tried, counted, taken = left.of(trial.residuals(values[:2]), trial.rows)
     neutral = tried[0]
     if values.size == 2:
         slope = (tried[1] - tried[0]) / (values[1] - values[0])
@@ -166,15 +146,26 @@ def screened(trial: Trial, left: Leftovers) -> _Score:
         at, residuals = float(values[0]), tried[1 if whole else 0]
     else:
         # The least of a coarse row of values, then of a fine one about it.
-        place = values[int(np.argmin(np.sum(tried**2, axis=1)))]
         spacing = float(np.min(np.diff(np.sort(values))))
-        values = place + 0.05 * spacing * np.arange(-20, 21)
-        values = values[(values >= trial.values.min()) & (values <= trial.values.max())]
-        tried, _, _ = left.of(trial.residuals(values), trial.rows)
-        k = int(np.clip(np.argmin(np.sum(tried**2, axis=1)), 1, values.size - 2))
-        slope = (tried[k + 1] - tried[k - 1]) / (values[k + 1] - values[k - 1])
-        at, residuals = float(values[k]), tried[k]
+        place = _least(trial, left, values)
+        fine = place + 0.05 * spacing * np.arange(-19, 20)
+        ends = values.min() + 0.05 * spacing, values.max() - 0.05 * spacing
+        at = _least(trial, left, np.clip(fine, *ends))
+        three = at + 0.05 * spacing * np.array([-1.0, 0.0, 1.0])
+        tried, _, _ = left.of(trial.residuals(three), trial.rows)
+        slope = (tried[2] - tried[0]) / (three[2] - three[0])
+        residuals = tried[1]
     return _score(trial, left, at, neutral, residuals, slope, counted, taken)
+
+
+def _least(trial: Trial, left: Leftovers, values: Array) -> float:
+    """Return the value with the least sum of squares, of many."""
+    together = max(1, _MOST_RESIDUALS // trial.rows.size)
+    squares = [
+        np.sum(left.of(trial.residuals(some), trial.rows)[0] ** 2, axis=1)
+        for some in np.split(values, range(together, values.size, together))
+    ]
+    return float(values[int(np.argmin(np.concatenate(squares)))])
 
 
 def _refitted(score: _Score, left: Leftovers, search: Search, end: End) -> _Score:
@@ -278,9 +269,3 @@ def _score(
             remedy=trial.remedy,
         ),
     )
-
-
-def _told(value: float, error: float) -> str:
-    """Return a value with the digits that its error leaves, and the error."""
-    digits = int(np.clip(np.ceil(-np.log10(error)), 0, 9)) if error > 0.0 else 6
-    return f"{value:.{digits}f} ± {error:.{digits}f}"

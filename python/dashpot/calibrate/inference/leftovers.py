@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.intervals import pseudo_inverse
-from dashpot.calibrate.residuals.arrow import ArrowMatrix
+from dashpot.calibrate.residuals.arrow import ArrowInverse, ArrowMatrix
 from dashpot.calibrate.residuals.losses import Loss
 from dashpot.calibrate.residuals.objective import Objective
 
@@ -41,6 +41,7 @@ class Leftovers:
         safe = np.where(residuals == 0.0, 1.0, residuals)
         self._weights = np.sqrt(np.where(residuals == 0.0, 1.0, scores / safe))
         self._jacobian = self._held(point, jacobian)
+        self._last: tuple[Bools, ArrowMatrix, ArrowInverse] | None = None
         self._noise = self._noise_of(residuals * self._weights)
 
     def free(self, point: Array) -> Bools:
@@ -60,14 +61,16 @@ class Leftovers:
     def moved(self, point: Array, jacobian: ArrowMatrix) -> Leftovers:
         """Return the same with derivatives at another point."""
         other = copy.copy(self)
-        other._jacobian = self._held(point, jacobian)
+        other._jacobian, other._last = self._held(point, jacobian), None
         return other
 
     def of(self, residuals: Array, rows: Bools) -> tuple[Array, Bools, int]:
         """Return what is left of residuals (k, m), which count, and how many unknowns took."""
         counted = rows & self._counted
-        matrix = self._jacobian.select(counted)
-        inverse = pseudo_inverse(matrix)
+        if self._last is None or not np.array_equal(self._last[0], counted):
+            selected = self._jacobian.select(counted)
+            self._last = counted, selected, pseudo_inverse(selected)
+        _, matrix, inverse = self._last
         weighted = residuals * (self._weights * counted)
         return weighted - matrix.apply(inverse.solve(weighted)), counted, inverse.rank
 

@@ -55,6 +55,8 @@ class Trial:
         Of a value, and how the problem would say it.
     problem
         That reads so; `parameter` is its last one, None where it is one without.
+    simulated
+        Returns how many sets of trajectories looking has simulated so far.
     """
 
     channel: str
@@ -65,12 +67,8 @@ class Trial:
     unit: str
     remedy: str
     problem: Problem
+    simulated: Callable[[], int]
     parameter: Parameter | None = None
-
-    @property
-    def simulations(self) -> int:
-        """How many sets of trajectories looking at its values simulates."""
-        return 1 if self.values.size == 2 and self.parameter is not None else 2
 
     def around(self, value: float) -> Problem:
         """Return the problem, its parameter near a value."""
@@ -161,7 +159,11 @@ def _of_parameter(
     tried = objective.of(extended, kept=False)
     count, coordinate = objective.parameters, parameter.coordinate
 
+    looks: list[int] = []
+
     def residuals(at: Array) -> Array:
+        # However many values there are, one set of trajectories is simulated.
+        looks.append(1)
         rows = [np.insert(point, count, coordinate.to_search(float(value))) for value in at]
         return tried.residuals(np.array(rows))
 
@@ -175,6 +177,7 @@ def _of_parameter(
         parameter_unit(parameter, extended, model_of(problem.build(objective.values(point)))),
         f"Parameter.{setter.quantity}({quoted})",
         extended,
+        looks.__len__,
         parameter,
     )
 
@@ -186,7 +189,10 @@ def _of_sampling(objective: Objective, point: Array, name: str, *, mean: bool) -
     changed = replace(problem, trajectories=trajectories)
     tried = objective.of(changed, kept=False)
 
+    looks: list[int] = []
+
     def residuals(at: Array) -> Array:
+        looks.append(2)
         both = [objective.residuals(point[None])[0], tried.residuals(point[None])[0]]
         return np.array([both[0] + value * (both[1] - both[0]) for value in at])
 
@@ -199,6 +205,7 @@ def _of_sampling(objective: Objective, point: Array, name: str, *, mean: bool) -
         "",
         f'sampling={{"{name}": "{other}"}}',
         changed,
+        lambda: sum(looks),
     )
 
 
