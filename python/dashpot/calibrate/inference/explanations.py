@@ -74,15 +74,18 @@ class _Score:
 def explanations(search: Search, end: End) -> tuple[Explanation, ...]:
     """Return what would explain the misfit at the end of a search, best first; none without one.
 
-    Refits take of what is left of the budget of the search; of a robust loss residuals count as it
-    weighs them at the estimate.
+    That takes of what is left of the budget of the search: without any nothing is said.
     """
     if not _is_bad(search, end):
         return ()
     left = Leftovers(search.objective, end.point, end.residuals, end.jacobian, search.loss)
     trials = list(recorder_trials(search.objective, end.point))
-    scores = [screened(trial, left) for trial in trials]
-    search.budget.spend(sum(trial.simulated() for trial in trials))
+    scores = []
+    for trial in trials:
+        if search.budget.left == 0:
+            break
+        scores.append(screened(trial, left))
+        search.budget.spend(trial.simulated())
     level = FALSE_ALARMS / max(len(trials), 1)
     scores = _best([s for s in scores if s.chance < level and s.said.share >= _WORTH_A_REFIT])
     refitted = [_refitted(score, left, search, end) for score in scores[:_MOST_REFITS]]
@@ -180,10 +183,11 @@ def _refitted(score: _Score, left: Leftovers, search: Search, end: End) -> _Scor
         last = tried.problem.parameters[-1]
         point = np.insert(point, count, last.coordinate.to_search(last.start))
     each = 2 * tried.parameters + tried.initial_size
-    total = min(search.budget.left, _MOST_ITERATIONS * (each + 1) + each)
-    if total < 2 * each + 2:
+    total = min(search.budget.left, (_MOST_ITERATIONS + 2) * (each + 1))
+    # The last iteration may go beyond, and derivatives at the end are one more.
+    if total < 3 * (each + 1):
         return score
-    own = Search(tried, search.loss, Budget(total - each, lambda *_: None))
+    own = Search(tried, search.loss, Budget(total - 2 * each - 1, lambda *_: None))
     try:
         least_squares(own, point, _MOST_ITERATIONS)
         jacobian = tried.jacobian(own.best_point, base=own.best_residuals)
