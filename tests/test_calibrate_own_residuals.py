@@ -297,3 +297,23 @@ def test_they_are_of_the_whole():
     assert not asked
     assert Objective(problem).residual_count == 51 * 6 + 1
     assert asked == [pytest.approx(0.5)]
+
+
+def test_beside_a_function_that_refuses_other_readings_misfits_are_tried_all_the_same():
+    """It finds nothing where the speed is read late or with a gain, so that these are passed by."""
+
+    def strict(simulated, trajectory):
+        same = np.allclose(simulated.readings["speed"], simulated.sensors["speed"][::10])
+        return 0.0 if same else math.nan
+
+    time = 0.01 * np.arange(31)
+    falling = Trajectory(
+        "falling", time, np.zeros((31, 3)), None, "ball",
+        initial_qpos=[0, 0, RADIUS + 0.1, 1, 0, 0, 0], initial_qvel=np.zeros(6),
+        sensors={"speed": np.outer(np.sin(20.0 * time), np.ones(3))},
+    )  # fmt: skip
+    problem = Problem(
+        ball(stiffness=1e4, restitution=0.5), [RESTITUTION], [falling],
+        sensor_sigma={"speed": 0.01}, residuals={"strict": strict},
+    )  # fmt: skip
+    assert fit(problem, starts=0, max_evaluations=100).misfits

@@ -28,6 +28,7 @@ whose starts are estimated, only the delay of one beside the other is known: the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,7 +85,9 @@ def explanations(search: Search, end: End) -> tuple[Explanation, ...]:
     for trial in trials:
         if search.budget.left == 0:
             break
-        scores.append(screened(trial, left))
+        # What reads so may be beyond functions of the user's own.
+        with suppress(SimulationError):
+            scores.append(screened(trial, left))
         search.budget.spend(trial.simulated())
     level = FALSE_ALARMS / max(len(trials), 1)
     scores = _best([s for s in scores if s.chance < level and s.said.share >= _WORTH_A_REFIT])

@@ -113,9 +113,10 @@ def recorder_trials(objective: Objective, point: Array) -> Iterator[Trial]:
                 continue
             try:
                 check_channel(parameter.name, setter, kinds)
+                trial = _of_parameter(objective, point, parameter, setter, values)
             except ValueError:
-                continue
-            yield _of_parameter(objective, point, parameter, setter, values)
+                continue  # it cannot read so, or nothing would be left of it
+            yield trial
         windows = {channel.window > 0.0 for channel in of_name if channel.sensor is not None}
         if len(windows) == 1:
             yield _of_sampling(objective, point, name, mean=windows.pop())
