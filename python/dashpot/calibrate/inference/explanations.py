@@ -177,7 +177,10 @@ def _least(trial: Trial, left: Leftovers, values: Array) -> float:
 def _refitted(score: _Score, left: Leftovers, search: Search, end: End) -> _Score:
     """Return what a trial comes to with all unknowns refitted, as far as the budget allows."""
     trial, objective = score.trial, search.objective
-    tried = objective.of(trial.around(score.said.value))
+    try:
+        tried = objective.of(trial.around(score.said.value))
+    except ValueError:
+        return score  # delayed by so much, nothing would be left of some trajectory
     point, count = end.point.copy(), objective.parameters
     # What the misfit has driven to a bound hardly comes back from there.
     bound = np.flatnonzero(~left.free(point))

@@ -78,7 +78,7 @@ class Trial:
             value = max(value, _LEAST_FACTOR)
             bounds = (0.5 * value, 2.0 * value)
         else:
-            bounds = (value - 2.0 * abs(value), value + 2.0 * abs(value))
+            bounds = (value - abs(value), value + abs(value))
         near = replace(self.parameter, start=value, bounds=bounds)
         return replace(self.problem, parameters=[*self.problem.parameters[:-1], near])
 
