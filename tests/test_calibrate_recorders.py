@@ -121,6 +121,18 @@ def test_a_sensor_with_a_clock_of_its_own_reads_instants_or_means(sampling):
     )
 
 
+@pytest.mark.parametrize(("sampling", "share"), [("instant", 1.0), ("mean", 0.5), (None, 1.0)])
+def test_a_position_at_the_rate_of_the_frames_is_a_mean_where_that_is_said(sampling, share):
+    """Of steps as long as frames: half-way between the ends of one."""
+    given = {} if sampling is None else {"encoder": sampling}
+    problem = pushed({"encoder": np.zeros(201)}, [idle()], sampling=given)
+    objective = Objective(problem)
+    (found,) = objective.observe(objective.start())
+    at = place(STEP * np.arange(201))
+    wanted = share * at[1:] + (1.0 - share) * at[:-1]
+    np.testing.assert_allclose(found["encoder"][1:, 0], wanted, rtol=1e-10)
+
+
 @pytest.mark.parametrize("late", [0.0, 0.0173, -0.011])
 def test_a_delay_shows_the_world_as_it_was(late):
     delay = Parameter.delay("encoder", bounds=(-0.02, 0.05), start=late)

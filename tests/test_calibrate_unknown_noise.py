@@ -146,6 +146,17 @@ def test_noise_that_a_budget_leaves_unsettled_is_said():
         fit(swing(0, stated, noise="estimate"), starts=0, max_evaluations=5)
 
 
+@pytest.mark.parametrize("budget", [5, 10, 40])
+@pytest.mark.filterwarnings("ignore:standard deviations")
+def test_noise_that_is_estimated_overruns_no_budget_that_stated_noise_keeps(budget):
+    stated = {name: 10.0 * sigma for name, sigma in TRUE.items()}
+    spent = [
+        fit(swing(0, stated, noise=noise), starts=0, max_evaluations=budget).evaluations
+        for noise in ("stated", "estimate")
+    ]
+    assert spent[1] <= max(spent[0], budget)
+
+
 def test_noise_is_stated_or_estimated():
     with pytest.raises(ValueError, match="noise must be 'stated' or 'estimate', got 'unknown'"):
         swing(0, TRUE, noise="unknown")

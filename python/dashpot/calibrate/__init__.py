@@ -34,7 +34,9 @@ from dashpot.calibrate.data.views import ImagePlane
 from dashpot.calibrate.fit import fit
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
+from dashpot.calibrate.inference.explanation import Explanation
 from dashpot.calibrate.prediction import Prediction, predict
+from dashpot.calibrate.problem.own_residuals import SimulatedRecording
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.result import Fit
@@ -42,11 +44,13 @@ from dashpot.calibrate.result import Fit
 __all__ = [
     "Combination",
     "Estimate",
+    "Explanation",
     "Fit",
     "ImagePlane",
     "Parameter",
     "Prediction",
     "Problem",
+    "SimulatedRecording",
     "Trajectory",
     "fit",
     "predict",

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.inference.at_bounds import leaders
+from dashpot.calibrate.inference.explanation import Explanation
+from dashpot.calibrate.inference.explanations import explanations
 from dashpot.calibrate.inference.identifiability import Evidence, judge
 from dashpot.calibrate.inference.intervals import check_count
 from dashpot.calibrate.inference.misfit_report import sizes_differ
@@ -213,6 +215,7 @@ def fit(
         Objective(stage, nthread=threads, workers=workers, checkpoint=kept) for stage in stages
     ]
     objective = objectives[-1]
+    problem = objective.problem
     check_count(objective.measured_count, objective.unknowns)
     errors_kind = _errors_kind(errors, problem, objective)
     warn_of_noisy_starts(
@@ -240,6 +243,7 @@ def fit(
             objective = search.objective
             problem = objective.problem
         end = settle(search, errors_kind, confidence, seed)
+        explained_by = explanations(search, end)
         if not search.converged:
             search.message = advice(search, max_evaluations)
         warn_of_sunk_bodies(objective, end.point, end.residuals)
@@ -248,6 +252,7 @@ def fit(
         objective,
         end,
         search,
+        explained_by,
         evaluations=budget.spent,
         seconds=time.perf_counter() - began,
         method=method,
@@ -262,6 +267,7 @@ def _result(
     objective: Objective,
     end: End,
     search: Search,
+    explained_by: tuple[Explanation, ...],
     *,
     evaluations: int,
     seconds: float,
@@ -331,6 +337,7 @@ def _result(
         converged=search.converged,
         message=search.message,
         channels=end.channels,
+        explanations=explained_by,
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,

@@ -61,6 +61,8 @@ class Prediction:
         By name, (frames, size) simulated less observed.
     moments
         By kind, simulated times of events (s, on the clock of the trajectory) and scalars.
+    residuals
+        By function of the problem's own, (n,) what it returns.
     """
 
     trajectory: Trajectory
@@ -73,6 +75,7 @@ class Prediction:
     sensors: Mapping[str, Array] = field(default_factory=dict, repr=False)
     sensor_errors: Mapping[str, Array] = field(default_factory=dict, repr=False)
     moments: Mapping[str, Array] = field(default_factory=dict, repr=False)
+    residuals: Mapping[str, Array] = field(default_factory=dict, repr=False)
 
     def __str__(self) -> str:
         """Return the errors as a table of text."""
@@ -230,6 +233,7 @@ def predictions(
                 moments={
                     name: others[name][:, 0] for name in observed if name not in trajectory.sensors
                 },
+                residuals={name: others[name][:, 0] for name in problem.own if name in others},
             )
         )
     return Predictions(result)

@@ -15,6 +15,7 @@ from rich.table import Table
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.inference.combinations import Combination, combinations
 from dashpot.calibrate.inference.estimate import Estimate
+from dashpot.calibrate.inference.explanation import Explanation
 from dashpot.calibrate.inference.metrics import root_mean_squares
 from dashpot.calibrate.inference.misfit_report import ChannelReport
 from dashpot.calibrate.inference.sampling import draw
@@ -79,6 +80,9 @@ class Fit(Outputs, Readback):
         The search's last word.
     channels
         What the residuals say of each channel: their size, and whether they hang together.
+    explanations
+        Where some do, or are larger than stated noise: which delay, gain, offset, scale or sampling
+        of a recorder would explain it, best first; empty where none does.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
     made
@@ -105,6 +109,7 @@ class Fit(Outputs, Readback):
     initial_velocity: Array | None = None
     initial_displacement: Array | None = None
     channels: tuple[ChannelReport, ...] = ()
+    explanations: tuple[Explanation, ...] = ()
     made: Provenance | None = None
     _record: Record | None = field(default=None, repr=False)
 
@@ -127,10 +132,9 @@ class Fit(Outputs, Readback):
 
     def _repr_html_(self) -> str:
         """Return the table for notebooks, and the statements."""
-        said = "".join(
-            f"<li>{html.escape(e.name)}: {html.escape(e.statement)}</li>" for e in self.estimates
-        )
-        return f"{table_html(self.table())}<ul>{said}</ul>"
+        said = [f"{e.name}: {e.statement}" for e in self.estimates]
+        items = "".join(f"<li>{html.escape(s)}</li>" for s in [*said, *map(str, self.explanations)])
+        return f"{table_html(self.table())}<ul>{items}</ul>"
 
     def __repr__(self) -> str:
         """Return estimates and how the search ended, without the arrays."""
@@ -253,7 +257,7 @@ class Fit(Outputs, Readback):
         """Channels in which the model is not right, or noise is not white.
 
         Their residuals hang together in time. A right model with white noise has such a channel in
-        less than one of a hundred fits.
+        less than one of a hundred fits. `explanations` say what may be behind it.
         """
         return tuple(channel for channel in self.channels if channel.misfit)
 

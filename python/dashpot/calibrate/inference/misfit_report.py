@@ -98,18 +98,22 @@ def sizes_differ(channels: Sequence[ChannelReport]) -> bool:
     return bool((large & (off > 1.0) & (counts > 0)).any())
 
 
+def hangs_together(white: Whiteness) -> bool:
+    """Whether residuals of a channel hang together in time so that it is worth saying."""
+    return not white.holds(_DEVIATIONS) and white.correlation > _LEAST_CORRELATION
+
+
 def _of_channel(white: Whiteness, parts: Sequence[tuple[Array, Array]]) -> ChannelReport:
     own = np.concatenate([residuals for residuals, _ in parts])
     shown = np.concatenate([spread for _, spread in parts])
     size = float(np.sqrt(np.mean(own**2))) if own.size else 0.0
     spread = float(np.sqrt(np.mean(shown**2))) if own.size else 0.0
-    together = not white.holds(_DEVIATIONS) and white.correlation > _LEAST_CORRELATION
     return ChannelReport(
         channel=white.channel,
         size=size,
         count=own.size,
         correlation=0.0 if white.exact else white.correlation,
         deviations=0.0 if white.exact else white.deviations,
-        misfit=together,
+        misfit=hangs_together(white),
         left_over=size / spread if spread > 0.0 else 0.0,
     )

@@ -45,7 +45,8 @@ def with_estimated_noise(search: Search) -> Search:
     """
     ended = f"they still change after {_MOST_ROUNDS} rounds"
     for _ in range(_MOST_ROUNDS):
-        if search.budget.left == 0:
+        # A round is derivatives, and an iteration at least.
+        if search.budget.left < 2 * search.iteration:
             ended = "the budget of evaluations is spent"
             break
         factors = noise_factors(search)

@@ -28,6 +28,7 @@ from dashpot.calibrate.inference.misfit_report import (
 from dashpot.calibrate.inference.profiles import Place, Profiles, beyond_a_hill, reach
 from dashpot.calibrate.inference.stated_noise import MAX_VARIANCE, noise_explains
 from dashpot.calibrate.inference.statistical_linearization import near, region_evaluations
+from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import SimulationError
 from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.search.least_squares import least_squares
@@ -53,8 +54,8 @@ class End:
 
     Attributes
     ----------
-    point, residuals
-        (n,) and (m,).
+    point, residuals, jacobian
+        (n,), (m,) and (m, n).
     covariance, departure
         Of the estimate, and in standard errors how far that is from a linear one, (n,).
     intervals
@@ -71,6 +72,7 @@ class End:
 
     point: Array
     residuals: Array
+    jacobian: ArrowMatrix
     covariance: Covariance
     departure: Array
     intervals: Array
@@ -164,7 +166,9 @@ def _examine(search: Search, errors: str, confidence: float, seed: int) -> tuple
     known = np.isfinite(half_widths) & (half_widths > 0.0)
     middle = point[: objective.parameters]
     intervals = np.stack([middle - half_widths, middle + half_widths], axis=1)
-    end = End(point, residuals, covariance, departure, intervals, failure, tuple(channels))
+    end = End(
+        point, residuals, jacobian, covariance, departure, intervals, failure, tuple(channels)
+    )
     variance = covariance.residual_variance
     live = int(np.count_nonzero(objective.live(residuals)))
     doubtful = variance > MAX_VARIANCE and not noise_explains(variance, live, robust=loss.robust)

@@ -16,7 +16,7 @@ from dashpot.calibrate.problem.layout import POSES, Block
 from dashpot.calibrate.problem.observables import Sensor
 
 Array = NDArray[np.float64]
-ChannelKind = Literal["poses", "sensor", "event", "scalar"]
+ChannelKind = Literal["poses", "sensor", "event", "scalar", "residual"]
 
 __all__ = ["POSES", "Channel", "ChannelKind"]
 
@@ -28,12 +28,12 @@ class Channel:
     Attributes
     ----------
     name
-        ``"poses"``, or the name of the sensor, event or scalar.
+        ``"poses"``, or the name of the sensor, event, scalar or function of residuals.
     kind
         What it is of.
     time
-        (rows,) s from the first frame. Of scalars, and of what happens at a time that is itself
-        observed, the end of the trajectory.
+        (rows,) s from the first frame. Of scalars, of residuals, and of what happens at a time that
+        is itself observed, the end of the trajectory.
     observed
         (rows, columns) in the unit of the channel; of poses (frames, 7 bodies), position and
         quaternion. Any finite number stands for what was not measured.

@@ -69,6 +69,12 @@ def find_sensor(model: mujoco.MjModel, name: str, label: str) -> Sensor:
     )
 
 
+def observable_sensors(model: mujoco.MjModel) -> list[Sensor]:
+    """Return all sensors of a model that have a name and can be compared."""
+    names = [model.sensor(row).name for row in range(model.nsensor) if _refusal(model, row) is None]
+    return [find_sensor(model, name, "model") for name in names if name]
+
+
 def _refusal(model: mujoco.MjModel, row: int) -> str | None:
     kind = mujoco.mjtSensor(int(model.sensor_type[row]))
     if model.sensor_datatype[row] == mujoco.mjtDataType.mjDATATYPE_QUATERNION:

@@ -21,6 +21,7 @@ from dashpot.calibrate.problem.groups import check_acting, single_parameters
 from dashpot.calibrate.problem.inertia_setter import with_inertia
 from dashpot.calibrate.problem.known_starts import start_sigma
 from dashpot.calibrate.problem.observables import Sensor
+from dashpot.calibrate.problem.own_residuals import ResidualFunction, own_residuals
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.pixel_starts import out_of_sight
 from dashpot.calibrate.problem.pixels import with_deviations_of_pixels
@@ -90,6 +91,12 @@ class Problem(ProblemSystems, ProblemStarts):
         Seconds of each trajectory that are used. Short windows after the first contact fix damping
         and the friction of impacts; long ones see sliding and rolling. Scalars are of the
         whole, and count in no window that is shorter. None: all of it.
+    residuals
+        Functions by name, or one, of a `SimulatedRecording` and its `Trajectory`, that return (n,)
+        residuals in units of their standard deviation, or a pair, residuals and their standard
+        deviations (`dashpot.calibrate.problem.own_residuals`). n may differ between trajectories,
+        0 too, but is one for all values of the parameters. Candidates for which a function raises,
+        or returns what is not finite, count as failed. They are of the whole, as scalars are.
     start_states
         Function from the values of all parameters by name to initial qpos (trajectories, nq) and
         qvel (trajectories, nv), for parameters on which the initial states depend (where the centre
@@ -122,6 +129,7 @@ class Problem(ProblemSystems, ProblemStarts):
     event_sigma: Mapping[str, float] = field(default_factory=dict)
     scalar_sigma: Mapping[str, float] = field(default_factory=dict)
     noise: Noise = "stated"
+    residuals: Mapping[str, ResidualFunction] | ResidualFunction = field(default_factory=dict)
     _sensors: dict[str, Sensor] = field(init=False, repr=False)
     _start_sigma: Array = field(init=False, repr=False)
 
@@ -142,6 +150,7 @@ class Problem(ProblemSystems, ProblemStarts):
             event_sigma: Mapping[str, float] = ...,
             scalar_sigma: Mapping[str, float] = ...,
             noise: Noise = ...,
+            residuals: Mapping[str, ResidualFunction] | ResidualFunction = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -170,6 +179,9 @@ class Problem(ProblemSystems, ProblemStarts):
             sigma = deviation_by_name(name, getattr(self, name))
             object.__setattr__(self, name, sigma)
             sigmas.append(np.array([*sigma.values()]))
+        taken = {**sensor_sigma, **self.event_sigma, **self.scalar_sigma}
+        object.__setattr__(self, "residuals", own_residuals(self.residuals, taken))
+        sigmas.append(np.ones(len(self.own)))
         if not np.isfinite(np.concatenate(sigmas)).any():
             raise ValueError(
                 "position_sigma and rotation_sigma are all infinite, and so is what else is "

@@ -14,6 +14,7 @@ from dashpot.calibrate.problem.channels import Channel
 from dashpot.calibrate.problem.channels_of import channels_of
 from dashpot.calibrate.problem.known_starts import is_reading
 from dashpot.calibrate.problem.layout import Layout
+from dashpot.calibrate.problem.own_residuals import own_channels
 from dashpot.calibrate.problem.problem_fields import ProblemFields
 from dashpot.calibrate.problem.sensing import SensingSetter
 
@@ -27,7 +28,7 @@ class ProblemChannels(ProblemFields):
     def channels(self, trajectory: Trajectory) -> list[Channel]:
         """Return the channels of a trajectory of the problem, within the window."""
         used = trajectory if self.window is None else trajectory.head(self.window)
-        return channels_of(
+        read = channels_of(
             used,
             self.sigma,
             [(self._sensors[name], self.sensor_sigma[name]) for name in used.sensors],
@@ -35,6 +36,7 @@ class ProblemChannels(ProblemFields):
             self.scalar_sigma,
             self.delays(trajectory),
         )
+        return [*read, *own_channels(self.own, trajectory, used)]
 
     def sensing_setters(self, trajectory: Trajectory) -> dict[str, SensingSetter]:
         """Return by name the parameters that say how channels of a trajectory read."""
@@ -108,4 +110,8 @@ class ProblemChannels(ProblemFields):
             sensor_sigma=times(self.sensor_sigma),
             event_sigma=times(self.event_sigma),
             scalar_sigma=times(self.scalar_sigma),
+            residuals={
+                name: replace(own, sigma=factors.get(name, 1.0) * own.sigma)
+                for name, own in self.own.items()
+            },
         )

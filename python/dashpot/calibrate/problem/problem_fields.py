@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.observables import Sensor
+from dashpot.calibrate.problem.own_residuals import OwnResiduals, ResidualFunction
 from dashpot.calibrate.problem.parameters import Parameter
 from dashpot.calibrate.problem.setters import System
 from dashpot.calibrate.problem.systems import Builder
@@ -36,6 +37,7 @@ class ProblemFields:
     event_sigma: Mapping[str, float]
     scalar_sigma: Mapping[str, float]
     noise: Noise
+    residuals: Mapping[str, ResidualFunction] | ResidualFunction
     _sensors: dict[str, Sensor]
     _start_sigma: Array
 
@@ -82,8 +84,14 @@ class ProblemFields:
             **self.sensor_sigma,
             **self.event_sigma,
             **self.scalar_sigma,
+            **{name: own.sigma for name, own in self.own.items()},
         }
         return {name: tuple(map(float, np.atleast_1d(s))) for name, s in stated.items()}
+
+    @property
+    def own(self) -> Mapping[str, OwnResiduals]:
+        """Functions of residuals by name, with what is known of these."""
+        return cast("Mapping[str, OwnResiduals]", self.residuals)
 
     def sensor(self, name: str) -> Sensor:
         """Return an observed sensor."""

@@ -130,6 +130,8 @@ def check_channel(name: str, setter: SensingSetter, channels: Mapping[str, str])
             raise ValueError(
                 f"{label}: no trajectory has a channel {channel!r}; there are {', '.join(channels)}"
             )
+        if kind == "residual":
+            raise ValueError(f"{label}: {channel!r} is a function's, and has no recorder")
         of_picture = setter.quantity in get_args(ImageQuantity)
         if of_picture and kind != "camera" and (setter.quantity, channel) != ("scale", POSES):
             raise ValueError(f"{label}: {channel!r} is no camera, and has no {setter.quantity}")

@@ -64,7 +64,7 @@ def shown(
     for channel in problem.with_window(None).channels(trajectory):
         place: Array = channel.time
         axis = "time [s]"
-        if channel.kind in ("event", "scalar"):
+        if channel.kind in ("event", "scalar", "residual"):
             place = np.arange(1.0, len(channel.time) + 1.0)
             axis = "number"
         for number in _numbers(trajectory, channel, model, [r[channel.name] for r in readings]):
@@ -121,6 +121,7 @@ def readings_of(prediction: Prediction) -> dict[str, Array]:
         POSES: poses.reshape(trajectory.frames, -1),
         **prediction.sensors,
         **{name: m[:, None] - start.get(name, 0.0) for name, m in prediction.moments.items()},
+        **{name: residuals[:, None] for name, residuals in prediction.residuals.items()},
     }
 
 
@@ -156,8 +157,8 @@ def _residual_names(
 
 
 def _unit(channel: Channel, model: mujoco.MjModel) -> str:
-    if channel.kind == "event":
-        return "s"
+    if channel.kind in ("event", "residual"):
+        return "s" if channel.kind == "event" else ""
     if channel.kind == "scalar":
         sensor = channel.name.removeprefix(_PEAK)
         return sensor_unit(model, sensor) if channel.name.startswith(_PEAK) else "m"

@@ -84,7 +84,7 @@ def autocorrelation(series: Sequence[tuple[Array, Array]]) -> tuple[Array, Array
         row = np.full(int(frame[-1]) + 1 if len(frame) else 0, np.nan)
         row[frame.astype(int)] = values
         placed.append(row)
-    most = min(_MOST_LAGS, max((len(row) - 2 for row in placed), default=0))
+    most = min(_MOST_LAGS, max((len(row) - 2 for row in placed if len(row) > 1), default=0))
     square = sum(float(np.nansum(row**2)) for row in placed)
     count = sum(int(np.isfinite(row).sum()) for row in placed)
     correlation, deviation = np.full(most, np.nan), np.full(most, np.nan)

@@ -27,6 +27,7 @@ def fit_table(fit: Fit, truth: dict[str, float] | None) -> Table:
         caption += "; intervals are scaled with it"
     if fit.misfits:
         caption += f"\nresiduals hang together: {', '.join(map(str, fit.misfits))}"
+    caption += "".join(f"\n{explanation}" for explanation in fit.explanations)
     if not fit.converged:
         caption = f"not converged: {fit.message}\n{caption}"
     table = Table(
@@ -111,5 +112,6 @@ def fit_dict(fit: Fit) -> dict[str, Any]:
             }
             for channel in fit.channels
         ],
+        "explanations": [{**asdict(e), "said": str(e)} for e in fit.explanations],
         "metrics": fit.metrics(),
     }

@@ -105,6 +105,7 @@ def write_report(
         ],
         "channels": channels_table(record),
         "misfits": misfit_table(fit),
+        "explanations": [str(explanation) for explanation in fit.explanations],
         "residuals": embedded(residual_figure(record.trajectories, colours[name])),
         "autocorrelation": embedded(autocorrelation_figure(record.trajectories, colours[name])),
         "beside_names": ", ".join(others),
@@ -140,6 +141,8 @@ def _summary(fit: Fit, record: Record) -> str:
     )
     if fit.misfits:
         text += f" Residuals hang together in time: {', '.join(map(str, fit.misfits))}."
+    if fit.explanations:
+        text += f" {fit.explanations[0]}."
     return text if fit.converged else f"Not converged: {fit.message}. {text}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -157,7 +158,7 @@ def metric_heading(name: str) -> str:
         "rotation_rms": "rotation, rms [rad]",
         "residual_variance": "residual variance",
     }
-    short = name.removeprefix("sensors.").removeprefix("events.").removeprefix("scalars.")
+    short = re.sub(r"^(sensors|events|scalars|residuals)\.", "", name)
     return known.get(name, short.replace("_rms", ", rms"))
 
 

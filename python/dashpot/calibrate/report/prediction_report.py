@@ -33,6 +33,7 @@ def prediction_errors(prediction: Prediction) -> dict[str, float]:
         "rotation_rms": prediction.rotation_error,
         **{f"sensors.{name}_rms": error for name, error in prediction.sensor_errors.items()},
         **moments,
+        **{f"residuals.{name}_rms": r[:, None] for name, r in prediction.residuals.items()},
     }
     return {name: _rms(error) for name, error in errors.items() if np.isfinite(error).any()}
 

@@ -25,6 +25,7 @@ from dashpot.calibrate.residuals.arrow import ArrowMatrix
 from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.differences import derivatives_along
+from dashpot.calibrate.residuals.first_counts import with_counts
 from dashpot.calibrate.residuals.idle_states import (
     without_idle_parameters,
     without_idle_states,
@@ -55,7 +56,6 @@ class Objective:
         workers: Workers | None = None,
         checkpoint: Checkpoint | None = None,
     ) -> None:
-        self.problem = problem
         self.nthread = nthread
         self._workers, self._checkpoint = workers, checkpoint
         #: Values of the parameters where points do not hold them.
@@ -68,6 +68,9 @@ class Objective:
         model = model_of(problem.build(problem.start if held is None else held))
         self._model = model
         self._qpos, self._qvel = problem.initial_states(model, held)
+        values = problem.start if held is None else held
+        problem = with_counts(problem, model, values, self._qpos, self._qvel, nthread)
+        self.problem = problem
         #: Of each trajectory.
         self.recorders = [Recorder(problem, t, model) for t in problem.trajectories]
         self._acting = [np.array(problem.acting(t), dtype=bool) for t in problem.trajectories]
@@ -251,14 +254,14 @@ class Objective:
         assert self._workers is not None
         return self._workers.attempt(self, points)
 
-    def of(self, problem: Problem) -> Objective:
-        """Return the objective of another problem, simulated in the same way."""
+    def of(self, problem: Problem, *, kept: bool = True) -> Objective:
+        """Return the objective of another problem, simulated in the same way; `kept` in a file."""
         return Objective(
             problem,
             nthread=self.nthread,
             held=self.held,
             workers=self._workers,
-            checkpoint=self._checkpoint,
+            checkpoint=self._checkpoint if kept else None,
         )
 
     def points_of(self, points: Array, first: int, last: int) -> Array:
@@ -269,9 +272,12 @@ class Objective:
     @property
     def fingerprint(self) -> bytes:
         """What tells it from objectives of other windows, noise and frozen values."""
-        digest = hashlib.sha256(repr((self.problem.window, self.problem.held)).encode())
+        problem = self.problem
+        stated = (problem.window, problem.names, problem.held)
+        digest = hashlib.sha256(repr(stated).encode())
         for recorder in self.recorders:
             for channel in recorder.channels:
+                digest.update(repr((channel.name, channel.window)).encode())
                 for array in (channel.time, channel.observed, channel.sigma, channel.measured):
                     digest.update(np.ascontiguousarray(array).tobytes())
         return digest.digest()
@@ -455,6 +461,10 @@ class Objective:
                     [candidates[v].values for v in users],
                     [model_of(candidates[v].systems[t]) for v in users],
                 )
-                yield t, users, self.recorders[t].readings(np.array(rows), seen)
+                readings, refused = self.recorders[t].readings(np.array(rows), seen)
+                for item, reason in refused.items():
+                    v = users[item]
+                    failed[v] = min(failed.get(v, (t, reason)), (t, reason))
+                yield t, users, readings
         for v, (_, failure) in failed.items():
             failures[v] = failure_of(candidates[v].values, failure)

@@ -14,6 +14,7 @@ and 0 of what was not measured.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -21,10 +22,12 @@ from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.data.trajectory_fields import frozen
 from dashpot.calibrate.data.views import View
 from dashpot.calibrate.problem.channels import POSES, Channel
 from dashpot.calibrate.problem.gaps import gap_geoms
-from dashpot.calibrate.problem.observables import body_id
+from dashpot.calibrate.problem.observables import body_id, observable_sensors
+from dashpot.calibrate.problem.own_residuals import ResidualError, SimulatedRecording
 from dashpot.calibrate.problem.pixels import bodies_of, pixels
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import Sensing
@@ -46,10 +49,13 @@ class Recorder:
         self._step = trajectory.spacing / substeps
         frames = trajectory if problem.window is None else trajectory.head(problem.window)
         delays = problem.delays(trajectory)
-        self._every_step = bool(delays) or any(
+        # They are of the whole.
+        self._own = problem.own if frames is trajectory else {}
+        self._trajectory = trajectory
+        self._every_step = bool(delays or self._own) or any(
             channel.own_clock
-            or channel.kind in ("event", "scalar")
-            or (channel.sensor is not None and channel.sensor.mean and not channel.window)
+            or channel.kind in ("event", "scalar", "residual")
+            or (channel.sensor is not None and channel.sensor.mean != (channel.window > 0.0))
             for channel in self.channels
         )
         frame_step = substeps * frames.frame_number
@@ -67,9 +73,14 @@ class Recorder:
             control = np.concatenate([control, np.repeat(control[-1:], beyond, axis=0)])
         self._columns: dict[str, slice] = {}
         numbers: list[tuple[int, bool]] = []
-        read = [name for name in trajectory.sensors if name not in trajectory.views]
-        for name in dict.fromkeys([*read, *_peaks(self.channels)]):
-            sensor = problem.sensor(name)
+        self._held: set[str] = set()
+        names = [name for name in trajectory.sensors if name not in trajectory.views]
+        read = [problem.sensor(name) for name in (*names, *_peaks(self.channels))]
+        if self._own:
+            read += observable_sensors(model)
+        for sensor in {sensor.name: sensor for sensor in read}.values():
+            name = sensor.name
+            self._held |= {name} if sensor.mean else set()
             self._columns[name] = slice(len(numbers), len(numbers) + sensor.size)
             numbers += [(sensor.address + i, sensor.mean) for i in range(sensor.size)]
         gaps = [
@@ -100,8 +111,12 @@ class Recorder:
         rows, columns = self.recording.shape
         return int(rows) * int(columns)
 
-    def readings(self, recorded: Array, sensing: Sensing) -> list[Array]:
-        """Return by channel what it reads (items, rows, columns) of recorded items (items, n)."""
+    def readings(self, recorded: Array, sensing: Sensing) -> tuple[list[Array], dict[int, str]]:
+        """Return by channel what it reads (items, rows, columns) of recorded items (items, n).
+
+        Then follow items of which functions of the user's own find no residuals, and why; they are
+        NaN.
+        """
         rows, columns = self.recording.shape
         table = recorded.reshape(len(recorded), rows, columns)
         poses = table[..., : 7 * self._bodies]
@@ -114,6 +129,8 @@ class Recorder:
                 delay = sensing.of("delay", view.camera)
             times = channel.time - (np.zeros((1, 1)) if delay is None else delay[:, None])
             times = np.broadcast_to(times, (len(table), channel.time.size))
+            if channel.kind == "residual":
+                continue
             if channel.kind == "poses":
                 reading = self._poses(poses, times, sensing)
             elif view is not None:
@@ -131,7 +148,44 @@ class Recorder:
             else:
                 reading = self._scalar(channel, table)
             found[channel.name] = _through(reading, channel, sensing)
-        return [found[channel.name] for channel in self.channels]
+        refused = self._add_own(found, table)
+        return [found[channel.name] for channel in self.channels], refused
+
+    def _add_own(self, found: dict[str, Array], table: Array) -> dict[int, str]:
+        """Add what functions of the user's own return, and say where they refuse."""
+        refused: dict[int, str] = {}
+        own = [channel for channel in self.channels if channel.kind == "residual"]
+        for channel in own:
+            found[channel.name] = np.full((len(table), *channel.observed.shape), np.nan)
+        for item in range(len(table) if own else 0):
+            simulated = self.simulated(table[item], {k: r[item] for k, r in found.items()})
+            try:
+                for channel in own:
+                    residuals = self._own[channel.name](simulated, self._trajectory)
+                    found[channel.name][item, :, 0] = residuals
+            except ResidualError as error:
+                refused[item] = str(error)
+        return refused
+
+    def simulated(self, table: Array, readings: Mapping[str, Array]) -> SimulatedRecording:
+        """Return what was simulated (rows, columns), and read, as functions get it."""
+        start = self._trajectory.time[0]
+        poses = table[:, : 7 * self._bodies].reshape(len(table), -1, 7)
+        sensors = {}
+        for name, columns in self._columns.items():
+            sensors[name] = table[:, 7 * len(self._recorded) :][:, columns].copy()
+            if name in self._held:
+                sensors[name][0] = np.nan
+        read = [channel for channel in self.channels if channel.kind != "residual"]
+        bodies = self._trajectory.bodies
+        return SimulatedRecording(
+            time=frozen(start + self._step * np.arange(len(table))),
+            position={body: frozen(poses[:, i, :3]) for i, body in enumerate(bodies)},
+            quaternion={body: frozen(poses[:, i, 3:]) for i, body in enumerate(bodies)},
+            sensors={name: frozen(values) for name, values in sensors.items()},
+            times={channel.name: frozen(start + channel.time) for channel in read},
+            readings={channel.name: frozen(readings[channel.name]) for channel in read},
+        )
 
     def residuals(self, readings: list[Array]) -> Array:
         """Return (items, n) weighted residuals of `readings`, channel by channel."""

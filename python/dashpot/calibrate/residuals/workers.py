@@ -115,10 +115,20 @@ def _pickled(problem: Problem) -> bytes:
     try:
         return bytes(module.dumps(problem))
     except Exception as error:
+        named = [f", residuals {o.name!r}" for o in problem.own.values() if not _fits(module, o)]
         raise TypeError(
             "an executor needs a problem that can be pickled: functions that build systems or set "
-            f"parameters have to be those of a module, or cloudpickle installed ({error})"
+            f"parameters{''.join(named)} have to be those of a module, or cloudpickle installed "
+            f"({error})"
         ) from error
+
+
+def _fits(module: Any, value: object) -> bool:
+    try:
+        module.dumps(value)
+    except Exception:
+        return False
+    return True
 
 
 _kept: OrderedDict[tuple[str, str], Objective] = OrderedDict()

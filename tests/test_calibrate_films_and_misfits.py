@@ -1,0 +1,80 @@
+"""Films beside what explains misfits and functions of the user's own, and frozen parameters."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import dashpot
+from dashpot.calibrate import ImagePlane, Parameter, Problem, Trajectory, fit, predict
+
+SPRING = """<mujoco><option timestep="0.005" gravity="0 0 0"/><worldbody>
+  <body name="cart">
+    <joint name="rail" type="slide" axis="1 0 0" stiffness="40" damping="0.4"/>
+    <geom size=".1" mass="1"/><site name="mark" pos=".1 0 .1"/></body>
+</worldbody><sensor><jointpos name="place" joint="rail"/></sensor></mujoco>"""
+TIME = 0.01 * np.arange(120)
+PLANE = ImagePlane(scale=800.0, origin=(320.0, 240.0))
+STIFFNESS = Parameter.model(
+    "jnt_stiffness", "rail", start=35.0, bounds=(20.0, 80.0), name="stiffness"
+)
+
+
+def swinging(parameters, readings=None, **options):
+    """Return a problem of a cart on a spring, its encoder read and two points of it filmed."""
+    if readings is None:
+        readings = {name: np.zeros((TIME.size, 2)) for name in ("image:cart", "image:mark")}
+        readings["place"] = np.zeros((TIME.size, 1))
+    seen = {name: readings[f"image:{name}"] for name in ("cart", "mark")}
+    film = Trajectory.of_sensors(
+        "film", TIME, sensors={"place": readings["place"]}, pixels=seen, camera=PLANE,
+        initial_qpos=[0.1], initial_qvel=[0.0],
+    )  # fmt: skip
+    model = mujoco.MjModel.from_xml_string(SPRING)
+    sigma = {"place": 1e-3, "pixels": 0.5}
+    return Problem(
+        dashpot.Engine(model), parameters, [film], sensor_sigma=sigma, substeps=2, **options
+    )
+
+
+def recorded(late, seed=0):
+    """Return readings with noise of a film that is so late beside the encoder."""
+    delay = Parameter.delay("image", bounds=(-0.05, 0.05), start=late)
+    problem = swinging([STIFFNESS, delay])
+    (prediction,) = predict(problem, {"stiffness": 40.0, "delay of image": late})
+    random = np.random.default_rng(seed)
+    return {
+        name: values + random.normal(0.0, 1e-3 if name == "place" else 0.5, values.shape)
+        for name, values in prediction.sensors.items()
+    }
+
+
+def test_a_film_that_is_late_is_explained_by_a_delay_of_its_camera():
+    result = fit(swinging([STIFFNESS], recorded(0.02)), starts=0)
+    (said,) = result.explanations
+    assert (said.channel, said.quantity) == ("image", "delay")
+    assert said.value == pytest.approx(0.02, abs=4.0 * said.standard_error)
+    assert 'Parameter.delay("image")' in str(said)
+    assert said.white
+
+
+def test_what_is_held_beside_the_unknowns_does_not_hinder_an_explanation():
+    gain = Parameter.gain("place", bounds=(0.5, 2.0), frozen=True)
+    offset = Parameter.offset(["place"], bounds=(-0.1, 0.1), frozen=True)
+    result = fit(swinging([gain, STIFFNESS, offset], recorded(0.02)), starts=0)
+    assert [(e.channel, e.quantity) for e in result.explanations] == [("image", "delay")]
+
+
+def test_functions_of_the_users_own_read_sensors_and_pixels_of_a_film():
+    seen = []
+
+    def furthest(simulated, trajectory):
+        place = simulated.sensors["place"][:, 0]
+        u = simulated.readings["image:cart"][:, 0]
+        seen.append(np.abs(u - (320.0 + 800.0 * place[:: place.size // u.size + 1])).max())
+        return (np.array([place.max(), place.min()]) - [0.1, -0.09]) / 1e-3
+
+    result = fit(swinging([STIFFNESS], recorded(0.0), residuals=furthest), starts=0)
+    assert result["stiffness"].value == pytest.approx(40.0, abs=1.0)
+    assert max(seen) < 1e-9
