@@ -108,8 +108,11 @@ class Trajectory:
         where the positions or sensors say that the clock itself varies.
     rate
         Frames a second, where they are even and it is known. None: as stamps say, which is known to
-        ``sqrt(12 / n**3)`` of their jitter in n frames. Intervals of parameters do not contain
-        that: give the rate of a camera where n is below some hundred.
+        ``sqrt(12 / n**3)`` of their jitter in n frames.
+    rate_sigma
+        How well the rate of frames is known, as a standard deviation over it: 0.001 is 0.1 %. Fits
+        estimate it then, from where it is. None: exactly, or with ``frames="even"`` and no `rate`
+        as well as stamps tell it.
     quaternion_order
         ``"wxyz"``: scalar first; ``"xyzw"``: scalar last.
 
@@ -134,6 +137,7 @@ class Trajectory:
     sensor_times: Mapping[str, Array] = field(default_factory=dict)
     events: Mapping[str, Array] = field(default_factory=dict)
     scalars: Mapping[str, Array] = field(default_factory=dict)
+    rate_sigma: float = 0.0
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
@@ -157,6 +161,7 @@ class Trajectory:
         *,
         frames: Frames = "stamped",
         rate: float | None = None,
+        rate_sigma: float | None = None,
         quaternion_order: QuaternionOrder = "wxyz",
     ) -> None:
         given = {
@@ -179,6 +184,10 @@ class Trajectory:
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
         self._check(frames, rate, quaternion_order)
+        if rate_sigma is not None:
+            if not number(f"{self._label}: rate_sigma", rate_sigma) >= 0:
+                raise ValueError(f"{self._label}: rate_sigma must be >= 0, got {rate_sigma!r}")
+            object.__setattr__(self, "rate_sigma", float(rate_sigma))
 
     def _check(self, frames: Frames, rate: float | None, quaternion_order: QuaternionOrder) -> None:
         """Raise where fields do not fit, and put arrays of numbers in the place of what is."""
@@ -244,6 +253,7 @@ class Trajectory:
         grid.number.flags.writeable = False
         object.__setattr__(self, "_frame_number", grid.number)
         object.__setattr__(self, "_spacing", grid.spacing)
+        object.__setattr__(self, "rate_sigma", grid.rate_sigma)
         object.__setattr__(self, "bodies", bodies)
         object.__setattr__(self, "time", frozen(grid.time))
         object.__setattr__(self, "position", frozen(position))
@@ -290,6 +300,7 @@ class Trajectory:
         scalars: Mapping[str, ArrayLike] | None = None,
         frames: Frames = "stamped",
         rate: float | None = None,
+        rate_sigma: float | None = None,
     ) -> Trajectory:
         """Return a trajectory of which sensors alone were observed; fields as in the class.
 
@@ -320,6 +331,7 @@ class Trajectory:
             scalars=scalars or {},
             frames=frames,
             rate=rate,
+            rate_sigma=rate_sigma,
         )
 
     @classmethod

@@ -213,8 +213,8 @@ class Problem:
         for trajectory in self.trajectories:
             self._check_against_model(trajectory, model)
         self._check_sensing()
-        known = [start_sigma(t, model.nv, self.initial_state) for t in self.trajectories]
-        object.__setattr__(self, "_start_sigma", np.array(known))
+        known = start_sigma(self.trajectories, model.nv, self.initial_state)
+        object.__setattr__(self, "_start_sigma", known)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -229,7 +229,7 @@ class Problem:
 
     @property
     def start_sigma(self) -> Array:
-        """(trajectories, s) how well the estimated velocities, then positions are known before.
+        """(trajectories, s) how well estimated velocities, positions, clocks are known before.
 
         0: exactly; inf: not at all, as they are by default.
         """

@@ -14,6 +14,7 @@ and 0 of what was not measured.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -70,9 +71,8 @@ class Recorder:
             self._columns[name] = slice(len(numbers), len(numbers) + sensor.size)
             numbers += [(sensor.address + i, sensor.mean) for i in range(sensor.size)]
         gaps = [gap_geoms(model, trajectory, channel.name) for channel in self.channels]
-        self.recording = _core.Recording(
+        self._recorded: dict[str, Any] = dict(
             name=trajectory.name,
-            timestep=self._step,
             record_step=record_step.tolist(),
             body=[body_id(model, body, trajectory.name) for body in trajectory.bodies],
             channel=numbers,
@@ -80,36 +80,49 @@ class Recorder:
             control=control,
             interval=1 if self._every_step else substeps,
         )
+        self._as_stated = _core.Recording(timestep=self._step, **self._recorded)
 
     @property
     def numbers(self) -> int:
         """How many numbers a simulation records."""
-        rows, columns = self.recording.shape
+        rows, columns = self._as_stated.shape
         return int(rows) * int(columns)
 
-    def readings(self, recorded: Array, sensing: Sensing) -> list[Array]:
-        """Return by channel what it reads (items, rows, columns) of recorded items (items, n)."""
-        rows, columns = self.recording.shape
+    def recording(self, pace: float) -> _core.Recording:
+        """Return what is read of a motion whose frames are `pace` times as far apart as stated."""
+        if pace == 1.0:
+            return self._as_stated
+        return _core.Recording(timestep=pace * self._step, **self._recorded)
+
+    def readings(self, recorded: Array, sensing: Sensing, pace: Array) -> list[Array]:
+        """Return by channel what it reads (items, rows, columns) of recorded items (items, n).
+
+        Their frames are `pace` (items,) times as far apart as stated: times of the steps, frames
+        with them, are here counted as if they were not.
+        """
+        rows, columns = self._as_stated.shape
         table = recorded.reshape(len(recorded), rows, columns)
         poses = table[..., : 7 * self._bodies]
         others = table[..., 7 * self._bodies :]
         found: dict[str, Array] = {}
         for channel in self.channels:
             delay = sensing.of("delay", channel.name)
-            times = channel.time - (np.zeros((1, 1)) if delay is None else delay[:, None])
+            late = np.zeros((1, 1)) if delay is None else delay[:, None]
+            own = channel.own_clock or channel.kind == "event"
+            times = channel.time / pace[:, None] if own else channel.time
+            times = times - late / pace[:, None]
             times = np.broadcast_to(times, (len(table), channel.time.size))
             if channel.kind == "poses":
                 reading = self._poses(poses, times, sensing)
             elif channel.kind == "sensor":
                 reading = self._sensor(channel, others[..., self._columns[channel.name]], times)
             elif channel.kind == "event":
-                late = 0.0 if delay is None else delay[:, None]
                 end = (rows - 1) * self._step
                 happened = [
                     in_order(impact_times(gap, self._step), channel.time.size, end)
                     for gap in table[..., -1]
                 ]
-                reading = (np.array(happened) + late)[..., None]
+                reading = (np.array(happened) * pace[:, None] + late)[..., None]
             else:
                 reading = self._scalar(channel, table)
             found[channel.name] = _through(reading, channel, sensing)
