@@ -129,7 +129,9 @@ def main() -> None:
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--kind", nargs="*", default=list(KINDS), choices=list(KINDS))
     parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--json", type=Path, default=None, help="write the results here, one a line")
+    parser.add_argument(
+        "--json", type=Path, default=None, help="write the results here, one a line"
+    )
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.repetitions)
     console, found = Console(), []

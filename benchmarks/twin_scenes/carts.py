@@ -82,7 +82,12 @@ def cart(stiffness: float = 100.0, damping: float = 0.5) -> dashpot.Engine:
 
 
 def runs(
-    values: Mapping[str, float], rng: np.random.Generator, count: int, *, every: int, late: float = 0.0
+    values: Mapping[str, float],
+    rng: np.random.Generator,
+    count: int,
+    *,
+    every: int,
+    late: float = 0.0,
 ) -> list[Trajectory]:
     """Return runs of a cart: loads at 100 Hz, means of 10 ms, and every so many frames a place."""
     seen = []
@@ -127,7 +132,14 @@ def late_force(rng: np.random.Generator) -> list[Case]:
     values = {**foam(rng, 0.0), "pad": -0.06}
     late = rng.uniform(0.015, 0.025)
     seen = runs(values, rng, 2, every=2, late=late)
-    unknown = [STIFFNESS, DAMPING, MASS, RAIL, Parameter.delay("load", bounds=(-0.01, 0.05), name="delay"), FRICTION]
+    unknown = [
+        STIFFNESS,
+        DAMPING,
+        MASS,
+        RAIL,
+        Parameter.delay("load", bounds=(-0.01, 0.05), name="delay"),
+        FRICTION,
+    ]
     system = cart()
     shift(system, -0.06)
     made = Problem(

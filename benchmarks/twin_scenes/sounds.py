@@ -16,7 +16,7 @@ from .case import Case, draw, simulate
 
 Array = NDArray[np.float64]
 
-STEP = 0.01
+STEP = 0.02
 G = 9.81
 FALL = [np.inf if i == 2 else 0.0 for i in range(6)]
 
@@ -48,28 +48,28 @@ def bounces(rng: np.random.Generator, restitution: float, height: float) -> tupl
 
 
 def apices_alone(rng: np.random.Generator) -> list[Case]:
-    """Heights of four apices of three drops, read off a ruler to 5 mm."""
+    """Heights of four apices of two drops, read off a ruler to 2 mm."""
     restitution, seen = draw(rng, 0.6, 0.9), []
-    for i in range(3):
-        height = rng.uniform(0.8, 1.5)
+    for i in range(2):
+        height = rng.uniform(0.4, 0.7)
         heights, times = bounces(rng, restitution, height)
-        noisy = heights + 5e-3 * rng.normal(size=heights.size)
+        noisy = heights + 2e-3 * rng.normal(size=heights.size)
         seen.append(
             Trajectory.of_events(
                 f"drop {i}", scalars={"apex_height": noisy}, bodies="ball", end=times[-1],
-                initial_qpos=[0, 0, balls.RADIUS + height + 5e-3 * rng.normal(), 1, 0, 0, 0],
+                initial_qpos=[0, 0, balls.RADIUS + height + 2e-3 * rng.normal(), 1, 0, 0, 0],
                 initial_qvel=[0.0] * 6, initial_qvel_sigma=0.0,
-                initial_qpos_sigma=[0, 0, 5e-3, 0, 0, 0],
+                initial_qpos_sigma=[0, 0, 2e-3, 0, 0, 0],
             )
         )  # fmt: skip
-    return [_case(seen, restitution, scalar_sigma={"apex_height": 5e-3})]
+    return [_case(seen, restitution, scalar_sigma={"apex_height": 2e-3})]
 
 
 def impacts_alone(rng: np.random.Generator) -> list[Case]:
-    """Times of five impacts of three drops, heard to 1 ms, from heights that are not known."""
+    """Times of five impacts of two drops, heard to 1 ms, from heights that are not known."""
     restitution, seen, lead = draw(rng, 0.6, 0.9), [], 0.05
-    for i in range(3):
-        height = rng.uniform(0.8, 1.5)
+    for i in range(2):
+        height = rng.uniform(0.4, 0.7)
         _, times = bounces(rng, restitution, height)
         heard = times - times[0] + lead + 1e-3 * rng.normal(size=times.size)
         # Speed before the first, of the interval after it and a restitution of 0.75.
