@@ -1,4 +1,4 @@
-"""Kinds of recordings that laboratories make, as twins: their truth is hidden, their noise known."""
+"""Twins of recordings that laboratories make: their truth is hidden, their noise known."""
 
 from __future__ import annotations
 

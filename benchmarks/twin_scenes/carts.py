@@ -168,7 +168,7 @@ def sloping_track(rng: np.random.Generator) -> list[Case]:
 
 
 def falling_weight(rng: np.random.Generator) -> list[Case]:
-    """A weight that drops on a load cell from known heights, in loads at 250 Hz alone.
+    """Let a weight drop on a load cell from known heights, in loads at 250 Hz alone.
 
     Where the gain of the cell is unknown too, loads tell neither it, nor mass, nor stiffness: all
     three may grow by the same factor.

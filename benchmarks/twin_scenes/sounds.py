@@ -66,7 +66,7 @@ def apices_alone(rng: np.random.Generator) -> list[Case]:
 
 
 def impacts_alone(rng: np.random.Generator) -> list[Case]:
-    """Times of five impacts of two drops, heard to 1 ms, from heights that are not known."""
+    """Hear five impacts of two drops to 1 ms, from heights that are not known."""
     restitution, seen, lead = draw(rng, 0.6, 0.9), [], 0.05
     for i in range(2):
         height = rng.uniform(0.4, 0.7)

@@ -333,6 +333,7 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
+        frame_pace=objective.frame_pace(point),
         made=provenance(model_of(own_system(problem.system, problem.start)), seed),
     )
 

@@ -64,9 +64,7 @@ class Batch:
     read, derivatives cost nothing.
     """
 
-    def __init__(
-        self, candidates: Mapping[int, Candidate], recorders: Sequence[Recorder]
-    ) -> None:
+    def __init__(self, candidates: Mapping[int, Candidate], recorders: Sequence[Recorder]) -> None:
         self._recordings: list[_core.Recording] = []
         self._variants: list[tuple[int, Any]] = []
         self._items: list[tuple[int, int]] = []

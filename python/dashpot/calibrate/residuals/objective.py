@@ -357,6 +357,12 @@ class Objective:
         displacement = blocks[:, nv:].copy() if self._state_size > nv else None
         return blocks[:, :nv].copy(), displacement
 
+    def frame_pace(self, point: Array) -> Array | None:
+        """Return how many times as far apart as stated frames are (trajectories,); None: known."""
+        if self.initial_size == self._state_size:
+            return None
+        return np.asarray(1.0 + self._states(point)[:, -1])
+
     def _states(self, points: Array) -> Array:
         """Return the initial states (..., trajectories, s) of points."""
         own = points[..., self.parameters :]
