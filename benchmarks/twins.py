@@ -16,11 +16,13 @@ import time
 import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from itertools import repeat
 from pathlib import Path
 
 import numpy as np
+from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -86,7 +88,7 @@ def outcome(kind: str, seed: int, variant: int, case: Case) -> Outcome:
 
 def table(found: Sequence[Outcome]) -> Table:
     """Return a row for each kind, and for each of its variants where it has several."""
-    made = Table(title="Twins")
+    made = Table(box=box.MARKDOWN)
     for name in ("kind", "fits", "truth inside", "by unknown", "mean error", "called identified"):
         made.add_column(name)
     for name in ("silent, called so", "called a misfit", "s"):
@@ -135,14 +137,15 @@ def main() -> None:
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.repetitions)
     console, found = Console(), []
-    with ProcessPoolExecutor(arguments.processes) as pool:
+    with ExitStack() as stack:
+        pool = stack.enter_context(ProcessPoolExecutor(arguments.processes))
+        lines = None if arguments.json is None else stack.enter_context(open(arguments.json, "w"))
         for kind in arguments.kind:
             for several in pool.map(outcomes, repeat(kind, len(seeds)), seeds):
                 found += several
+                for one in several if lines else ():
+                    print(json.dumps(asdict(one)), file=lines, flush=True)
             console.print(table([o for o in found if o.kind == kind]))
-            if arguments.json:
-                lines = [json.dumps(asdict(o)) for o in found]
-                arguments.json.write_text("\n".join(lines) + "\n")
     console.print(table(found))
 
 
