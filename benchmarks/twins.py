@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
+import os
 import time
 import warnings
 from collections.abc import Iterable, Sequence
@@ -137,8 +139,11 @@ def main() -> None:
     arguments = parser.parse_args()
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.repetitions)
     console, found = Console(), []
+    # Threads of linear algebra wait for each other where cores are few; processes begin with this.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    context = multiprocessing.get_context("spawn")
     with ExitStack() as stack:
-        pool = stack.enter_context(ProcessPoolExecutor(arguments.processes))
+        pool = stack.enter_context(ProcessPoolExecutor(arguments.processes, mp_context=context))
         lines = None if arguments.json is None else stack.enter_context(open(arguments.json, "w"))
         for kind in arguments.kind:
             for several in pool.map(outcomes, repeat(kind, len(seeds)), seeds):
