@@ -104,6 +104,13 @@ def test_predictions_run_as_stated_or_as_their_heads_say():
     assert stated.sensors["place"].shape == own.sensors["place"].shape
 
 
+def test_a_checkpoint_is_of_one_knowledge_of_the_rate(tmp_path):
+    vague, sharp = (seen(0.001, sigma, frames=60) for sigma in (0.01, 0.001))
+    fit(vague, starts=0, checkpoint=tmp_path / "fit.npz")
+    resumed = fit(sharp, starts=0, checkpoint=tmp_path / "fit.npz")
+    assert resumed.values == fit(sharp, starts=0).values
+
+
 @pytest.mark.parametrize("value", [-0.1, math.nan, "fast"])
 def test_a_rate_has_a_standard_deviation_or_none(value):
     with pytest.raises((ValueError, TypeError), match="trajectory 'swing': rate_sigma must be"):

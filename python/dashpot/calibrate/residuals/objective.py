@@ -261,6 +261,8 @@ class Objective:
     def fingerprint(self) -> bytes:
         """What tells it from objectives of other windows and noise, within one fit."""
         digest = hashlib.sha256(repr(self.problem.window).encode())
+        for known in (self._known.sigma, self._known.given):
+            digest.update(np.ascontiguousarray(known).tobytes())
         for recorder in self.recorders:
             for channel in recorder.channels:
                 for array in (channel.time, channel.observed, channel.sigma, channel.measured):
