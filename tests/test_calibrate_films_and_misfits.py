@@ -78,3 +78,37 @@ def test_functions_of_the_users_own_read_sensors_and_pixels_of_a_film():
     result = fit(swinging([STIFFNESS], recorded(0.0), residuals=furthest), starts=0)
     assert result["stiffness"].value == pytest.approx(40.0, abs=1.0)
     assert max(seen) < 1e-9
+
+
+@pytest.mark.parametrize("slower", [-0.008, 0.01])
+def test_how_fast_a_film_runs_is_told_by_an_encoder_and_functions_get_its_times(slower):
+    clock = 0.0013 + np.arange(90) / 80.0
+
+    def filmed(time, pixels, place, **options):
+        film = Trajectory.of_sensors(
+            "film", time, {"place": place}, pixels={"cart": pixels}, camera=PLANE,
+            sensor_times={"place": clock}, initial_qpos=[0.1], initial_qvel=[0.0],
+            rate_sigma=options.pop("rate_sigma", None),
+        )  # fmt: skip
+        engine = dashpot.Engine(mujoco.MjModel.from_xml_string(SPRING))
+        sigma = {"place": 1e-3, "pixels": 0.5}
+        return Problem(engine, [STIFFNESS], [film], sensor_sigma=sigma, substeps=2, **options)
+
+    blank = np.zeros((TIME.size, 2)), np.zeros((clock.size, 1))
+    (true,) = predict(filmed((1.0 + slower) * TIME, *blank), {"stiffness": 40.0})
+    off = []
+
+    def apart(simulated, trajectory):
+        times, u = simulated.times["image:cart"], simulated.readings["image:cart"][:, 0]
+        place = np.interp(times, simulated.time, simulated.sensors["place"][:, 0])
+        off.append(np.abs(u - (320.0 + 800.0 * place)).max())
+        return 0.0
+
+    seen = [true.sensors["image:cart"], true.sensors["place"]]
+    random = np.random.default_rng(3)
+    noisy = [s + random.normal(0.0, d, s.shape) for s, d in zip(seen, (0.5, 1e-3), strict=True)]
+    result = fit(filmed(TIME, *noisy, rate_sigma=0.02, residuals=apart), starts=0)
+    assert result.frame_pace == pytest.approx([1.0 + slower], abs=3e-3)
+    assert result["stiffness"].value == pytest.approx(40.0, rel=5e-3)
+    assert max(off) < 0.1
+    assert not result.misfits

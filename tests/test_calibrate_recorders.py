@@ -334,7 +334,7 @@ def test_what_acts_elsewhere_or_only_in_recorders_is_not_simulated_again():
     points = objective.start() + 1e-3 * np.vstack([np.zeros(4), np.eye(4)])
     candidates, failures = objective._candidates(points)
     assert not failures
-    assert len(Batch(candidates, 3).users) == 2 * 3
+    assert len(Batch(candidates, objective.recorders).users) == 2 * 3
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ class Residuals:
 
     def __init__(self, function, parameters, bound=np.inf):
         self.parameters, self.initial_size, self._function = parameters, 0, function
+        self.free_states = np.arange(0)
         self.residual_count = function(np.zeros(parameters)).size
         self.offsets = np.array([0, self.residual_count])
         self._bound = bound
@@ -164,7 +165,7 @@ def test_what_data_hardly_determine_of_a_start_stays_near():
     class Start(Residuals):
         def __init__(self):
             super().__init__(lambda _: np.zeros(40), 1)
-            self.initial_size = 2
+            self.initial_size, self.free_states = 2, np.arange(2)
 
         def residuals(self, points):
             p, u, v = points.T

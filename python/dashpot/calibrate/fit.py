@@ -341,6 +341,7 @@ def _result(
         problem=problem,
         initial_velocity=velocity,
         initial_displacement=displacement,
+        frame_pace=objective.frame_pace(point),
         made=provenance(model_of(problem.bare_system()), seed),
     )
 

@@ -190,6 +190,10 @@ def predict(
                     "estimate its initial state from"
                 )
         problem = replace(problem, initial_state="given")
+    if head is None:
+        # Nothing tells of clocks.
+        exact = [replace(t, rate_sigma=0.0) if t.rate_sigma else t for t in problem.trajectories]
+        problem = replace(problem, trajectories=exact)
     warn_of_noisy_starts(problem, "; give it, or a head with initial_state='pose_and_velocity'")
     states = np.empty(0)
     if head is not None:

@@ -118,8 +118,7 @@ class Readback:
         fit = cast("Fit", self)
         if fit.errors == "clustered":
             return max(len(fit.problem.trajectories) - 1, 1)
-        states = [s for s in (fit.initial_velocity, fit.initial_displacement) if s is not None]
-        return max(fit.live_residuals - len(fit.estimates) - sum(s.size for s in states), 1)
+        return max(fit.live_residuals - len(fit.estimates) - fit.states.size, 1)
 
     def inertias(self) -> dict[str, BodyInertia]:
         """Return by parameter the inertia of each body that was fitted, as `inertia` does."""

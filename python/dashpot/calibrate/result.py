@@ -85,6 +85,9 @@ class Fit(Outputs, Readback):
         of a recorder would explain it, best first; empty where none does.
     initial_velocity, initial_displacement
         (trajectories, nv) where estimated, else None.
+    frame_pace
+        (trajectories,) how many times as far apart as stated frames are; None where no trajectory
+        has a rate that is not known exactly (``rate_sigma``).
     made
         Versions, seed, date and the hash of the model.
     """
@@ -111,6 +114,7 @@ class Fit(Outputs, Readback):
     channels: tuple[ChannelReport, ...] = ()
     explanations: tuple[Explanation, ...] = ()
     made: Provenance | None = None
+    frame_pace: Array | None = None
     _record: Record | None = field(default=None, repr=False)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -327,9 +331,15 @@ class Fit(Outputs, Readback):
             )
         if head is not None:
             raise ValueError("head is for other trajectories; the fit has the states of its own")
-        parts = [p for p in (self.initial_velocity, self.initial_displacement) if p is not None]
-        states = np.concatenate(parts, axis=1).reshape(-1) if parts else np.empty(0)
-        return predictions(self.problem, self.values, states, thread_count(nthread))
+        return predictions(self.problem, self.values, self.states, thread_count(nthread))
+
+    @property
+    def states(self) -> Array:
+        """Unknowns beside the parameters as in points of the search, trajectory by trajectory."""
+        pace = None if self.frame_pace is None else self.frame_pace[:, None] - 1.0
+        parts = [self.initial_velocity, self.initial_displacement, pace]
+        found = [part for part in parts if part is not None]
+        return np.concatenate(found, axis=1).reshape(-1) if found else np.empty(0)
 
     def metrics(self) -> dict[str, float]:
         """Return root mean squares over all frames and bodies.

@@ -51,13 +51,25 @@ def offsets(time: Array, frame: Places) -> tuple[float, Array]:
         spacing, off = even_grid(time[used], frame[used])
         line = np.polynomial.Polynomial.fit(frame[used], time[used] - off, 1)
         off = time - line(frame)
-        usual = 1.4826 * np.median(np.abs(off))
-        kept = np.abs(off) <= 3.0 * max(usual, 1e-6 * spacing)
+        kept = _usual(off, 1e-6 * spacing)
         few = np.count_nonzero(kept) < max(_FEWEST, time.size // 2)
         if (kept == used).all() or few or np.ptp(time[kept]) == 0.0:
             break
         used = kept
     return spacing, off / spacing
+
+
+def slope_error(frame: Places, off: Array) -> float:
+    """Return the standard error of the spacing from which frames are `off`, both in spacings."""
+    used = _usual(off, 1e-6)
+    place = frame[used] - frame[used].mean()
+    variance = float(off[used] @ off[used]) / max(place.size - 2, 1)
+    return float(np.sqrt(variance / (place @ place)))
+
+
+def _usual(off: Array, least: float) -> NDArray[np.bool_]:
+    """Return which frames are no more than three usual offsets off."""
+    return np.abs(off) <= 3.0 * max(1.4826 * float(np.median(np.abs(off))), least)
 
 
 def _by_phase(time: Array) -> Places | None:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.data.frame_grid import GRID_TOLERANCE, check_grid, frame_numbers
-from dashpot.calibrate.data.jitter import jittered_frame_numbers, offsets, without_loss
+from dashpot.calibrate.data.jitter import jittered_frame_numbers, offsets, slope_error, without_loss
 
 Array = NDArray[np.float64]
 Frames = Literal["stamped", "even"]
@@ -37,11 +37,15 @@ _WANDER = 0.02
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """Times (n,) of frames in s, their places on an even grid, and its spacing, s."""
+    """Times (n,) of frames in s, their places on an even grid, and its spacing, s.
+
+    How well the spacing is known is a standard deviation, as a share of it.
+    """
 
     time: Array
     number: NDArray[np.intp]
     spacing: float
+    rate_sigma: float = 0.0
 
 
 def frame_times(
@@ -103,6 +107,7 @@ def _even(time: Array, channels: Array, rate: float | None) -> FrameTimes:
         )
     spacing, off = offsets(time, number)
     first = float(time[0] - spacing * off[0])
+    rate_sigma = slope_error(number, off)
     if rate is not None:
         if abs(rate * spacing - 1.0) * number[-1] > _MOST_OFF_RATE:
             raise ValueError(
@@ -111,8 +116,9 @@ def _even(time: Array, channels: Array, rate: float | None) -> FrameTimes:
             )
         # Both grids are level where frames are half through.
         first += (spacing - 1.0 / rate) * float(number.mean())
-        spacing = 1.0 / rate
-    return FrameTimes(first + np.asarray(spacing * number, dtype=np.float64), number, spacing)
+        spacing, rate_sigma = 1.0 / rate, 0.0
+    even = first + np.asarray(spacing * number, dtype=np.float64)
+    return FrameTimes(even, number, spacing, rate_sigma)
 
 
 def _remedy(time: Array, channels: Array) -> str:

@@ -97,8 +97,11 @@ class Trajectory(TrajectoryMaking):
         where the positions or sensors say that the clock itself varies.
     rate
         Frames a second, where they are even and it is known. None: as stamps say, which is known to
-        ``sqrt(12 / n**3)`` of their jitter in n frames. Intervals of parameters do not contain
-        that: give the rate of a camera where n is below some hundred.
+        ``sqrt(12 / n**3)`` of their jitter in n frames.
+    rate_sigma
+        How well the rate of frames is known, as a standard deviation over it: 0.001 is 0.1 %. Fits
+        estimate it then, from where it is. None: exactly, or with ``frames="even"`` and no `rate`
+        as well as stamps tell it.
     quaternion_order
         ``"wxyz"``: scalar first; ``"xyzw"``: scalar last.
     pixels
@@ -133,6 +136,7 @@ class Trajectory(TrajectoryMaking):
     events: Mapping[str, Array] = field(default_factory=dict)
     scalars: Mapping[str, Array] = field(default_factory=dict)
     views: Mapping[str, View] = field(default_factory=dict)
+    rate_sigma: float = 0.0
     _frame_number: NDArray[np.intp] = field(init=False, repr=False)
     _spacing: float = field(init=False, repr=False)
 
@@ -156,6 +160,7 @@ class Trajectory(TrajectoryMaking):
         *,
         frames: Frames = "stamped",
         rate: float | None = None,
+        rate_sigma: float | None = None,
         quaternion_order: QuaternionOrder = "wxyz",
         pixels: Mapping[str, ArrayLike] | None = None,
         camera: str | ImagePlane | None = None,
@@ -183,7 +188,7 @@ class Trajectory(TrajectoryMaking):
         }
         for attribute, value in given.items():
             object.__setattr__(self, attribute, value)
-        check_fields(self, frames, rate, quaternion_order)
+        check_fields(self, frames, rate, rate_sigma, quaternion_order)
 
     def __repr__(self) -> str:
         """Return name, length and bodies, without the arrays."""

@@ -25,7 +25,11 @@ UNIT_TOLERANCE = 1e-4
 
 
 def check_fields(
-    trajectory: Trajectory, frames: Frames, rate: float | None, quaternion_order: QuaternionOrder
+    trajectory: Trajectory,
+    frames: Frames,
+    rate: float | None,
+    rate_sigma: float | None,
+    quaternion_order: QuaternionOrder,
 ) -> None:
     """Raise where fields do not fit, and put arrays of numbers in the place of what is."""
     label = trajectory._label
@@ -45,6 +49,8 @@ def check_fields(
             )
     if rate is not None and not number(f"{label}: rate", rate) > 0:
         raise ValueError(f"{label}: rate must be > 0 frames a second, got {rate!r}")
+    if rate_sigma is not None and not number(f"{label}: rate_sigma", rate_sigma) >= 0:
+        raise ValueError(f"{label}: rate_sigma must be >= 0, got {rate_sigma!r}")
     bodies = (
         (trajectory.bodies,) if isinstance(trajectory.bodies, str) else tuple(trajectory.bodies)
     )
@@ -92,6 +98,8 @@ def check_fields(
     grid.number.flags.writeable = False
     object.__setattr__(trajectory, "_frame_number", grid.number)
     object.__setattr__(trajectory, "_spacing", grid.spacing)
+    stated = grid.rate_sigma if rate_sigma is None else float(rate_sigma)
+    object.__setattr__(trajectory, "rate_sigma", stated)
     object.__setattr__(trajectory, "bodies", bodies)
     object.__setattr__(trajectory, "time", frozen(grid.time))
     object.__setattr__(trajectory, "position", frozen(position))

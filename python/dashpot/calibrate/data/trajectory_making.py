@@ -46,6 +46,7 @@ class TrajectoryMaking:
         scalars: Mapping[str, ArrayLike] | None = None,
         frames: Frames = "stamped",
         rate: float | None = None,
+        rate_sigma: float | None = None,
     ) -> Made:
         """Return one of which sensors, or points in pixels, alone were observed.
 
@@ -76,6 +77,7 @@ class TrajectoryMaking:
             scalars=scalars or {},
             frames=frames,
             rate=rate,
+            rate_sigma=rate_sigma,
             pixels=pixels,
             camera=camera,
         )

@@ -188,7 +188,7 @@ def _refitted(score: _Score, left: Leftovers, search: Search, end: End) -> _Scor
     if trial.parameter is not None:
         last = tried.problem.parameters[-1]
         point = np.insert(point, count, last.coordinate.to_search(last.start))
-    each = 2 * tried.parameters + tried.initial_size
+    each = 2 * tried.parameters + tried.free_states.size
     total = min(search.budget.left, (_MOST_ITERATIONS + 2) * (each + 1))
     # The last iteration may go beyond, and derivatives at the end are one more.
     if total < 3 * (each + 1):

@@ -64,7 +64,7 @@ def covariance_around(
         estimated = from_jacobian(jacobian, hold)
         implied = estimated.half_width(confidence)[: objective.parameters]
         wanted = np.clip(implied, own, widths)
-        each = 2 * (objective.parameters + objective.initial_size)
+        each = 2 * (objective.parameters + objective.free_states.size)
         if (widths <= _WIDTH_SLACK * wanted).all() or left() < each:
             break
         widths = wanted

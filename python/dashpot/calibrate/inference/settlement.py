@@ -87,7 +87,7 @@ def reserve_for(objective: Objective, total: int, *, converges: bool) -> int:
 
     Of a search that hardly converges, as CMA-ES, that is derivatives alone.
     """
-    derivatives = 2 * (objective.parameters + objective.initial_size)
+    derivatives = 2 * (objective.parameters + objective.free_states.size)
     usual = 2 * derivatives
     if converges:
         usual += _USUAL_REGIONS * region_evaluations(objective)

@@ -79,7 +79,7 @@ def region_evaluations(objective: Objective) -> int:
 
 
 def _pairs(objective: Objective) -> int:
-    return 2 * (objective.parameters + objective.initial_size) + 8
+    return 2 * (objective.parameters + objective.free_states.size) + 8
 
 
 def linearize(
@@ -131,7 +131,8 @@ def linearize(
     middle -= jacobian.apply(off)
     center = middle.mean(axis=0)
     # Regression leaves less than the scatter by its degrees of freedom.
-    odd = (half - jacobian.apply(step)) * np.sqrt(pairs / (pairs - count - block))
+    degrees = pairs - count - objective.free_states.size
+    odd = (half - jacobian.apply(step)) * np.sqrt(pairs / degrees)
     return StatisticalLinearization(jacobian, center, np.concatenate([odd, middle - center]))
 
 

@@ -8,6 +8,7 @@ be moved and turned at will to make up for parameters.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class KnownStarts:
-    """What is known of the s unknowns of each initial state: velocities, then displacements.
+    """What is known of the s unknowns of each initial state: velocities, displacements, a clock.
 
     Attributes
     ----------
@@ -53,20 +54,32 @@ def is_reading(sigma: Array) -> NDArray[np.bool_]:
     return (sigma > 0.0) & np.isfinite(sigma)
 
 
-def start_sigma(trajectory: Trajectory, initial_state: str, unseen: NDArray[np.bool_]) -> Array:
-    """Return the standard deviations (s,) of the unknowns of an initial state.
+def start_sigma(
+    trajectories: Sequence[Trajectory], initial_state: str, unseen: Sequence[NDArray[np.bool_]]
+) -> Array:
+    """Return the standard deviations (trajectories, s) of the unknowns of initial states.
+
+    The last one is how much slower than its spacing says a trajectory runs, a share of that, where
+    the rate of frames of any is not known exactly.
 
     Parameters
     ----------
-    trajectory
-        Says them, or not.
+    trajectories
+        Say them, or not.
     initial_state
         What the problem estimates.
     unseen
-        (nv,) degrees of freedom that are held where the trajectory says nothing.
+        By trajectory, (nv,) degrees of freedom that are held where it says nothing.
     """
     parts = {"given": 0, "velocity": 1, "pose_and_velocity": 2}[initial_state]
-    known = (trajectory.initial_qvel_sigma, trajectory.initial_qpos_sigma)[:parts]
-    free = np.where(unseen, 0.0, np.inf)
-    rows = [np.broadcast_to(free if sigma is None else sigma, unseen.size) for sigma in known]
-    return np.concatenate([np.empty(0), *rows])
+    clock = any(trajectory.rate_sigma > 0.0 for trajectory in trajectories)
+    nv = unseen[0].size
+    found = np.empty((len(trajectories), parts * nv + clock))
+    for row, trajectory, hidden in zip(found, trajectories, unseen, strict=True):
+        known = (trajectory.initial_qvel_sigma, trajectory.initial_qpos_sigma)[:parts]
+        free = np.where(hidden, 0.0, np.inf)
+        for part, sigma in enumerate(known):
+            row[part * nv : (part + 1) * nv] = free if sigma is None else sigma
+        if clock:
+            row[-1] = trajectory.rate_sigma
+    return found

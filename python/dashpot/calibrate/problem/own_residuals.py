@@ -41,7 +41,8 @@ class SimulatedRecording:
     ----------
     time
         (n,) ends of the steps, s, on the clock of the trajectory; the first is the start. It goes
-        on beyond the last frame where readings are late or early.
+        on beyond the last frame where readings are late or early. Where the rate of frames is
+        estimated, steps and `times` are as far apart as the estimate says.
     position, quaternion
         By observed body, (n, 3) origin of its frame in the world, m, and (n, 4) orientation body to
         world, scalar first.

@@ -198,7 +198,6 @@ class Problem(ProblemSystems, ProblemStarts):
         for trajectory in self.trajectories:
             check_against_model(self, trajectory, model)
         check_sensing(self)
-        known = [
-            start_sigma(t, self.initial_state, out_of_sight(t, model)) for t in self.trajectories
-        ]
-        object.__setattr__(self, "_start_sigma", np.array(known))
+        unseen = [out_of_sight(t, model) for t in self.trajectories]
+        known = start_sigma(self.trajectories, self.initial_state, unseen)
+        object.__setattr__(self, "_start_sigma", known)

@@ -69,7 +69,7 @@ class ProblemFields:
 
     @property
     def start_sigma(self) -> Array:
-        """(trajectories, s) how well the estimated velocities, then positions are known before.
+        """(trajectories, s) how well estimated velocities, positions, clocks are known before.
 
         0: exactly; inf: not at all, as they are by default.
         """

@@ -104,9 +104,7 @@ def _point(fit: Fit, objective: Objective) -> Array:
         p.coordinate.to_search(e.value)
         for p, e in zip(fit.problem.unknowns, fit.estimates, strict=True)
     ]
-    parts = [p for p in (fit.initial_velocity, fit.initial_displacement) if p is not None]
-    states = np.concatenate(parts, axis=1).reshape(-1) if parts else np.empty(0)
-    point = np.concatenate([own, states])
+    point = np.concatenate([own, fit.states])
     if point.size != objective.size:
         raise ValueError("the fit has unknowns that its values do not tell")
     return point

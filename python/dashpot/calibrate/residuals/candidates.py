@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.calibrate.problem.setters import System
+from dashpot.calibrate.residuals.recorder import Recorder
 
 Array = NDArray[np.float64]
 
@@ -44,12 +45,15 @@ class Candidate:
         By trajectory.
     qpos, qvel
         (trajectories, nq), (trajectories, nv) initial states.
+    pace
+        (trajectories,) how many times as long as stated frames are apart.
     """
 
     values: dict[str, float]
     systems: Sequence[System]
     qpos: Array
     qvel: Array
+    pace: Array
 
 
 class Batch:
@@ -60,7 +64,8 @@ class Batch:
     read, derivatives cost nothing.
     """
 
-    def __init__(self, candidates: Mapping[int, Candidate], trajectories: int) -> None:
+    def __init__(self, candidates: Mapping[int, Candidate], recorders: Sequence[Recorder]) -> None:
+        self._recordings: list[_core.Recording] = []
         self._variants: list[tuple[int, Any]] = []
         self._items: list[tuple[int, int]] = []
         self._states: list[tuple[Array, Array]] = []
@@ -68,14 +73,19 @@ class Batch:
         self.users: list[list[tuple[int, int]]] = []
         number: dict[int, int] = {}
         known: dict[tuple[int, int, bytes, bytes], int] = {}
+        place: dict[tuple[int, float], int] = {}
         for v, candidate in candidates.items():
-            for t in range(trajectories):
+            for t, recorder in enumerate(recorders):
                 system = candidate.systems[t]
                 if id(system) not in number:
                     number[id(system)] = len(self._variants)
                     self._variants.append(_variant(system))
                 qpos, qvel = candidate.qpos[t], candidate.qvel[t]
-                key = (number[id(system)], t, qpos.tobytes(), qvel.tobytes())
+                paced = (t, float(candidate.pace[t]))
+                if paced not in place:
+                    place[paced] = len(self._recordings)
+                    self._recordings.append(recorder.recording(paced[1]))
+                key = (number[id(system)], place[paced], qpos.tobytes(), qvel.tobytes())
                 if key not in known:
                     known[key] = len(self._items)
                     self._items.append(key[:2])
@@ -83,9 +93,7 @@ class Batch:
                     self.users.append([])
                 self.users[known[key]].append((v, t))
 
-    def record(
-        self, recordings: Sequence[_core.Recording], nthread: int
-    ) -> Iterator[list[tuple[int, Array, str]]]:
+    def record(self, nthread: int) -> Iterator[list[tuple[int, Array, str]]]:
         """Yield some simulations at a time, as many as memory is meant for.
 
         Each with what is recorded of it (n,), and why it failed: "" where it did not.
@@ -95,7 +103,7 @@ class Batch:
         ValueError
             Where the systems cannot be simulated together.
         """
-        sizes = [int(np.prod(recordings[t].shape)) for _, t in self._items]
+        sizes = [int(np.prod(self._recordings[r].shape)) for _, r in self._items]
         first = 0
         while first < len(self._items):
             last, numbers = first, 0
@@ -104,7 +112,7 @@ class Batch:
                 last += 1
             qpos, qvel = (np.stack(parts) for parts in zip(*self._states[first:last], strict=True))
             flat, failures = _core.record(
-                self._variants, recordings, self._items[first:last], qpos, qvel, nthread
+                self._variants, self._recordings, self._items[first:last], qpos, qvel, nthread
             )
             rows = np.split(np.asarray(flat), np.cumsum(sizes[first:last])[:-1])
             yield list(zip(range(first, last), rows, failures, strict=True))

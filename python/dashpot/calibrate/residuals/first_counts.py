@@ -57,10 +57,11 @@ def with_counts(
     trajectories = [problem.trajectories[t] for t in asked]
     systems = [problem.build(values, trajectory.name) for trajectory in trajectories]
     recorders = [Recorder(problem, trajectory, model) for trajectory in trajectories]
-    candidate = Candidate(dict(values), systems, qpos[asked], qvel[asked])
+    pace = np.ones(len(asked))
+    candidate = Candidate(dict(values), systems, qpos[asked], qvel[asked], pace)
     counts: dict[str, dict[str, int]] = {name: {} for name in problem.own}
-    batch = Batch({0: candidate}, len(asked))
-    for some in batch.record([recorder.recording for recorder in recorders], nthread):
+    batch = Batch({0: candidate}, recorders)
+    for some in batch.record(nthread):
         for simulation, row, failure in some:
             if failure:
                 raise failure_of(values, failure)
@@ -69,12 +70,14 @@ def with_counts(
                 seen = sensing(
                     problem.sensing_setters(trajectory), [values], [model_of(systems[k])]
                 )
-                readings, _ = recorder.readings(row[None], seen)
+                readings, _ = recorder.readings(row[None], seen, pace[:1])
                 named = {
                     channel.name: reading[0]
                     for channel, reading in zip(recorder.channels, readings, strict=True)
                 }
-                simulated = recorder.simulated(row.reshape(recorder.recording.shape), named)
+                simulated = recorder.simulated(
+                    row.reshape(recorder.recording(1.0).shape), named, 1.0
+                )
                 for name, own in problem.own.items():
                     try:
                         counts[name][trajectory.name] = own(simulated, trajectory).size

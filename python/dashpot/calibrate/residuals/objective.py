@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 # rounding, small against the measurement noise of any pose tracker.
 _VELOCITY_DIFFERENCE = 1e-5
 _POSE_DIFFERENCE = 1e-6
+# The same of how fast a trajectory runs: 3 um of what goes at 3 m/s for a second.
+_CLOCK_DIFFERENCE = 1e-6
 # Residuals of a channel that carries noise reach this many standard deviations; of one that does
 # not, a rounding.
 _LIVE = 1e-6
@@ -80,8 +82,11 @@ class Objective:
         self.offsets = np.concatenate([[0], np.cumsum([layout.size for layout in self.layouts])])
         self._measured = np.concatenate(problem.measured())
         sigma = problem.start_sigma
-        rest = np.zeros(sigma.shape)  # displacements
-        rest[:, : model.nv] = self._qvel[:, : sigma.shape[1]]
+        per_part = {"given": 0, "velocity": 1, "pose_and_velocity": 2}
+        #: Of the unknowns of an initial state, how many are velocities and displacements.
+        self._state_size = per_part[problem.initial_state] * int(model.nv)
+        rest = np.zeros(sigma.shape)  # displacements and clocks
+        rest[:, : min(self._state_size, model.nv)] = self._qvel[:, : self._state_size]
         self._known = KnownStarts(sigma, rest)
         #: Which residuals are of the motion, not of its start.
         self.moving = np.concatenate(
@@ -96,8 +101,7 @@ class Objective:
     @property
     def initial_size(self) -> int:
         """Number of unknowns of the initial state of one trajectory."""
-        per_part = {"given": 0, "velocity": 1, "pose_and_velocity": 2}
-        return per_part[self.problem.initial_state] * int(self._model.nv)
+        return int(self._known.sigma.shape[1])
 
     @property
     def size(self) -> int:
@@ -108,6 +112,11 @@ class Objective:
     def unknowns(self) -> int:
         """How many numbers of a point are not held."""
         return self.size - int(np.count_nonzero(self._known.held))
+
+    @property
+    def free_states(self) -> NDArray[np.intp]:
+        """Which unknowns of an initial state some trajectory does not hold."""
+        return np.flatnonzero(~self._known.held.all(axis=0))
 
     @property
     def residual_count(self) -> int:
@@ -161,14 +170,14 @@ class Objective:
         point = np.zeros(self.size)
         for i, parameter in enumerate(self.unknown):
             point[i] = self.coordinates[i].to_search(parameter.start)
-        if self.initial_size:
+        if self._state_size:
             blocks = point[self.parameters :].reshape(len(self.recorders), self.initial_size)
             nv = int(self._model.nv)
             blocks[:, :nv] = self._qvel
             if robust:
                 velocity, displacement = self.problem.robust_guesses(self._model, self._qvel)
                 blocks[:, :nv] = velocity
-                blocks[:, nv:] = displacement[:, : self.initial_size - nv]
+                blocks[:, nv : self._state_size] = displacement[:, : self._state_size - nv]
         return point
 
     def bounds(self) -> tuple[Array, Array]:
@@ -275,6 +284,8 @@ class Objective:
         problem = self.problem
         stated = (problem.window, problem.names, problem.held)
         digest = hashlib.sha256(repr(stated).encode())
+        for known in (self._known.sigma, self._known.given):
+            digest.update(np.ascontiguousarray(known).tobytes())
         for recorder in self.recorders:
             for channel in recorder.channels:
                 digest.update(repr((channel.name, channel.window)).encode())
@@ -313,7 +324,7 @@ class Objective:
         if widths is None:
             widths = np.array([p.difference for p in self.unknown])
         lower, upper = self.bounds()
-        free = np.flatnonzero(~self._known.held.all(axis=0))
+        free = self.free_states
         steps = np.zeros((count + free.size, self.size))
         steps[np.arange(count), np.arange(count)] = widths
         initial_steps = self._initial_differences()
@@ -366,12 +377,18 @@ class Objective:
 
     def initial_estimates(self, point: Array) -> tuple[Array | None, Array | None]:
         """Return estimated initial velocity and displacement (trajectories, nv), None if given."""
-        if not self.initial_size:
+        if not self._state_size:
             return None, None
         nv = int(self._model.nv)
-        blocks = self._states(point)
-        displacement = blocks[:, nv:].copy() if self.initial_size > nv else None
+        blocks = self._states(point)[:, : self._state_size]
+        displacement = blocks[:, nv:].copy() if self._state_size > nv else None
         return blocks[:, :nv].copy(), displacement
+
+    def frame_pace(self, point: Array) -> Array | None:
+        """Return how many times as far apart as stated frames are (trajectories,); None: known."""
+        if self.initial_size == self._state_size:
+            return None
+        return np.asarray(1.0 + self._states(point)[:, -1])
 
     def _states(self, points: Array) -> Array:
         """Return the initial states (..., trajectories, s) of points."""
@@ -381,8 +398,8 @@ class Objective:
 
     def _initial_differences(self) -> Array:
         nv = int(self._model.nv)
-        steps = [_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv
-        return np.array(steps[: self.initial_size])
+        steps = ([_VELOCITY_DIFFERENCE] * nv + [_POSE_DIFFERENCE] * nv)[: self._state_size]
+        return np.array(steps + [_CLOCK_DIFFERENCE] * (self.initial_size - len(steps)))
 
     def _candidates(self, points: Array) -> tuple[dict[int, Candidate], dict[int, SimulationError]]:
         """Build the systems and initial states of points; say why where that fails.
@@ -404,14 +421,18 @@ class Objective:
             except ValueError as error:
                 failures[v] = failure_of(values, error)
                 continue
-            if self.initial_size:
-                blocks = self._states(point)
+            blocks = self._states(point)
+            pace = 1.0 + blocks[:, self._state_size :].sum(axis=1)
+            if self._state_size:
                 qvel = blocks[:, :nv]
-                if self.initial_size > nv:
-                    qpos = qpos.copy()
-                    for t, block in enumerate(blocks):
-                        mujoco.mj_integratePos(self._model, qpos[t], block[nv:], 1.0)
-            candidates[v] = Candidate(values, of_trajectories, qpos, qvel)
+            if self._state_size > nv:
+                qpos = qpos.copy()
+                for t, block in enumerate(blocks[:, nv : self._state_size]):
+                    mujoco.mj_integratePos(self._model, qpos[t], block, 1.0)
+            if not (pace > 0.0).all():
+                failures[v] = failure_of(values, "frames would follow each other backwards")
+                continue
+            candidates[v] = Candidate(values, of_trajectories, qpos, qvel, pace)
         self._systems = systems  # keeps models alive during the batch and for the next one
         return candidates, failures
 
@@ -442,10 +463,10 @@ class Objective:
         """
         if not candidates:
             return
-        batch = Batch(candidates, len(self.recorders))
+        batch = Batch(candidates, self.recorders)
         setters = [self.problem.sensing_setters(t) for t in self.problem.trajectories]
         failed: dict[int, tuple[int, str]] = {}
-        for some in batch.record([r.recording for r in self.recorders], self.nthread):
+        for some in batch.record(self.nthread):
             found: dict[int, tuple[list[int], list[Array]]] = {}
             for simulation, row, failure in some:
                 for v, t in batch.users[simulation]:
@@ -461,7 +482,8 @@ class Objective:
                     [candidates[v].values for v in users],
                     [model_of(candidates[v].systems[t]) for v in users],
                 )
-                readings, refused = self.recorders[t].readings(np.array(rows), seen)
+                pace = np.array([candidates[v].pace[t] for v in users])
+                readings, refused = self.recorders[t].readings(np.array(rows), seen, pace)
                 for item, reason in refused.items():
                     v = users[item]
                     failed[v] = min(failed.get(v, (t, reason)), (t, reason))

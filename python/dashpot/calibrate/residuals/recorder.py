@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -94,9 +95,8 @@ class Recorder:
         #: Bodies whose poses are recorded, those observed first.
         self._recorded = recorded[: self._bodies]
         self._recorded += [b for b in dict.fromkeys(recorded) if b not in self._recorded]
-        self.recording = _core.Recording(
+        self._recording: dict[str, Any] = dict(
             name=trajectory.name,
-            timestep=self._step,
             record_step=record_step.tolist(),
             body=self._recorded,
             channel=numbers,
@@ -104,20 +104,31 @@ class Recorder:
             control=control,
             interval=1 if self._every_step else substeps,
         )
+        self._as_stated = _core.Recording(timestep=self._step, **self._recording)
 
     @property
     def numbers(self) -> int:
         """How many numbers a simulation records."""
-        rows, columns = self.recording.shape
+        rows, columns = self._as_stated.shape
         return int(rows) * int(columns)
 
-    def readings(self, recorded: Array, sensing: Sensing) -> tuple[list[Array], dict[int, str]]:
+    def recording(self, pace: float) -> _core.Recording:
+        """Return what is read of a motion whose frames are `pace` times as far apart as stated."""
+        if pace == 1.0:
+            return self._as_stated
+        return _core.Recording(timestep=pace * self._step, **self._recording)
+
+    def readings(
+        self, recorded: Array, sensing: Sensing, pace: Array
+    ) -> tuple[list[Array], dict[int, str]]:
         """Return by channel what it reads (items, rows, columns) of recorded items (items, n).
 
+        Their frames are `pace` (items,) times as far apart as stated: times of the steps, frames
+        with them, are here counted as if they were not.
         Then follow items of which functions of the user's own find no residuals, and why; they are
         NaN.
         """
-        rows, columns = self.recording.shape
+        rows, columns = self._as_stated.shape
         table = recorded.reshape(len(recorded), rows, columns)
         poses = table[..., : 7 * self._bodies]
         others = table[..., 7 * len(self._recorded) :]
@@ -127,7 +138,10 @@ class Recorder:
             delay = sensing.of("delay", channel.name)
             if delay is None and view is not None:
                 delay = sensing.of("delay", view.camera)
-            times = channel.time - (np.zeros((1, 1)) if delay is None else delay[:, None])
+            late = np.zeros((1, 1)) if delay is None else delay[:, None]
+            own = channel.own_clock or channel.kind == "event"
+            times = channel.time / pace[:, None] if own else channel.time
+            times = times - late / pace[:, None]
             times = np.broadcast_to(times, (len(table), channel.time.size))
             if channel.kind == "residual":
                 continue
@@ -138,27 +152,27 @@ class Recorder:
             elif channel.kind == "sensor":
                 reading = self._sensor(channel, others[..., self._columns[channel.name]], times)
             elif channel.kind == "event":
-                late = 0.0 if delay is None else delay[:, None]
                 end = (rows - 1) * self._step
                 happened = [
                     in_order(impact_times(gap, self._step), channel.time.size, end)
                     for gap in table[..., -1]
                 ]
-                reading = (np.array(happened) + late)[..., None]
+                reading = (np.array(happened) * pace[:, None] + late)[..., None]
             else:
                 reading = self._scalar(channel, table)
             found[channel.name] = _through(reading, channel, sensing)
-        refused = self._add_own(found, table)
+        refused = self._add_own(found, table, pace)
         return [found[channel.name] for channel in self.channels], refused
 
-    def _add_own(self, found: dict[str, Array], table: Array) -> dict[int, str]:
+    def _add_own(self, found: dict[str, Array], table: Array, pace: Array) -> dict[int, str]:
         """Add what functions of the user's own return, and say where they refuse."""
         refused: dict[int, str] = {}
         own = [channel for channel in self.channels if channel.kind == "residual"]
         for channel in own:
             found[channel.name] = np.full((len(table), *channel.observed.shape), np.nan)
         for item in range(len(table) if own else 0):
-            simulated = self.simulated(table[item], {k: r[item] for k, r in found.items()})
+            read = {name: readings[item] for name, readings in found.items()}
+            simulated = self.simulated(table[item], read, float(pace[item]))
             try:
                 for channel in own:
                     residuals = self._own[channel.name](simulated, self._trajectory)
@@ -167,8 +181,13 @@ class Recorder:
                 refused[item] = str(error)
         return refused
 
-    def simulated(self, table: Array, readings: Mapping[str, Array]) -> SimulatedRecording:
-        """Return what was simulated (rows, columns), and read, as functions get it."""
+    def simulated(
+        self, table: Array, readings: Mapping[str, Array], pace: float
+    ) -> SimulatedRecording:
+        """Return what was simulated (rows, columns), and read, as functions get it.
+
+        Frames are `pace` times as far apart as stated.
+        """
         start = self._trajectory.time[0]
         poses = table[:, : 7 * self._bodies].reshape(len(table), -1, 7)
         sensors = {}
@@ -179,11 +198,11 @@ class Recorder:
         read = [channel for channel in self.channels if channel.kind != "residual"]
         bodies = self._trajectory.bodies
         return SimulatedRecording(
-            time=frozen(start + self._step * np.arange(len(table))),
+            time=frozen(start + pace * self._step * np.arange(len(table))),
             position={body: frozen(poses[:, i, :3]) for i, body in enumerate(bodies)},
             quaternion={body: frozen(poses[:, i, 3:]) for i, body in enumerate(bodies)},
             sensors={name: frozen(values) for name, values in sensors.items()},
-            times={channel.name: frozen(start + channel.time) for channel in read},
+            times={c.name: frozen(start + _paced(c, pace) * c.time) for c in read},
             readings={channel.name: frozen(readings[channel.name]) for channel in read},
         )
 
@@ -276,6 +295,11 @@ def _peaks(channels: list[Channel]) -> list[str]:
     """Return the sensors of which peaks are observed."""
     scalars = [channel.name for channel in channels if channel.kind == "scalar"]
     return [name[len(_PEAK) :] for name in scalars if name.startswith(_PEAK)]
+
+
+def _paced(channel: Channel, pace: float) -> float:
+    """Return how many times as long as stated times of a channel are: those of frames."""
+    return 1.0 if channel.own_clock or channel.kind == "event" else pace
 
 
 def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:

@@ -47,7 +47,7 @@ class Search:
     @property
     def iteration(self) -> int:
         """Evaluations of one iteration of least squares: of a point and of derivatives there."""
-        return 2 * self.objective.parameters + self.objective.initial_size + 1
+        return 2 * self.objective.parameters + self.objective.free_states.size + 1
 
     def explained(self, residuals: Array, deviations: float) -> bool:
         """Whether normal noise of the stated size explains the cost of residuals.
