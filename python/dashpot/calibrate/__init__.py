@@ -30,6 +30,7 @@ which four are fitted and one is predicted::
 
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.fit import fit
+from dashpot.calibrate.flights import with_flights
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
 from dashpot.calibrate.prediction import Prediction, predict
@@ -47,4 +48,5 @@ __all__ = [
     "Trajectory",
     "fit",
     "predict",
+    "with_flights",
 ]

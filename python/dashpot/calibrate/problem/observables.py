@@ -29,12 +29,15 @@ class Sensor:
         Of its numbers in ``sensordata``.
     mean
         Whether it needs accelerations or forces, and is compared as a mean.
+    turns
+        Whether it is the angle of a hinge, which encoders and cameras may tell within a turn only.
     """
 
     name: str
     address: int
     size: int
     mean: bool
+    turns: bool = False
 
 
 def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
@@ -62,6 +65,10 @@ def find_sensor(model: mujoco.MjModel, name: str, label: str) -> Sensor:
         int(model.sensor_adr[row]),
         int(model.sensor_dim[row]),
         bool(model.sensor_needstage[row] == mujoco.mjtStage.mjSTAGE_ACC),
+        bool(
+            model.sensor_type[row] == mujoco.mjtSensor.mjSENS_JOINTPOS
+            and model.jnt_type[model.sensor_objid[row]] == mujoco.mjtJoint.mjJNT_HINGE
+        ),
     )
 
 

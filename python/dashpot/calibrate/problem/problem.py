@@ -23,6 +23,7 @@ from dashpot.calibrate.problem.channels_of import channels_of
 from dashpot.calibrate.problem.first_guess import free_bodies, initial_state, robust_guess
 from dashpot.calibrate.problem.gaps import check_kinds
 from dashpot.calibrate.problem.groups import check_acting, single_parameters
+from dashpot.calibrate.problem.joint_guess import guess_joints
 from dashpot.calibrate.problem.known_starts import is_reading, start_sigma
 from dashpot.calibrate.problem.layout import Layout
 from dashpot.calibrate.problem.observables import Sensor, body_id, find_sensor
@@ -383,6 +384,14 @@ class Problem:
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
             qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
+            guess_joints(
+                trajectory,
+                model,
+                qpos[i],
+                qvel[i],
+                positions=not self.starts_at_first_poses(),
+                left_out={s.channel for s in self.sensing_setters(trajectory).values()},
+            )
         return qpos, qvel
 
     def robust_guesses(self, model: mujoco.MjModel, qvel: Array) -> tuple[Array, Array]:
