@@ -82,7 +82,8 @@ def with_flights(
     held = problem.start if values is None else dict(values)
     problem.check_values(held)
     heads = []
-    for trajectory in problem.trajectories:
+    first = problem.initial_states(model_of(problem.build(held)), held)
+    for trajectory, qpos, qvel in zip(problem.trajectories, *first, strict=True):
         model = model_of(problem.build(held, trajectory.name))
         frames = flight_frames(trajectory, model, clearance)
         if frames < _LEAST_FRAMES:
@@ -91,7 +92,17 @@ def with_flights(
                 f"{_LEAST_FRAMES} are needed"
             )
         last = trajectory.time[min(frames, trajectory.frames) - 1] - trajectory.time[0]
-        heads.append(trajectory.head(float(last)))
+        # Joints that nothing reads would make up for whatever else is off.
+        free = np.where(_observed(trajectory, model), np.inf, 0.0)
+        heads.append(
+            replace(
+                trajectory.head(float(last)),
+                initial_qpos=qpos,
+                initial_qvel=qvel,
+                initial_qpos_sigma=free,
+                initial_qvel_sigma=free,
+            )
+        )
     in_flight = replace(problem, trajectories=heads, window=None)
     states = fitted_states(in_flight, held, Loss("linear", 1.0), threads)
     objective = Objective(in_flight, nthread=threads, held=held)
@@ -111,6 +122,16 @@ def with_flights(
         for trajectory, q, v in zip(problem.trajectories, qpos, qvel, strict=True)
     ]
     return replace(problem, trajectories=started, initial_state="given")
+
+
+def _observed(trajectory: Trajectory, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (nv,) whether bodies or sensors that were observed tell a degree of freedom."""
+    observed = np.zeros(model.nv, dtype=bool)
+    for _, joint in free_bodies(trajectory, model):
+        observed[model.jnt_dofadr[joint] : model.jnt_dofadr[joint] + 6] = True
+    for joint in joint_readings(trajectory, model).values():
+        observed[model.jnt_dofadr[joint]] = True
+    return observed
 
 
 def flight_frames(trajectory: Trajectory, model: mujoco.MjModel, clearance: float) -> int:
