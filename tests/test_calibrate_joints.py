@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import dashpot
-from dashpot.calibrate import Parameter, Problem, Trajectory, fit, predict, with_flights
+from dashpot.calibrate import Parameter, Problem, Trajectory, fit, predict, tosses, with_flights
 from dashpot.calibrate.flights import flight_frames
 
 RATE, FRAMES = 100.0, 41
@@ -159,12 +159,12 @@ def test_a_flight_ends_before_the_first_contact(clearance):
 
 
 def test_flights_tell_the_start_whatever_the_contact():
-    tosses, starts = zip(*(thrown(seed) for seed in range(3)), strict=True)
+    throws, starts = zip(*(thrown(seed) for seed in range(3)), strict=True)
     # Two frames of the first toss are off by ten standard deviations.
-    held = tosses[0].position.copy()
+    held = throws[0].position.copy()
     held[:2] += 0.01
-    tosses = [replace(tosses[0], position=held), *tosses[1:]]
-    tossed = with_flights(pair_problem(tosses))  # with a damping ratio that is wrong
+    throws = [replace(throws[0], position=held), *throws[1:]]
+    tossed = with_flights(pair_problem(throws))  # with a damping ratio that is wrong
     assert tossed.initial_state == "given"
     for trajectory, (qpos, qvel) in zip(tossed.trajectories, starts, strict=True):
         np.testing.assert_allclose(trajectory.initial_qpos, qpos, atol=1e-4)
@@ -176,11 +176,43 @@ def test_flights_tell_the_start_whatever_the_contact():
 
 
 def test_what_is_no_flight_is_refused():
-    toss, start = thrown(0)
+    toss, _ = thrown(0)
     with pytest.raises(ValueError, match="'toss 0': 0 frames come before the first contact"):
         with_flights(pair_problem([toss]), clearance=1.0)
-    given = replace(toss, initial_qpos=start[0], initial_qvel=start[1])
     with pytest.raises(ValueError, match="initial_state='pose_and_velocity'"):
-        with_flights(pair_problem([given], initial_state="given"))
+        with_flights(pair_problem([started(0)], initial_state="given"))
     with pytest.raises(ValueError, match="clearance must be > 0 m, got 0"):
         with_flights(pair_problem([toss]), clearance=0)
+
+
+def started(seed):
+    toss, (qpos, qvel) = thrown(seed)
+    return replace(toss, initial_qpos=qpos, initial_qvel=qvel)
+
+
+def test_tosses_with_a_hinge_are_fitted_and_others_predicted():
+    problem = pair_problem([started(seed) for seed in range(4)], initial_state="given")
+    study = tosses.fit_and_predict(problem, fitted=2, width=0.1, max_evaluations=40)
+    # The search ends where its budget does.
+    assert study.fit["damping_ratio"].value == pytest.approx(0.6, rel=0.05)
+    # With the damping ratio of the start these are several times as large.
+    seen, unseen = tosses.split(problem.trajectories, 2, seed=0)
+    assert study.fit.problem.trajectories == tuple(seen)
+    others = replace(problem, trajectories=unseen)
+    before = tosses.errors_of(others, problem.start, 0.1)
+    assert study.unseen.mean_position < 0.3 * before.mean_position
+    assert study.unseen.mean_rotation < 0.3 * before.mean_rotation
+    assert study.unseen.mean_hinge < 0.3 * before.mean_hinge
+
+
+def test_errors_of_hinges_are_those_of_the_shorter_way_round():
+    """Of two tosses alike but for the zero of the encoder, by 350 degrees, one is off by 10."""
+    given = started(0)
+    shifted = {"angle": given.sensors["angle"] + np.deg2rad(350.0)}
+    pair = [given, replace(given, name="other zero", sensors=shifted)]
+    problem = pair_problem(pair, initial_state="given")
+    errors = tosses.errors_of(problem, {"damping_ratio": 0.6}, 0.1)
+    np.testing.assert_allclose(errors.hinge, [0.0, 10.0], atol=1e-6)
+    bare = [replace(t, sensors={}) for t in pair]
+    without = tosses.errors_of(replace(problem, trajectories=bare), {"damping_ratio": 0.6}, 0.1)
+    assert np.isnan(without.hinge).all()
