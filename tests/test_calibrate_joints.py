@@ -149,7 +149,8 @@ def test_a_flight_ends_before_the_first_contact(clearance):
     """A ball that falls from rest is nearer than the clearance after sqrt(2 (h - c) / g)."""
     ball = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
-        <body name="ball" pos="0 0 .3"><freejoint/><geom size=".05"/></body></worldbody></mujoco>"""
+        <body name="ball" pos="0 0 .3"><freejoint/><geom size=".05"/><geom size=".01"/></body>
+        </worldbody></mujoco>"""
     )
     height = np.maximum(0.3 - 0.5 * 9.81 * TIME**2, 0.05)
     position = np.column_stack([np.zeros((FRAMES, 2)), height])
