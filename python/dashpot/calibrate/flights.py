@@ -50,7 +50,8 @@ def with_flights(
         tossed = with_flights(Problem(engine, unknown, tosses, 5e-3, 0.09,
                                       sensor_sigma={"hinge": 0.09},
                                       initial_state="pose_and_velocity"))
-        result = fit(replace(tossed, trajectories=tosses[:15], window=0.3), method="cma")
+        seen = replace(tossed, trajectories=tossed.trajectories[:15], window=0.2)
+        result = fit(seen, method="cma", loss="cauchy")
         print(result.predict(tossed.trajectories[15:]))
 
     Parameters
