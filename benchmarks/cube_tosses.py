@@ -68,7 +68,7 @@ def main() -> None:
                 f"{study.fit.seconds:.0f} s",
             )
             console.print(f"{name}, {model}")
-            if options["body"]:
+            if options["body"] and study.cube is not None:
                 offset = ", ".join(f"{1e3 * component:.2f}" for component in study.cube.offset)
                 console.print(f"centre of mass: ({offset}) mm", highlight=False)
             console.print(study.fit.table())

@@ -112,3 +112,44 @@ def test_how_fast_a_film_runs_is_told_by_an_encoder_and_functions_get_its_times(
     assert result["stiffness"].value == pytest.approx(40.0, rel=5e-3)
     assert max(off) < 0.1
     assert not result.misfits
+
+
+CELL = SPRING.replace(
+    "</sensor>", '<jointvel name="speed" joint="rail"/><force name="load" site="mark"/></sensor>'
+)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [
+        (Parameter.delay("place", bounds=(-0.05, 0.05)), 0.02),
+        (Parameter.offset("place", bounds=(-0.05, 0.05)), 0.02),
+        (Parameter.gain("place", bounds=(0.5, 2.0)), 1.1),
+    ],
+)
+def test_an_encoder_from_which_a_joint_starts_is_called_wrong_where_it_is(parameter, value):
+    """With a parameter that it reads by, the joint does not start from it any more."""
+    time = 0.01 * np.arange(150)
+    sigma = {"place": 1e-3, "speed": 5e-3, "load": 0.02}
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(CELL))
+
+    def read(readings, *parameters, **start):
+        swing = Trajectory.of_sensors("swing", time, readings, **start)
+        return Problem(
+            engine, [STIFFNESS, *parameters], [swing], sensor_sigma=sigma, substeps=2,
+            initial_state="pose_and_velocity",
+        )  # fmt: skip
+
+    sizes = {"place": 1, "speed": 1, "load": 3}
+    blank = {name: np.zeros((time.size, size)) for name, size in sizes.items()}
+    true = read(blank, parameter, initial_qpos=[0.1], initial_qvel=[0.0])
+    (prediction,) = predict(true, {"stiffness": 40.0, parameter.name: value})
+    random = np.random.default_rng(0)
+    noisy = {
+        name: values + random.normal(0.0, sigma[name], values.shape)
+        for name, values in prediction.sensors.items()
+    }
+    said = fit(read(noisy), starts=0).explanations[0]
+    assert (said.channel, said.quantity) == ("place", parameter.name.split()[0])
+    assert said.value == pytest.approx(value, abs=4.0 * said.standard_error)
+    assert said.share > 0.95

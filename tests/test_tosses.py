@@ -1,13 +1,16 @@
 """Cube tosses: start states from flight, body properties, prediction errors, real data."""
 
+import os
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
 import dashpot
-from dashpot.calibrate import tosses
+import elbow_tosses
+from dashpot.calibrate import tosses, with_flights
 from dashpot.calibrate.tosses.problems import FRICTION_LOAD
 from dashpot.data import load_cube_tosses
 
@@ -239,22 +242,22 @@ def test_contact_and_body_are_recovered():
     material = dashpot.Material(
         4e4, damping_ratio=0.6, friction=0.18, loaded_friction=0.6, friction_load=FRICTION_LOAD
     )
-    made = thrown(hidden, material, 16, 45, np.random.default_rng(6))
+    made = thrown(hidden, material, 8, 40, np.random.default_rng(6))
     result = tosses.study(
         made,
         load=True,
-        fitted=12,
+        fitted=6,
         length_scale=1.0,
         method="cma+least_squares",
-        max_evaluations=600,  # intervals included
+        max_evaluations=280,  # intervals included
     )
     np.testing.assert_allclose(result.cube.offset, hidden.offset, atol=1e-8)
     truth = {**TRUTH, **BODY_TRUTH, **LOAD_TRUTH}
     for name, value in truth.items():
         # The search ends where its budget does.
-        assert result.fit.values[name] == pytest.approx(value, rel=0.05), name
-    assert result.unseen.mean_position < 1.0
-    assert result.unseen.mean_rotation < 1.0
+        assert result.fit.values[name] == pytest.approx(value, rel=0.01), name
+    assert result.unseen.mean_position < 0.1
+    assert result.unseen.mean_rotation < 0.1
 
 
 def test_bad_start_states_are_refused():
@@ -301,6 +304,23 @@ def test_real_tosses_are_predicted():
     # scatter by about 1.5 % and 2 degrees around their mean.
     assert errors.mean_position < 13.0
     assert errors.mean_rotation < 13.0
+
+
+def test_real_tosses_of_two_boxes_on_a_hinge_are_predicted():
+    """With rounded values and no fit; a fit does as well (benchmarks/elbow_tosses.py)."""
+    folder = Path(os.environ.get("DASHPOT_DATA", ""))
+    if not (folder / "elbow_tosses").is_dir():
+        pytest.skip("no elbow tosses: set DASHPOT_DATA")
+    trajectories = elbow_tosses.recorded(folder)[6:30:6]
+    problem = elbow_tosses.toss_problem(trajectories)
+    tossed = with_flights(problem, clearance=elbow_tosses.CLEARANCE)
+    values = {**problem.start, "stiffness": 1e6, "damping_ratio": 0.35, "sliding_friction": 0.18}
+    errors = tosses.errors_of(tossed.with_window(0.3), values, elbow_tosses.WIDTH)
+    # The mean of four scatters by 3 %, 6 and 5 degrees. A hinge whose angle is not counted on
+    # where its turn ends is off by some hundred degrees in half of them.
+    assert errors.mean_position < 15.0
+    assert errors.mean_rotation < 33.0
+    assert errors.mean_hinge < 29.0
 
 
 def test_the_number_of_fitted_tosses_is_checked():

@@ -32,6 +32,7 @@ which four are fitted and one is predicted::
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.data.views import ImagePlane
 from dashpot.calibrate.fit import fit
+from dashpot.calibrate.flights import with_flights
 from dashpot.calibrate.inference.combinations import Combination
 from dashpot.calibrate.inference.estimate import Estimate
 from dashpot.calibrate.inference.explanation import Explanation
@@ -54,4 +55,5 @@ __all__ = [
     "Trajectory",
     "fit",
     "predict",
+    "with_flights",
 ]

@@ -58,7 +58,8 @@ class Prediction:
         By name, (frames, size) simulated readings of the sensors that were observed, in their
         units; NaN at the first frame of those that are means.
     sensor_errors
-        By name, (frames, size) simulated less observed.
+        By name, (frames, size) simulated less observed. Angles of hinges that are read within a
+        turn are counted on where it ends.
     moments
         By kind, simulated times of events (s, on the clock of the trajectory) and scalars.
     residuals
@@ -191,14 +192,18 @@ def predict(
                 )
         problem = replace(problem, initial_state="given")
     if head is None:
-        # Nothing tells of clocks.
-        exact = [replace(t, rate_sigma=0.0) if t.rate_sigma else t for t in problem.trajectories]
-        problem = replace(problem, trajectories=exact)
+        problem = with_exact_rates(problem)
     warn_of_noisy_starts(problem, "; give it, or a head with initial_state='pose_and_velocity'")
     states = np.empty(0)
     if head is not None:
-        states = _initial_states(problem.with_window(head), held, chosen_loss, threads)
+        states = fitted_states(problem.with_window(head), held, chosen_loss, threads)
     return predictions(problem, held, states, threads)
+
+
+def with_exact_rates(problem: Problem) -> Problem:
+    """Return the same problem whose frames run as stated, where nothing tells of clocks."""
+    exact = [replace(t, rate_sigma=0.0) if t.rate_sigma else t for t in problem.trajectories]
+    return replace(problem, trajectories=exact)
 
 
 def predictions(
@@ -214,6 +219,7 @@ def predictions(
     result = []
     for t, readings in enumerate(objective.observe(states)):
         trajectory = problem.trajectories[t]
+        channels = {channel.name: channel for channel in objective.recorders[t].channels}
         poses = readings.get(POSES, np.empty((trajectory.frames, 0)))
         poses = poses.reshape(trajectory.frames, len(trajectory.bodies), 7)
         position, quaternion = poses[..., :3].copy(), poses[..., 3:].copy()
@@ -232,7 +238,8 @@ def predictions(
                 initial_qvel=qvel[t].copy(),
                 sensors={name: others[name] for name in trajectory.sensors},
                 sensor_errors={
-                    name: others[name] - trajectory.sensors[name] for name in trajectory.sensors
+                    name: np.where(np.isnan(seen), np.nan, channels[name].off(others[name]))
+                    for name, seen in trajectory.sensors.items()
                 },
                 moments={
                     name: others[name][:, 0] for name in observed if name not in trajectory.sensors
@@ -243,14 +250,21 @@ def predictions(
     return Predictions(result)
 
 
-def _initial_states(heads: Problem, values: Mapping[str, float], loss: Loss, nthread: int) -> Array:
+def fitted_states(
+    heads: Problem,
+    values: Mapping[str, float],
+    loss: Loss,
+    nthread: int,
+    start: Array | None = None,
+) -> Array:
     """Return the unknowns of the initial states that fit the heads of trajectories best."""
     objective = Objective(heads, nthread=nthread, held=values)
     check_count(objective.measured_count, objective.unknowns)
     # Each iteration takes a point and its Jacobian.
     budget = Budget(_MOST_ITERATIONS * (objective.initial_size + 1), lambda *_: None)
     search = Search(objective, loss, budget)
-    least_squares(search, objective.start(robust=loss.robust), _MOST_ITERATIONS)
+    begin = objective.start(robust=loss.robust) if start is None else start
+    least_squares(search, begin, _MOST_ITERATIONS)
     if not search.converged:
         warnings.warn(
             f"the search for initial states ended before it converged ({search.message}); a head "

@@ -53,7 +53,7 @@ class Trajectory(TrajectoryMaking):
         with a free joint start at their first observed pose and every other joint at the model's
         ``qpos0``. That pose is as noisy as the others: where it is measured, estimate the start
         with ``Problem(initial_state="pose_and_velocity")``. What is estimated starts from what is
-        given: of robots, whose joints no pose tells, give the first readings of encoders.
+        given, else joints start from the first readings of their ``jointpos`` sensors.
     initial_qvel
         (nv,) full velocity of the model at ``time[0]`` (free joints: linear in the world, angular
         in the body frame). None is allowed where the problem estimates it; the search then starts
@@ -72,6 +72,8 @@ class Trajectory(TrajectoryMaking):
         Readings of sensors of the model by name, (n, size) or, of one number, (n,), in the unit of
         the sensor: joint encoders (``jointpos``), accelerometers, force plates (``touch``,
         ``force``), positions of markers (``framepos`` of a site, in the frame of a camera, too).
+        Angles of hinges may be those within a turn, which jump where it ends: where two that follow
+        each other differ by more than half a turn.
         NaN: not measured. `of_sensors` makes trajectories of sensors alone.
     sampling
         By sensor: ``"instant"``: it reads what is at the time of the reading; ``"mean"``: the mean

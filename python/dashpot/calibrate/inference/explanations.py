@@ -181,7 +181,7 @@ def _refitted(score: _Score, left: Leftovers, search: Search, end: End) -> _Scor
         tried = objective.of(trial.around(score.said.value))
     except ValueError:
         return score  # delayed by so much, nothing would be left of some trajectory
-    point, count = end.point.copy(), objective.parameters
+    point, count = tried.as_from(objective, end.point), objective.parameters
     # What the misfit has driven to a bound hardly comes back from there.
     bound = np.flatnonzero(~left.free(point))
     point[bound] = objective.start()[bound]

@@ -171,13 +171,14 @@ def _of_parameter(
     )
     tried = objective.of(extended, kept=False)
     count, coordinate = objective.parameters, parameter.coordinate
-
+    # Where joints are read otherwise, they start elsewhere.
+    near = tried.as_from(objective, point)
     looks: list[int] = []
 
     def residuals(at: Array) -> Array:
         # However many values there are, one set of trajectories is simulated.
         looks.append(1)
-        rows = [np.insert(point, count, coordinate.to_search(float(value))) for value in at]
+        rows = [np.insert(near, count, coordinate.to_search(float(value))) for value in at]
         return tried.residuals(np.array(rows))
 
     quoted = f'"{setter.channel}"' if setter.quantity != "scale" else ""

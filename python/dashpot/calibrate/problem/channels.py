@@ -47,6 +47,8 @@ class Channel:
         s, over which a sensor takes means, before each of its times; 0: it reads at these times.
     own_clock
         Whether its times are not those of the frames.
+    turn
+        rad, within which an angle was read that is now counted on from there; 0: of others.
     """
 
     name: str
@@ -58,8 +60,20 @@ class Channel:
     sensor: Sensor | None = None
     window: float = 0.0
     own_clock: bool = False
+    turn: float = 0.0
 
     @property
     def block(self) -> Block:
         """Where its residuals stand: rows and columns."""
         return Block(self.name, *self.measured.shape)
+
+    def off(self, reading: Array) -> Array:
+        """Return (..., rows, columns) numbers read less those observed.
+
+        Which turn an angle starts in, one that is read within a turn does not tell.
+        """
+        error = reading - self.observed
+        if self.turn:
+            first = error[..., int(np.argmax(self.measured[:, 0])), :]
+            error = error - self.turn * np.round(first / self.turn)[..., None, :]
+        return np.asarray(error)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.data.trajectory import Trajectory
+from dashpot.calibrate.problem.angles import turn_of, unwrapped
 from dashpot.calibrate.problem.channels import POSES, Channel
 from dashpot.calibrate.problem.observables import Sensor
 
@@ -105,12 +106,13 @@ def _sensor(
         name=sensor.name,
         kind="sensor",
         time=time,
-        observed=np.nan_to_num(readings),
+        observed=np.nan_to_num(unwrapped(readings) if sensor.turns else readings),
         sigma=np.array(deviations),
         measured=seen,
         sensor=sensor,
         window=window,
         own_clock=own,
+        turn=turn_of(readings) if sensor.turns else 0.0,
     )
 
 

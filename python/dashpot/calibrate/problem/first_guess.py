@@ -17,7 +17,7 @@ from dashpot.calibrate.data.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 # Frames that lines are drawn through, few enough to come before most contacts.
-_START_FRAMES = 5
+START_FRAMES = 5
 # Robust lines go on over this many times as many frames, to this many at most, as long as half of
 # the last third lies within so many standard deviations of them: of normal noise, 95 % do.
 _LONGER = 1.5
@@ -93,8 +93,8 @@ def robust_guess(
         # Contact ends the lines of all coordinates, also of those that hardly feel it.
         last = min((_last_on_line(way, sigma[k]) for k, way in ways.items()), default=0.0)
         for k, way in ways.items():
-            frames = max(np.searchsorted(way.time, last, side="right"), _START_FRAMES)
-            value, rate = _medians(way.time[:frames], way.value[:frames])
+            frames = max(np.searchsorted(way.time, last, side="right"), START_FRAMES)
+            value, rate = medians(way.time[:frames], way.value[:frames])
             start[k] = value[0] + path.position[k].value[0, 0] - position[k]
             slope[k], guessed[k] = rate[0], True
         if path.rotation.time.size > 1:
@@ -104,7 +104,7 @@ def robust_guess(
                 turn = _turn(path.rotation, reference)
                 last = _last_on_line(turn, sigma[3:])
                 frames = int(np.searchsorted(turn.time, last, side="right"))
-                value, slope[3:] = _medians(turn.time[:frames], turn.value[:frames])
+                value, slope[3:] = medians(turn.time[:frames], turn.value[:frames])
                 mujoco.mju_quatIntegrate(reference, value, 1.0)
             mujoco.mju_subQuat(start[3:], reference, first)
             guessed[3:] = True
@@ -165,9 +165,9 @@ def _fall(path: _Path, gravity: Array) -> Array:
     left = np.zeros((2, 3))
     for row, acceleration in zip(left, (gravity, np.zeros(3)), strict=True):
         for k, way in enumerate(_ways(path, acceleration)):
-            time, value = way.time[:_START_FRAMES], way.value[:_START_FRAMES]
+            time, value = way.time[:START_FRAMES], way.value[:START_FRAMES]
             if time.size > 2:
-                start, slope = _medians(time, value)
+                start, slope = medians(time, value)
                 row[k] = np.median(np.abs(value - start - time[:, None] * slope))
     falling, carried = np.linalg.norm(left, axis=1)
     return np.zeros(3) if carried < _CARRIED * falling else gravity
@@ -195,7 +195,7 @@ def _beginning(way: _Samples) -> tuple[Array, Array]:
     nothing = np.zeros(way.value.shape[1])
     if way.time.size < 2:
         return nothing, nothing
-    value, slope = _line(way.time[:_START_FRAMES], way.value[:_START_FRAMES])
+    value, slope = _line(way.time[:START_FRAMES], way.value[:START_FRAMES])
     return (value if way.time[0] > 0.0 else nothing), slope
 
 
@@ -237,10 +237,10 @@ def _last_on_line(way: _Samples, sigma: Array) -> float:
         (k,) standard deviations of the values.
     """
     time, values = way.time, way.value
-    frames = longest = min(_START_FRAMES, time.size)
+    frames = longest = min(START_FRAMES, time.size)
     while frames < min(time.size, _MOST_FRAMES):
         frames = min(int(_LONGER * frames), time.size, _MOST_FRAMES)
-        value, slope = _medians(time[:frames], values[:frames])
+        value, slope = medians(time[:frames], values[:frames])
         last = slice(frames - frames // 3, frames)
         off = np.abs(values[last] - value - time[last, None] * slope) / sigma
         if (np.median(off, axis=0) > _ON_THE_LINE).any():
@@ -249,7 +249,7 @@ def _last_on_line(way: _Samples, sigma: Array) -> float:
     return float(time[longest - 1])
 
 
-def _medians(time: Array, values: Array) -> tuple[Array, Array]:
+def medians(time: Array, values: Array) -> tuple[Array, Array]:
     """Return values at time 0 and slopes of lines through (n, k) that outlying rows hardly move.
 
     Slopes are the medians of those between all pairs of rows, values the medians of what these

@@ -32,6 +32,8 @@ class Sensor:
         Whether it needs accelerations or forces, and is compared as a mean.
     view
         Of a point in pixels, which no sensor of the model reads, what is seen.
+    turns
+        Whether it is the angle of a hinge, which encoders and cameras may tell within a turn only.
     """
 
     name: str
@@ -39,6 +41,7 @@ class Sensor:
     size: int
     mean: bool
     view: View | None = None
+    turns: bool = False
 
 
 def body_id(model: mujoco.MjModel, name: str, label: str) -> int:
@@ -66,6 +69,10 @@ def find_sensor(model: mujoco.MjModel, name: str, label: str) -> Sensor:
         int(model.sensor_adr[row]),
         int(model.sensor_dim[row]),
         bool(model.sensor_needstage[row] == mujoco.mjtStage.mjSTAGE_ACC),
+        turns=bool(
+            model.sensor_type[row] == mujoco.mjtSensor.mjSENS_JOINTPOS
+            and model.jnt_type[model.sensor_objid[row]] == mujoco.mjtJoint.mjJNT_HINGE
+        ),
     )
 
 

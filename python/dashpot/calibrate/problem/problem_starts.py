@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.data.trajectory import Trajectory
 from dashpot.calibrate.problem.first_guess import initial_state, robust_guess
+from dashpot.calibrate.problem.joint_guess import guess_joints
 from dashpot.calibrate.problem.pixel_starts import start_as_seen
 from dashpot.calibrate.problem.problem_channels import ProblemChannels
 from dashpot.calibrate.problem.problem_entries import checked_states
@@ -42,8 +43,17 @@ class ProblemStarts(ProblemChannels):
         qvel = np.empty((count, model.nv))
         for i, trajectory in enumerate(self.trajectories):
             qpos[i], qvel[i] = initial_state(trajectory, model, np.isfinite(self.sigma))
+            setters = self.sensing_setters(trajectory)
+            guess_joints(
+                trajectory,
+                model,
+                qpos[i],
+                qvel[i],
+                positions=not self.starts_at_first_poses(),
+                left_out={channel for s in setters.values() for channel in s.channels},
+            )
             if trajectory.views and self.initial_state != "given":
-                found = sensing(self.sensing_setters(trajectory), [self.start])
+                found = sensing(setters, [self.start])
                 placed = self.initial_state == "pose_and_velocity"
                 start_as_seen(trajectory, model, found, qpos[i], qvel[i], placed=placed)
         return qpos, qvel

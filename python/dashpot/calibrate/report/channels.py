@@ -133,7 +133,7 @@ def weighted_errors(
     simulated = readings_of(prediction)
     found = {}
     for channel in problem.channels(trajectory):
-        error = simulated[channel.name] - channel.observed if channel.kind != "poses" else turned
+        error = channel.off(simulated[channel.name]) if channel.kind != "poses" else turned
         found[channel.name] = error.reshape(len(channel.time), -1) / channel.sigma
     return found
 

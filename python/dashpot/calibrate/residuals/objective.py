@@ -375,6 +375,16 @@ class Objective:
             raise failures[0]
         return candidates[0].qpos, candidates[0].qvel
 
+    def as_from(self, other: Objective, point: Array) -> Array:
+        """Return a point of another objective, its displacements from where this one starts."""
+        nv, result = int(self._model.nv), point.copy()
+        if self._state_size == 2 * nv and not np.array_equal(self._qpos, other._qpos):
+            blocks = result[other.parameters :].reshape(len(self.recorders), -1)
+            placed, _ = other.initial_states(point)
+            for block, start, qpos in zip(blocks, self._qpos, placed, strict=True):
+                mujoco.mj_differentiatePos(self._model, block[nv : 2 * nv], 1.0, start, qpos)
+        return result
+
     def initial_estimates(self, point: Array) -> tuple[Array | None, Array | None]:
         """Return estimated initial velocity and displacement (trajectories, nv), None if given."""
         if not self._state_size:

@@ -232,7 +232,7 @@ class Recorder:
         if channel.kind == "poses":
             error = _pose_errors(reading, channel.observed, self._bodies)
         else:
-            error = reading - channel.observed
+            error = channel.off(reading)
         return np.asarray(error / channel.sigma * channel.measured)
 
     def _poses(self, poses: Array, times: Array, sensing: Sensing) -> Array:

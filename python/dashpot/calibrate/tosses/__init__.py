@@ -1,4 +1,6 @@
-"""Calibration on real cube tosses (ContactNets), dashpot and MuJoCo tuned the same way.
+"""Calibration on real tosses: cubes (ContactNets), dashpot and MuJoCo tuned the same way.
+
+`study` is of the cubes; `fit_and_predict` of any body, with hinges too.
 
 A toss is simulated from its first frame, with a start state fitted to its flight before the first
 contact. Prediction errors are time means over all later frames, and over those from the first
@@ -11,6 +13,7 @@ that are not its own.
 """
 
 from dashpot.calibrate.tosses.cube import BODY, Cube
+from dashpot.calibrate.tosses.errors import Errors, errors_of, evaluate
 from dashpot.calibrate.tosses.flight import (
     LENGTH_SCALE,
     Flight,
@@ -25,7 +28,7 @@ from dashpot.calibrate.tosses.problems import (
     toss_problem,
     weighed,
 )
-from dashpot.calibrate.tosses.study import Errors, Study, evaluate, study
+from dashpot.calibrate.tosses.study import Study, fit_and_predict, split, study
 
 __all__ = [
     "BODY",
@@ -38,8 +41,11 @@ __all__ = [
     "Study",
     "Toss",
     "centre_of_mass",
+    "errors_of",
     "evaluate",
+    "fit_and_predict",
     "fit_flight",
+    "split",
     "study",
     "toss_problem",
     "trajectory",

@@ -2,86 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.calibrate.fit import fit
+from dashpot.calibrate.flights import with_flights
 from dashpot.calibrate.problem.problem import Problem
-from dashpot.calibrate.residuals.objective import Objective
 from dashpot.calibrate.result import Fit
 from dashpot.calibrate.search.strategy import Method
 from dashpot.calibrate.tosses.cube import Cube
-from dashpot.calibrate.tosses.flight import LENGTH_SCALE, Toss, flight_frames
+from dashpot.calibrate.tosses.errors import Errors, errors_of, evaluate
+from dashpot.calibrate.tosses.flight import LENGTH_SCALE, Toss
 from dashpot.calibrate.tosses.problems import toss_problem, weighed
-from dashpot.checks import thread_count
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Errors:
-    """Prediction errors of a set of tosses.
-
-    Attributes
-    ----------
-    position
-        (tosses,) time mean of the distance over the width, percent; over all frames after the
-        first, which is given.
-    rotation
-        (tosses,) time mean of the angle, degrees; over the same frames.
-    contact_position, contact_rotation
-        The same over the frames from the first contact on.
-    """
-
-    position: Array
-    rotation: Array
-    contact_position: Array
-    contact_rotation: Array
-
-    @property
-    def mean_position(self) -> float:
-        """Mean over the tosses, percent of the width."""
-        return float(self.position.mean())
-
-    @property
-    def mean_rotation(self) -> float:
-        """Mean over the tosses, degrees."""
-        return float(self.rotation.mean())
-
-
-def evaluate(
-    problem: Problem, values: Mapping[str, float], cube: Cube, *, nthread: int | None = None
-) -> Errors:
-    """Return the prediction errors of `values` on the tosses of a problem, fitted or unseen.
-
-    Parameters
-    ----------
-    problem
-        As `toss_problem` makes it.
-    values
-        All parameters by name.
-    cube
-        Its half width is the scale of errors of position and says where contact begins.
-    nthread
-        Number of threads, >= 1. None: one per core.
-    """
-    objective = Objective(problem, nthread=thread_count(nthread))
-    point = np.array([p.coordinate.to_search(values[p.name]) for p in objective.unknown])
-    residuals = objective.residuals(point)[0]
-    errors = np.empty((len(problem.trajectories), 4))
-    for t, toss in enumerate(problem.trajectories):
-        rows = residuals[objective.offsets[t] : objective.offsets[t + 1]].reshape(-1, 6)
-        distance = np.linalg.norm(rows[:, :3] * problem.position_sigma, axis=1)
-        angle = np.linalg.norm(rows[:, 3:], axis=1) * problem.rotation_sigma
-        first = flight_frames(toss.position[:, 0], toss.quaternion[:, 0], cube)
-        first = min(first, len(rows) - 1)
-        errors[t] = [part[k:].mean() for k in (1, first) for part in (distance, angle)]
-    errors[:, ::2] *= 100.0 / (2.0 * cube.half_width)
-    errors[:, 1::2] = np.rad2deg(errors[:, 1::2])
-    return Errors(*errors.T)
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +31,90 @@ class Study:
     ----------
     fit
         The fit.
-    cube
-        The cube before it: with ``body`` that with the centre of mass of the flights.
     seen, unseen
         Errors on the tosses that were fitted and on the others.
+    cube
+        The cube before it: with ``body`` that with the centre of mass of the flights. None of
+        others.
     """
 
     fit: Fit
-    cube: Cube
     seen: Errors
     unseen: Errors
+    cube: Cube | None = None
+
+
+def fit_and_predict(
+    problem: Problem,
+    *,
+    fitted: int,
+    width: float,
+    window: float | None = None,
+    clearance: float = 0.003,
+    seed: int = 0,
+    method: Method = "cma",
+    starts: int = 0,
+    max_evaluations: int = 240,
+    nthread: int | None = None,
+    progress: bool = False,
+) -> Study:
+    """Fit on `fitted` of the tosses of any body, chosen by `seed`, and predict all others.
+
+    Parameters
+    ----------
+    problem
+        Of all tosses, one of whose bodies was observed, and hinges of it. With
+        ``initial_state="pose_and_velocity"`` they start as their flights say
+        (`dashpot.calibrate.with_flights`). Its window is that of the fit.
+    fitted
+        Number of tosses to fit on, 1 <= fitted < number of tosses.
+    width
+        Scale of errors of position, m.
+    window
+        Seconds from the first frame over which errors are means. None: to the end.
+    clearance
+        Of flights, m.
+    seed
+        Chooses the tosses, and starts.
+    method, starts, max_evaluations, nthread, progress
+        As in `dashpot.calibrate.fit`.
+    """
+    if problem.initial_state != "given":
+        problem = with_flights(problem, clearance=clearance, nthread=nthread)
+    seen, unseen = (
+        replace(problem, trajectories=part) for part in split(problem.trajectories, fitted, seed)
+    )
+    result = _fitted(
+        seen,
+        method=method,
+        starts=starts,
+        max_evaluations=max_evaluations,
+        seed=seed,
+        nthread=nthread,
+        progress=progress,
+    )
+    known, others = (
+        errors_of(part.with_window(window), result.values, width, nthread=nthread)
+        for part in (seen, unseen)
+    )
+    return Study(result, known, others)
+
+
+def split(tosses: Sequence[T], fitted: int, seed: int) -> tuple[list[T], list[T]]:
+    """Return the tosses to fit on, drawn by `seed`, and the others."""
+    if not 1 <= fitted < len(tosses):
+        raise ValueError(f"fitted must be in [1, {len(tosses) - 1}], got {fitted!r}")
+    order = np.random.default_rng(seed).permutation(len(tosses))
+    seen, unseen = (
+        [tosses[i] for i in sorted(chosen)] for chosen in (order[:fitted], order[fitted:])
+    )
+    return seen, unseen
+
+
+def _fitted(problem: Problem, **options: Any) -> Fit:
+    # Some tosses are beyond every model, and one of them lasts four times as long as others:
+    # a loss that grows with their errors would go by them.
+    return fit(problem, loss="cauchy", local_searches=1, errors="clustered", **options)
 
 
 def study(
@@ -148,13 +161,8 @@ def study(
         As in `dashpot.calibrate.fit`. Whole rollouts make a cost with many valleys, which CMA-ES
         takes best.
     """
-    if not 1 <= fitted < len(tosses):
-        raise ValueError(f"fitted must be in [1, {len(tosses) - 1}], got {fitted!r}")
     shape = Cube() if cube is None else cube
-    order = np.random.default_rng(seed).permutation(len(tosses))
-    seen, unseen = (
-        [tosses[i] for i in sorted(chosen)] for chosen in (order[:fitted], order[fitted:])
-    )
+    seen, unseen = split(tosses, fitted, seed)
     if body:
         shape = weighed(seen, shape, length_scale=length_scale)
     problem, others = (
@@ -169,23 +177,18 @@ def study(
         )
         for part in (seen, unseen)
     )
-    result = fit(
+    result = _fitted(
         problem,
         method=method,
-        # Some tosses are beyond every model, and one of them lasts four times as long as others:
-        # a loss that grows with their errors would go by them.
-        loss="cauchy",
         starts=starts,
-        local_searches=1,
         max_evaluations=max_evaluations,
-        errors="clustered",
         seed=seed,
         nthread=nthread,
         progress=progress,
     )
     return Study(
         result,
-        shape,
         evaluate(problem, result.values, shape, nthread=nthread),
         evaluate(others, result.values, shape, nthread=nthread),
+        shape,
     )
