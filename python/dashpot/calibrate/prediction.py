@@ -17,7 +17,7 @@ from dashpot.calibrate.problem.data_warnings import warn_of_noisy_starts
 from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.residuals.losses import Loss, LossName
 from dashpot.calibrate.residuals.objective import Objective
-from dashpot.calibrate.residuals.recorder import rotation_between
+from dashpot.calibrate.residuals.poses import rotation_between
 from dashpot.calibrate.search.budget import Budget
 from dashpot.calibrate.search.least_squares import least_squares
 from dashpot.calibrate.search.search import Search

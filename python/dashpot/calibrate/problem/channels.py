@@ -67,6 +67,11 @@ class Channel:
         """Where its residuals stand: rows and columns."""
         return Block(self.name, *self.measured.shape)
 
+    @property
+    def with_frames(self) -> bool:
+        """Whether its times are of frames, which may be farther apart than stated, or less."""
+        return not (self.own_clock or self.kind == "event")
+
     def off(self, reading: Array) -> Array:
         """Return (..., rows, columns) numbers read less those observed.
 

@@ -87,6 +87,13 @@ class Sensing:
         """Return its values, None where no parameter sets the quantity."""
         return self.values.get((quantity, channel))
 
+    def through(self, reading: Array, channel: str) -> Array:
+        """Return what a channel reads (simulations, rows, columns) with its gain and offset."""
+        gain, offset = self.of("gain", channel), self.of("offset", channel)
+        if gain is not None:
+            reading = gain.reshape(len(gain), 1, -1) * reading
+        return reading if offset is None else reading + offset.reshape(len(offset), 1, -1)
+
 
 def sensing(
     setters: Mapping[str, SensingSetter],

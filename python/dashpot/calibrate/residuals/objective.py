@@ -11,7 +11,7 @@ residuals of its own to those of the trajectory, or is held
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate.problem.known_starts import KnownStarts
 from dashpot.calibrate.problem.problem import Problem
-from dashpot.calibrate.problem.sensing import sensing
 from dashpot.calibrate.problem.setters import System, model_of
 from dashpot.calibrate.residuals.arrow import ArrowMatrix
-from dashpot.calibrate.residuals.candidates import Batch, Candidate, SimulationError, failure_of
+from dashpot.calibrate.residuals.candidates import Candidate, SimulationError, failure_of
 from dashpot.calibrate.residuals.checkpoint import Checkpoint
 from dashpot.calibrate.residuals.differences import derivatives_along
 from dashpot.calibrate.residuals.first_counts import with_counts
@@ -30,6 +29,7 @@ from dashpot.calibrate.residuals.idle_states import (
     without_idle_parameters,
     without_idle_states,
 )
+from dashpot.calibrate.residuals.readings import readings_of
 from dashpot.calibrate.residuals.recorder import Recorder
 from dashpot.calibrate.residuals.workers import Workers
 
@@ -237,7 +237,9 @@ class Objective:
         if rows:
             starts = self._known.residuals(self._states(points[rows]))
             residuals[np.ix_(np.array(rows), np.flatnonzero(~self.moving))] = starts
-        for t, users, readings in self._read(candidates, failures):
+        for t, users, readings in readings_of(
+            self.problem, self.recorders, candidates, failures, self.nthread
+        ):
             rows_of_t = slice(self.offsets[t], self.offsets[t + 1] - self.layouts[t].starts)
             residuals[users, rows_of_t] = self.recorders[t].residuals(readings)
         residuals = np.where(self._measured, residuals, 0.0)
@@ -360,7 +362,9 @@ class Objective:
         """
         candidates, failures = self._candidates(np.atleast_2d(point))
         found: list[dict[str, Array]] = [{} for _ in self.recorders]
-        for t, _, readings in self._read(candidates, failures):
+        for t, _, readings in readings_of(
+            self.problem, self.recorders, candidates, failures, self.nthread
+        ):
             for channel, reading in zip(self.recorders[t].channels, readings, strict=True):
                 early = channel.time < 0.5 * channel.window
                 found[t][channel.name] = np.where(early[:, None], np.nan, reading[0])
@@ -462,41 +466,3 @@ class Objective:
             name = self.problem.trajectories[t].name
             systems[key] = self.problem.build(values, name) if known is None else known
         return systems[key]
-
-    def _read(
-        self, candidates: Mapping[int, Candidate], failures: dict[int, SimulationError]
-    ) -> Iterator[tuple[int, list[int], list[Array]]]:
-        """Simulate candidates; yield a trajectory, some candidates, and what channels read of them.
-
-        Candidates of which a simulation fails are added to `failures` in the end, each with that of
-        its first trajectory that does.
-        """
-        if not candidates:
-            return
-        batch = Batch(candidates, self.recorders)
-        setters = [self.problem.sensing_setters(t) for t in self.problem.trajectories]
-        failed: dict[int, tuple[int, str]] = {}
-        for some in batch.record(self.nthread):
-            found: dict[int, tuple[list[int], list[Array]]] = {}
-            for simulation, row, failure in some:
-                for v, t in batch.users[simulation]:
-                    if failure:
-                        failed[v] = min(failed.get(v, (t, failure)), (t, failure))
-                        continue
-                    users, rows = found.setdefault(t, ([], []))
-                    users.append(v)
-                    rows.append(row)
-            for t, (users, rows) in found.items():
-                seen = sensing(
-                    setters[t],
-                    [candidates[v].values for v in users],
-                    [model_of(candidates[v].systems[t]) for v in users],
-                )
-                pace = np.array([candidates[v].pace[t] for v in users])
-                readings, refused = self.recorders[t].readings(np.array(rows), seen, pace)
-                for item, reason in refused.items():
-                    v = users[item]
-                    failed[v] = min(failed.get(v, (t, reason)), (t, reason))
-                yield t, users, readings
-        for v, (_, failure) in failed.items():
-            failures[v] = failure_of(candidates[v].values, failure)

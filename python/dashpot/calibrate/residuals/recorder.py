@@ -34,6 +34,7 @@ from dashpot.calibrate.problem.problem import Problem
 from dashpot.calibrate.problem.sensing import Sensing
 from dashpot.calibrate.residuals.clocks import at_times, instants_of, means_over
 from dashpot.calibrate.residuals.events import apex_heights, impact_times, in_order, peak
+from dashpot.calibrate.residuals.poses import pose_errors, same_side
 
 Array = NDArray[np.float64]
 
@@ -139,8 +140,7 @@ class Recorder:
             if delay is None and view is not None:
                 delay = sensing.of("delay", view.camera)
             late = np.zeros((1, 1)) if delay is None else delay[:, None]
-            own = channel.own_clock or channel.kind == "event"
-            times = channel.time / pace[:, None] if own else channel.time
+            times = channel.time if channel.with_frames else channel.time / pace[:, None]
             times = times - late / pace[:, None]
             times = np.broadcast_to(times, (len(table), channel.time.size))
             if channel.kind == "residual":
@@ -160,7 +160,7 @@ class Recorder:
                 reading = (np.array(happened) * pace[:, None] + late)[..., None]
             else:
                 reading = self._scalar(channel, table)
-            found[channel.name] = _through(reading, channel, sensing)
+            found[channel.name] = sensing.through(reading, channel.name)
         refused = self._add_own(found, table, pace)
         return [found[channel.name] for channel in self.channels], refused
 
@@ -202,7 +202,7 @@ class Recorder:
             position={body: frozen(poses[:, i, :3]) for i, body in enumerate(bodies)},
             quaternion={body: frozen(poses[:, i, 3:]) for i, body in enumerate(bodies)},
             sensors={name: frozen(values) for name, values in sensors.items()},
-            times={c.name: frozen(start + _paced(c, pace) * c.time) for c in read},
+            times={c.name: frozen(start + (pace if c.with_frames else 1.0) * c.time) for c in read},
             readings={channel.name: frozen(readings[channel.name]) for channel in read},
         )
 
@@ -230,7 +230,7 @@ class Recorder:
     def _errors(self, channel: Channel, reading: Array) -> Array:
         """Return (items, rows, columns) weighted residuals of a channel."""
         if channel.kind == "poses":
-            error = _pose_errors(reading, channel.observed, self._bodies)
+            error = pose_errors(reading, channel.observed, self._bodies)
         else:
             error = channel.off(reading)
         return np.asarray(error / channel.sigma * channel.measured)
@@ -257,7 +257,7 @@ class Recorder:
     def _at(self, poses: Array, times: Array) -> Array:
         if not self._every_step:
             return poses
-        poses = at_times(_same_side(poses), times, self._step)
+        poses = at_times(same_side(poses), times, self._step)
         turned = poses.reshape(*poses.shape[:2], -1, 7)
         turned[..., 3:] /= np.linalg.norm(turned[..., 3:], axis=-1, keepdims=True)
         return poses
@@ -295,54 +295,3 @@ def _peaks(channels: list[Channel]) -> list[str]:
     """Return the sensors of which peaks are observed."""
     scalars = [channel.name for channel in channels if channel.kind == "scalar"]
     return [name[len(_PEAK) :] for name in scalars if name.startswith(_PEAK)]
-
-
-def _paced(channel: Channel, pace: float) -> float:
-    """Return how many times as long as stated times of a channel are: those of frames."""
-    return 1.0 if channel.own_clock or channel.kind == "event" else pace
-
-
-def _through(reading: Array, channel: Channel, sensing: Sensing) -> Array:
-    """Return what a sensor or scalar reads with its gain and offset."""
-    gain, offset = (sensing.of(quantity, channel.name) for quantity in ("gain", "offset"))
-    if gain is not None:
-        reading = gain.reshape(len(gain), 1, -1) * reading
-    return reading if offset is None else reading + offset.reshape(len(offset), 1, -1)
-
-
-def _same_side(poses: Array) -> Array:
-    """Return poses whose quaternions have no jump of sign from one to the next."""
-    result = poses.copy()
-    quaternion = result.reshape(*poses.shape[:2], -1, 7)[..., 3:]
-    turned = np.einsum("...i,...i->...", quaternion[:, 1:], quaternion[:, :-1]) < 0.0
-    sign = np.where(np.cumsum(turned, axis=1) % 2, -1.0, 1.0)
-    quaternion[:, 1:] *= sign[..., None]
-    return result
-
-
-def _pose_errors(reading: Array, observed: Array, bodies: int) -> Array:
-    """Return (items, frames, 6 bodies) of poses (items, frames, 7 bodies), observed (frames, .)."""
-    shape = (*reading.shape[:-1], bodies, 7)
-    simulated, seen = reading.reshape(shape), observed.reshape(shape[1:])
-    error = np.empty((*shape[:-1], 6))
-    error[..., :3] = simulated[..., :3] - seen[..., :3]
-    error[..., 3:] = rotation_between(seen[..., 3:], simulated[..., 3:])
-    return error.reshape(*reading.shape[:-1], 6 * bodies)
-
-
-def rotation_between(first: Array, second: Array) -> Array:
-    """Return the rotation vectors (..., 3) of ``R_1^T R_2``, of quaternions, the shorter way."""
-    a, b = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
-    w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    v = np.stack(
-        [
-            a[0] * b[1] - a[1] * b[0] - a[2] * b[3] + a[3] * b[2],
-            a[0] * b[2] + a[1] * b[3] - a[2] * b[0] - a[3] * b[1],
-            a[0] * b[3] - a[1] * b[2] + a[2] * b[1] - a[3] * b[0],
-        ],
-        axis=-1,
-    )
-    sine = np.sqrt(np.einsum("...i,...i->...", v, v))
-    angle = 2.0 * np.arctan2(sine, np.abs(w))
-    scale = np.divide(angle, sine, out=np.full_like(sine, 2.0), where=sine > 0.0)
-    return np.asarray((np.where(w < 0.0, -1.0, 1.0) * scale)[..., None] * v)
