@@ -21,7 +21,7 @@ from dashpot.calibrate import tosses
 from dashpot.data import load_cube_tosses
 
 # What is fitted and where, and the budget of each search: the more unknowns, the more.
-EVALUATIONS = {"contact": 140, "body": 340, "load": 400}
+EVALUATIONS = {"contact": 140, "body": 340, "load": 500}
 MODELS = {
     "contact": {"dashpot": {"body": False}, "MuJoCo": {"body": False, "peer": True}},
     "body": {"dashpot": {"body": True}, "MuJoCo": {"body": True, "peer": True}},

@@ -300,7 +300,7 @@ def test_real_tosses_are_predicted():
     problem = tosses.toss_problem(data.tosses[:40], cube)
     values = {"stiffness": 1e5, "damping_ratio": 0.65, "sliding_friction": 0.175}
     errors = tosses.evaluate(problem, values, cube)
-    # A fit reaches 9 % and 8 degrees on unseen tosses (benchmarks/cube_tosses.py); 40 tosses
+    # A fit reaches 7 % and 6 degrees on unseen tosses (benchmarks/cube_tosses.py); 40 tosses
     # scatter by about 1.5 % and 2 degrees around their mean.
     assert errors.mean_position < 13.0
     assert errors.mean_rotation < 13.0
