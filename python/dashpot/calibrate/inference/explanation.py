@@ -17,7 +17,7 @@ class Explanation:
     Attributes
     ----------
     channel
-        That reads so: ``"poses"``, or the name of a sensor, event or scalar.
+        That reads so: ``"poses"``, or the name of a sensor, camera, event or scalar.
     quantity
         As the methods of `Parameter`; ``"sampling"``: as ``Trajectory(sampling=...)``.
     value
