@@ -46,8 +46,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
       model(m),
       parameters(p),
       motion(m, p.options.law != Law::kComFree),
-      trapezoid(m),
-      runge_kutta(p.options.law == Law::kComFree) {
+      trapezoid(m) {
   host::check_supported(m, p.options);
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
@@ -86,7 +85,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
   clock = StepClock();
-  clock.whole = clock.uncut = parts.whole();
+  clock.whole = parts.whole();
   StepStats total;
   int taken = 0;
   for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
@@ -125,11 +124,10 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
     detect_and_solve(d, parts, mocap);
   }
   find_forces(d);
-  find_stages(d, new_control);
   report_forces(d);
   advance_state(d);
   mocap.write_velocities();
-  books.add_smooth_work(d, solved_part(), forces.of_microsteps(), team);
+  books.add_smooth_work(d, solved_part(), team);
   books.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
@@ -234,11 +232,9 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(clock.stride(), on_trees.held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(d,
-                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
-                  leapfrog.fell_back(), leapfrog.way_back(), books.way()},
+                 {clock.length, leaves_half, constraints, rows, data, on_trees.held, books.way()},
                  motion, view, books.ledger());
   books.close(view);
 }

@@ -16,16 +16,16 @@ namespace dashpot {
 // earlier.
 bool Stepper::Impl::shorten_for_turns(mjData_* d, host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  const double* const held = memory(d).held_motion().length;
-  return shorten_for_all(std::min(part_of_smooth_turn(model, d, motion, held, clock),
-                                  part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
-                         parts);
+  const double* const held = memory(d).held_motion().held;
+  return shorten(std::min(part_of_smooth_turn(model, d, motion, held, clock),
+                          part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
+                 parts);
 }
 
 // Ends the part earlier where its rows have thrown trees about; returns whether they have.
 bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
-  return shorten_for_all(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
+  return shorten(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
 }
 
 // Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
@@ -34,13 +34,7 @@ bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
   if (parameters.options.law == Law::kComFree) return false;
   const double turn = trapezoid.fastest_turn();
   clock.row_turn_rate = turn / clock.length;
-  return shorten_for_all(part_of_turning_rows(turn, clock), parts);
-}
-
-bool Stepper::Impl::shorten_for_all(double shorter, host::StepParts& parts) {
-  if (!shorten(shorter, parts)) return false;
-  clock.uncut = std::min(clock.uncut, clock.length);
-  return true;
+  return shorten(part_of_turning_rows(turn, clock), parts);
 }
 
 bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
@@ -78,7 +72,7 @@ void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   const Memory view = memory(d);
   host::freeze_contacts(model, d,
                         {clock.length, differentiable, motion.trees(), data.velocity.data(),
-                         leapfrog.lead_at_start(), frequency, view},
+                         frequency, view},
                         detection.faces, detection.workplaces, contacts, tree_ahead, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)

@@ -40,7 +40,7 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
 // Whether anything has another way than the smooth motion that detection went by.
 bool Stepper::Impl::goes_beyond_detection() const {
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (on_trees.touched[tree] || leapfrog.late_way(tree)) return true;
+    if (on_trees.touched[tree]) return true;
   return false;
 }
 

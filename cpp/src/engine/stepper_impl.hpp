@@ -19,7 +19,6 @@
 #include "dashpot/impacts/middle.hpp"
 #include "dashpot/islands/contact_matching.hpp"
 #include "dashpot/microsteps/microstep.hpp"
-#include "dashpot/motion/leapfrog.hpp"
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/host.hpp"
@@ -64,7 +63,6 @@ struct Stepper::Impl {
   void detect(mjData_* d, host::MocapMotion& mocap);
   bool shorten_for_throws(host::StepParts& parts);
   bool shorten_for_rows(host::StepParts& parts);
-  bool shorten_for_all(double shorter, host::StepParts& parts);
   bool shorten(double shorter, host::StepParts& parts);
 
   // What sleeps.
@@ -84,7 +82,7 @@ struct Stepper::Impl {
   HitFrequency hit_frequency() const;
   void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
-  void act_along_in_held_trees(mjData_* d);
+  void act_along_in_links(mjData_* d);
 
   // What rows do over the part, by either law.
   void update_complementarity_free(mjData_* d);
@@ -95,8 +93,6 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory(mjData_* d) const;
   void find_touched_trees();
-  void find_trees_in_time();
-  bool lands_in_next_step(const RowGroup& c) const;
 
   // The part anew where blows bring about more contacts (knock_on.cpp).
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
@@ -104,13 +100,8 @@ struct Stepper::Impl {
 
   // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
-  void find_stages(mjData_* d, bool new_control);
-  void find_held_acceleration();
-  void find_integrated(mjData_* d);
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
-  void add_second_halves_in_flight(mjData_* d);
-  bool rows_move_all() const;
   RowsOnTree rows_on_tree(int tree) const;
 
   // What is kept of the part, and told of it.
@@ -129,7 +120,6 @@ struct Stepper::Impl {
   long long data_size;
   bool differentiable = false;
   TreeMotion motion;
-  Leapfrog leapfrog;
   Trapezoid trapezoid;
 
   // Found anew in every step or part of one, or kept from one to the next for their arrays.
@@ -162,16 +152,10 @@ struct Stepper::Impl {
   ComFreeGroups comfree_groups;
 
   // What they do.
-  std::vector<char> may_be_held;   // by tree: rows that have a position may move it
-  std::vector<char> goes_in_time;  // by tree: it does, whether or not one of these holds it
   RowData data;
-  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   MicrostepLoop microsteps{team.size()};
   RowsOnTrees on_trees;
   std::vector<double> recovery;  // by motion coordinate: displacement that equalities recover
-  host::RungeKutta runge_kutta;
-  bool has_stages = false;                // RK4, in this part
-  std::vector<double> held_acceleration;  // see RungeKutta::find_motion
   StepForces forces;
   Books books;
 };

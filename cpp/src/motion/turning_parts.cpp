@@ -5,7 +5,6 @@
 
 #include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 
 namespace dashpot {
 
@@ -17,11 +16,6 @@ bool is_far(double turn, double bend) {
 
 double equal_part(double parts, double rest, double whole) {
   return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
-}
-
-// Of what the stages of RK4 are followed in, which move trees that no row holds.
-double followed(const mjModel_* m, bool held) {
-  return host::is_runge_kutta(m) && !held ? 0.5 : 1.0;
 }
 
 // How many parts a ball or free joint of this angular velocity and acceleration asks for in `rest`.
@@ -46,14 +40,12 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
   const double rest = clock.length, whole = clock.whole;
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    const double share = followed(m, held && held[index] > 0.0);
-    const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
-    if (motion.is_accurate(index) && !by_stages) continue;
+    if (motion.is_accurate(index)) continue;
     const Tree& tree = motion.trees().tree[index];
     double fastest = 0.0;
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {
-      const double turn = share * rest * std::abs(motion.start_velocity()[dof]);
-      const double bend = share * rest * rest * std::abs(motion.smooth_acceleration()[dof]);
+      const double turn = rest * std::abs(motion.start_velocity()[dof]);
+      const double bend = rest * rest * std::abs(motion.smooth_acceleration()[dof]);
       if (host::is_rotational(m, dof)) {
         fastest = std::max(fastest, turn);
         if (is_far(turn, bend))
@@ -61,14 +53,14 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
       }
       if (host::begins_spin(m, dof))
         parts = std::max(
-            parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
+            parts, parts_of_spin(rest, whole, motion.start_velocity().data() + dof,
                                  motion.smooth_acceleration().data() + dof));
     }
     if (held && held[index] > 0.0)
       parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);
     const double turn = fastest * whole / rest;
     if (turn > kFollowedTurn && !tree.free_body &&
-        turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)
+        turn * whole * motion.translation_by_turning(d, index) > kFollowedBend)
       parts = std::max(parts, fastest / kPartTurn);
   }
   return equal_part(parts, rest, whole);

@@ -7,7 +7,7 @@
 
 #include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"

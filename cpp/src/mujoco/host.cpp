@@ -121,19 +121,18 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<ContactInput
   call_with_callbacks(mj_sensorAcc, m, d);
 }
 
-bool adds_to_smooth_motion(const mjModel_* m) {
-  return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
-}
+bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
 
 void advance_all_but_motion(mjModel_* m, mjData_* d) {
   const Disabled damping(m, mjDSBL_EULERDAMP);
   mj_Euler(m, d);
 }
 
-void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta) {
+void integrate(mjModel_* m, mjData_* d, bool uses_motion, bool any_rows) {
   const StaysAwake awake(m, d);
-  if (is_runge_kutta(m) && uses_motion)
-    runge_kutta.advance(m, d);
+  if (is_runge_kutta(m) && uses_motion && !any_rows)
+    call_with_callbacks([](const mjModel* model, mjData* data) { mj_RungeKutta(model, data, 4); },
+                        m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
   else if (uses_motion && !is_discrete(m))

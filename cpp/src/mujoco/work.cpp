@@ -9,6 +9,7 @@
 #include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/host.hpp"
 
 extern "C" {
 void mjd_smooth_vel(const mjModel* m, mjData* d, int flg_bias);
@@ -57,10 +58,7 @@ void group_trees(const mjModel* m, int trees, std::vector<int>& group) {
 void SmoothWork::find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion) {
   damping = applied = 0.0;
   find_mean_forces(m, d, trees, motion);
-  for (int i = 0; i < m->nv; ++i) {
-    applied += driving_force_[i] * motion.displacement[i];
-    if (has_stages(motion, m->dof_treeid[i])) applied += motion.stages->driving.work_of_changes[i];
-  }
+  for (int i = 0; i < m->nv; ++i) applied += driving_force_[i] * motion.displacement[i];
   const int count = static_cast<int>(trees.tree.size());
   group_trees(m, count, group);
   left_to_rows.assign(count, 0.0);
@@ -96,11 +94,6 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Tre
   for (int i = 0; i < m->nv; ++i) {
     undamped_force_[i] = d->qfrc_smooth[i] - damping_force_[i];
     if (!motion.spring_change.empty()) undamped_force_[i] += motion.spring_change[i];
-    if (!has_stages(motion, m->dof_treeid[i])) continue;
-    const StageForces& stages = *motion.stages;
-    damping_force_[i] = stages.damping.mean[i];
-    driving_force_[i] = stages.driving.mean[i];
-    undamped_force_[i] = stages.smooth.mean[i] - stages.damping.mean[i];
   }
   // What implicit springs lack of their force at the start, they take as dampers do.
   for (size_t index = 0; index < trees.tree.size(); ++index)
@@ -140,7 +133,6 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
       if (brakes(trees.tree[index]))
         to[group[index]] += implicit_braking(m, d, trees, index, kept_[index], sign, motion);
   };
-  if (motion.stages) add_changes_in_stages(trees, motion);
   if (!takes_derivatives(m) || m->nactuator == 0 || (m->opt.disableflags & mjDSBL_ACTUATION))
     return add_braking(dampers_, 1.0);
   // Of actuators: all less that of dampers.
@@ -151,17 +143,6 @@ void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,
   });
   add_braking(actuators_, -1.0);
   add_braking(dampers_, 1.0);
-}
-
-void SmoothWork::add_changes_in_stages(const Trees& trees, const StepMotion& motion) {
-  for (int index = 0; index < static_cast<int>(trees.tree.size()); ++index) {
-    if (!has_stages(motion, index)) continue;
-    const Tree& t = trees.tree[index];
-    double work = 0.0;
-    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-      work += motion.stages->damping.work_of_changes[i];
-    dampers_[group[index]] += {-work, -kept_[index] * work};
-  }
 }
 
 // s of a tree that rows moved.
@@ -205,9 +186,8 @@ SmoothWork::Braking SmoothWork::implicit_braking(const mjModel_* m, const mjData
   };
   const double step = m->opt.timestep, gained = gain(change);
   double integrated = step * gained;
-  if (has_stages(motion, tree)) return {};
-  if (!(*motion.touched)[tree]) {
-    if (t.damped) integrated -= (step - trees.implicit_time) * gain(motion.added);
+  if (!(*motion.in_microsteps)[tree]) {
+    if (is_runge_kutta(m)) integrated = 0.0;
     return {integrated, integrated};
   }
   if (t.damped) {
@@ -234,10 +214,6 @@ void SmoothWork::find_losses(const mjModel_* m, const mjData_* d, const Trees& t
     for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
       lost += undamped_force_[i] * motion.displacement[i] -
               (motion.start_velocity[i] + 0.5 * change_[i]) * momentum_[i];
-    if (!has_stages(motion, static_cast<int>(index))) continue;
-    const StageForces& stages = *motion.stages;
-    for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i)
-      lost += stages.smooth.work_of_changes[i] - stages.damping.work_of_changes[i];
   }
 }
 

@@ -35,23 +35,12 @@
 //
 //     integral of v'D (v - v0) dt - x'g  +  s e (v1'D v1 - v0'D v0) / 2 ,
 //
-// the last being what is left to rows with 1 - s. A tree in flight that the last step left a second
-// half k has it from an inertia with e D, and goes on with H D.
-//
-// RK4 sees smooth forces f_i and velocities v_i in its stages, of weights w_i. They do the work
-// that it would find if energy were one more of the quantities that it integrates, as exactly as it
-// finds these:
-//
-//     H sum w_i f_i v_i  =  f x + H sum w_i (f_i - f) (v_i - v),    f, v: means,  x = H v.
-//
-// Dry friction is all that acts on such trees beside: of the last sum dampers take s times theirs,
-// as where rows act within a moment the velocities of the stages are those of no time.
+// the last being what is left to rows with 1 - s.
 
 #pragma once
 
 #include <vector>
 
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/rows/trees.hpp"
 
 struct mjModel_;
@@ -61,15 +50,13 @@ namespace dashpot::host {
 
 // How a step moved: generalized velocity at its start, displacement that the change of kinetic
 // energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
-// the tree), smooth acceleration (nv each), and by tree whether rows moved it. `stages`: forces in
-// the stages of RK4, null with others, and by tree whether RK4 moved it.
+// the tree), smooth acceleration (nv each); by tree whether rows moved it, and whether it went as
+// in the micro-steps.
 struct StepMotion {
   const double *start_velocity, *displacement, *acceleration;
   const std::vector<char>* touched;
-  const StageForces* stages;
-  const std::vector<char>* integrated;
+  const std::vector<char>* in_microsteps;
   const double* braked;  // RowData::braked
-  const double* added;   // velocity that the last step left to trees in flight (nv)
   // Mean change of springs over a way in the micro-steps (nv); empty where none act there.
   const std::vector<double>& spring_change;
 };
@@ -97,7 +84,6 @@ class SmoothWork {
     }
   };
   void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
-  void add_changes_in_stages(const Trees& trees, const StepMotion& motion);
   double kept_change(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
                      const StepMotion& motion) const;
   static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
@@ -108,9 +94,6 @@ class SmoothWork {
                    const StepMotion& motion);
   void find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
                         const StepMotion& motion);
-  static bool has_stages(const StepMotion& motion, int tree) {
-    return motion.stages && (*motion.integrated)[tree];
-  }
 
   // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
   // whether rows moved any of the trees.

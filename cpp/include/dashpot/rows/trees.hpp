@@ -136,9 +136,6 @@ struct Trees {
               bool is_sparse = false);
 };
 
-// Mean over the trees of a contact, -1 for none, of a value by tree; 0 where there are none.
-double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value);
-
 // out += (damping D + stiffness K) x, over the coordinates of a tree: of Trees::implicit.
 inline void add_implicit(const ImplicitEntry* first, const ImplicitEntry* last, int dof_begin,
                          double damping, double stiffness, const double* x, double* out) {
