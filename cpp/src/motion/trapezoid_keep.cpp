@@ -43,7 +43,7 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree,
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
-  drives_.keep(t, now);
+  drives_.keep(model_, motion.trees(), tree, motion.start_velocity().data(), host::velocity(d), now);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];

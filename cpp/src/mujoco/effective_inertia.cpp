@@ -28,7 +28,7 @@ namespace {
 // Fraction of H that D stays implicit for beside rows: with less, what drives gain within a step
 // (trapezoid.hpp) throws about light links that dampers hold; with more, what strong dampers hold
 // follows late.
-constexpr double kImplicitPart = 0.25;
+constexpr double kImplicitPart = 1.0 / 26.0;
 // Fraction of a velocity that explicit damping takes in a step. Followed to second order, as Adams
 // and Bashforth do, it is stable up to 1, held over the step up to 2.
 constexpr double kStrongDamping = 0.5;
