@@ -50,15 +50,13 @@ void Books::add_smooth_work(mjData_* d, const SolvedPart& part, Team& team) {
   const mjModel_* const model = part.model;
   const TreeMotion& motion = part.motion;
   find_ways(d, part, team);
-  find_spring_changes(part);
   ledger_.dissipated_recovery += host::potential_work(model, d, recovered_.data());
   smooth_work_.find(
       model, d, motion.trees(),
       {motion.start_velocity().data(), way_.data(), motion.smooth_acceleration().data(),
-       &part.on_trees.touched, &in_microsteps_, part.data.braked.data(), spring_change_});
+       &in_microsteps_, part.data.braked.data()});
   ledger_.dissipated_damping -= smooth_work_.damping;
   ledger_.work += smooth_work_.applied + work_ahead_of_servos(part);
-  book_left_to_rows(part.rows, part.data, smooth_work_.group, smooth_work_.left_to_rows, ledger_);
   for (const RowGroup& c : part.rows.group)
     ledger_.work += surface_work(part.rows, c, part.data.total_impulse.data() + c.row);
   for (double work : part.data.acceleration_work) ledger_.work -= work;
@@ -88,26 +86,6 @@ void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
     motion.to_generalized(index, part.recovery.data() + tree.begin, shift);
     for (int i = 0; i < tree.dof_count; ++i) way[i] -= shift[i];
   });
-}
-
-// Over a way x, -k x / 2 in the mean.
-void Books::find_spring_changes(const SolvedPart& part) {
-  spring_change_.clear();
-  const Trees& trees = part.motion.trees();
-  for (int index = 0; index < part.motion.tree_count(); ++index) {
-    const Tree& tree = trees.tree[index];
-    if (!tree.sprung || !in_microsteps_[index]) continue;
-    spring_change_.resize(way_.size(), 0.0);
-    if (tree.elastic) {
-      half_way_.resize(tree.dof_count);
-      for (int i = 0; i < tree.dof_count; ++i) half_way_[i] = 0.5 * way_[tree.dof_begin + i];
-      add_implicit(trees, index, 0.0, -1.0, half_way_.data(), &spring_change_[tree.dof_begin]);
-    }
-    for (int i = 0; i < tree.dof_count; ++i) {
-      const int dof = tree.dof_begin + i, k = tree.begin + i;
-      spring_change_[dof] -= 0.5 * trees.stiffness[k] * way_[dof];
-    }
-  }
 }
 
 // Work that servos did on free bodies by the force of the middle of the step beyond that of its

@@ -38,16 +38,13 @@ class Books {
 
  private:
   void find_ways(const mjData_* d, const SolvedPart& part, Team& team);
-  void find_spring_changes(const SolvedPart& part);
   double work_ahead_of_servos(const SolvedPart& part) const;
 
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J
   host::SmoothWork smooth_work_;
   std::vector<char> in_microsteps_;  // by tree: it went as in these
-  // By degree of freedom. Springs are those that act in the micro-steps, what they changed by in
-  // the mean over the way: empty where none act there.
-  std::vector<double> way_, recovered_, spring_change_, half_way_;
+  std::vector<double> way_, recovered_;  // by degree of freedom
 };
 
 }  // namespace dashpot
