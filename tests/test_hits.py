@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import dashpot
+from ends_of_steps import finish_velocity
 from exact import BouncingBall, damping_ratio_of
 from test_leapfrog import peaks
 
@@ -60,10 +61,7 @@ class Flight:
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy, and the sum of the ledger with that of the velocities' own time."""
-        half = -0.5 * self.model.opt.timestep
-        self.probe.qpos[:], self.probe.qvel[:] = self.data.qpos, self.data.qvel
-        mujoco.mj_integratePos(self.model, self.probe.qpos, self.data.qvel, half)
-        mujoco.mj_forward(self.model, self.probe)
+        finish_velocity(self.model, self.data, self.probe)
         mechanical = self.probe.energy.sum()
         now = self.engine.energy(self.data)
         return self.probe.energy[1], now.total - now.kinetic - now.potential + mechanical
