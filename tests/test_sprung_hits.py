@@ -181,7 +181,7 @@ def test_a_foot_at_rest_bears_the_preload_of_its_spring(integrator, servo):
     assert data.qpos[0] == pytest.approx(position, rel=1e-9)
 
 
-LINKS = """<mujoco><option timestep="{timestep}" integrator="RK4"/>
+LINKS = """<mujoco><option timestep="{timestep}" integrator="Euler"/>
   <default><geom contype="0" conaffinity="0"/></default><worldbody>
   <geom type="plane" size="1 1 1" conaffinity="1"/><body pos="0 0 .6">
     <joint type="slide" axis="0 0 1"/><joint type="slide" axis="1 0 0"/>
@@ -196,10 +196,10 @@ LINKS = """<mujoco><option timestep="{timestep}" integrator="RK4"/>
 
 @pytest.mark.parametrize(("timestep", "most"), [(0.001, 0.02), (0.002, 0.12)])
 def test_a_leg_of_two_sprung_links_bounces_with_what_it_has(timestep, most):
-    """It falls by 0.27 m, 3.4 J, on a frictionless floor; with RK4, whose flight keeps energy.
+    """It falls by 0.27 m, 3.4 J, on a frictionless floor.
 
     It gained 0.15 J in 1.2 s at 2 ms, of which the ledger knew but a third. What inertia changes by
-    while its foot is hit is of second order.
+    while its foot is hit is of second order, and so is what velocities lack of a second half.
     """
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(LINKS.format(timestep=timestep)))
     for geom in range(engine.model.ngeom):
@@ -211,6 +211,6 @@ def test_a_leg_of_two_sprung_links_bounces_with_what_it_has(timestep, most):
         hits += engine.step(data).touching
         energy = engine.energy(data)
         change = energy.kinetic + energy.potential + energy.elastic - start
-        assert -most < change < 0.01
+        assert -most < change < 0.02 * (timestep / 0.002)
     assert hits > 5
     assert energy.total == pytest.approx(start, abs=0.1 * most)

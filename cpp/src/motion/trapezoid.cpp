@@ -128,6 +128,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
     coupled.left_half = true;
     coupled.held = coupled.held || before.held[index] != 0.0;
     coupled.wanted += before.energy[index];
+    const bool flies = !coupled.by_equalities && before.held[index] == 0.0;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.count; ++i)
       force[i] = 0.5 * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
@@ -140,7 +141,7 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       if (!coupled.follows_drives) continue;
       const double change = 0.5 * drives_.followed_change(dof);
       force[i] += change;
-      coupled.driven += change * before.displacement[dof];
+      if (!flies) coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
     }
     double* half = second_half_.data() + t.begin;
@@ -150,7 +151,26 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
     if (!coupled.by_equalities) holding_rows_.bar(trees, index, half, 1.0);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
+    if (flies && coupled.drives_change)
+      coupled.driven += work_of_drives(trees, index, before.length[index], velocity);
   }
+}
+
+// Work (J) that changes of drives, which may be jumps, do on a tree in flight: as the last part of
+// its second half.
+double Trapezoid::work_of_drives(const Trees& trees, int index, double length,
+                                 const std::vector<double>& velocity) {
+  const Tree& t = trees.tree[index];
+  double* impulse = force_.data() + t.begin;
+  for (int i = 0; i < t.dof_count; ++i)
+    impulse[i] = 0.5 * length * drives_.followed_change(t.dof_begin + i);
+  load_response_.assign(t.count, 0.0);
+  add_response(trees, index, impulse, load_response_.data());
+  double work = 0.0;
+  for (int i = 0; i < t.dof_count; ++i)
+    work += impulse[i] * (velocity[t.dof_begin + i] + generalized_[t.dof_begin + i] -
+                          0.5 * load_response_[i]);
+  return work;
 }
 
 void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion& motion) {

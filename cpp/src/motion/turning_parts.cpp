@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
 
@@ -40,7 +41,7 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
   const double rest = clock.length, whole = clock.whole;
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (motion.is_accurate(index)) continue;
+    if (motion.is_accurate(index) || (!motion.linked()[index] && host::is_runge_kutta(m))) continue;
     const Tree& tree = motion.trees().tree[index];
     double fastest = 0.0;
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {

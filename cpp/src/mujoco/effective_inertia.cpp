@@ -25,9 +25,8 @@ namespace dashpot::host {
 
 namespace {
 
-// Fraction of H that D stays implicit for beside rows: with less, what drives gain within a step
-// (trapezoid.hpp) throws about light links that dampers hold; with more, what strong dampers hold
-// follows late.
+// Fraction of H that D stays implicit for in micro-steps, half of the longest of these: dampers are
+// followed to second order then, and any of them is stable.
 constexpr double kImplicitPart = 1.0 / 26.0;
 // Fraction of a velocity that explicit damping takes in a step. Followed to second order, as Adams
 // and Bashforth do, it is stable up to 1, held over the step up to 2.

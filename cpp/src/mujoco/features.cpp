@@ -7,6 +7,7 @@
 
 #include "dashpot/mujoco/constraints.hpp"
 #include "dashpot/mujoco/discrete.hpp"
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/names.hpp"

@@ -116,6 +116,8 @@ class Trapezoid {
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
   void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
+  double work_of_drives(const Trees& trees, int tree, double length,
+                        const std::vector<double>& velocity);
   // What of p the second half of a tree's step has: of one with gravity ahead, springs alone.
   double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
   void find_energies(const mjData_* d, double length, const TreeMotion& motion);

@@ -5,9 +5,8 @@
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
 //     discrete       of springs, dampers, servos, drag and flexes, with H^2 K (discrete.hpp)
 //
-// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp), and H D / 4 is left in
-// the inertia through which these rows act. So do the springs of `discrete`, of which D
-// has H K. The stages of RK4 see dampers themselves, and M.
+// Dampers of a linked tree act in its micro-steps (microstep.hpp), and H D / 26 is left in the
+// inertia through which rows act. So do the springs of `discrete`, of which D has H K.
 
 #pragma once
 
