@@ -137,8 +137,8 @@ def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
     # It has come down, and lies; at 2 ms its links may whirl for a while.
     assert found[-1] < (0.1 if timestep < 0.002 else 0.5) * found[0]
     assert max(found) < 1.01 * found[0]
-    # Where links turn far in a step, energy swings for a step or two. Of any five steps the least is
-    # hardly more than before, but at 2 ms, which does not resolve how they whirl (docs/limits.md).
+    # Where links turn far in a step, energy swings for a step or two. Of any five steps the least
+    # is hardly more than before, but at 2 ms, which does not resolve how they whirl.
     least = np.min([found[k : len(found) - 4 + k] for k in range(5)], axis=0)
     most = 0.06 if timestep < 0.002 else 0.2
     assert (least[1:] - np.minimum.accumulate(least)[:-1]).max() < most * found[0]

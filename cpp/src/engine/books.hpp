@@ -43,7 +43,7 @@ class Books {
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J
   host::SmoothWork smooth_work_;
-  std::vector<char> in_microsteps_;  // by tree: it went as in these
+  std::vector<char> in_microsteps_;      // by tree: it went as in these
   std::vector<double> way_, recovered_;  // by degree of freedom
 };
 

@@ -116,13 +116,7 @@ bool Stepper::Impl::in_touch(mjData_* d) const {
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool new_control = !parts.cut();
   start_part(d, new_control, host::Sensors::kForCallbacks, is_rough(parts), mocap);
-  if (shorten_for_turns(d, parts))
-    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
-  detect_and_solve(d, parts, mocap);
-  while (shorten_for_throws(parts) || shorten_for_rows(parts)) {
-    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
-    detect_and_solve(d, parts, mocap);
-  }
+  solve_part(d, parts, mocap);
   find_forces(d);
   report_forces(d);
   advance_state(d);
@@ -143,20 +137,6 @@ void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors senso
   motion.find_smooth_motion(d, clock.length, rough, data, team);
 }
 
-void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
-  const bool rough = is_rough(parts);
-  const double searched = clock.length;
-  clock.cut_short = false;
-  mocap.shorten(clock.length);
-  detect(d, mocap);
-  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  mocap.shorten(clock.length);
-  if (rough || clock.length != searched)
-    motion.find_smooth_motion(d, clock.length, false, data, team);
-  solve(d, mocap);
-  follow_knock_on(d, mocap);
-}
-
 void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   do {
     host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
@@ -166,12 +146,6 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   part = Part();
   correct_contacts_ahead(d);
   mocap.drive(contacts);
-}
-
-// Whether the smooth motion may be rough: a part that another will follow needs no more than
-// directions for the search of its end.
-bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
-  return parameters.options.impact == Impact::kCut && parts.cut() && clock.cuts < kMaxCuts;
 }
 
 // Corrects contacts of bodies in flight, which may meet elsewhere than found, or pass by. With the

@@ -124,16 +124,11 @@ StepView Stepper::Impl::view(mjData_* d) const {
 }
 
 SolvedPart Stepper::Impl::solved_part() const {
-  return {model,
-          parameters.options.law == Law::kComFree,
-          clock.length,
-          contacts,
-          constraints,
-          rows,
-          data,
-          on_trees,
-          recovery,
-          motion,
+  return {model,        parameters.options.law == Law::kComFree,
+          clock.length, contacts,
+          constraints,  rows,
+          data,         on_trees,
+          recovery,     motion,
           trapezoid};
 }
 

@@ -1,8 +1,8 @@
-// What a stepper holds. The step and its parts are in engine.cpp; their rows in part_rows.cpp, the
-// geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, the state at the end
-// in state.cpp, and the complementarity-free law in comfree.cpp. How rows are planned is in
-// row_plan.hpp, what their forces are in step_forces.hpp, what becomes of energy in books.hpp, and
-// what sleeps in sleeping_trees.hpp.
+// What a stepper holds. The step is in engine.cpp; how far its parts go in part_length.cpp, their
+// rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp,
+// and the complementarity-free law in comfree.cpp. How rows are planned is in row_plan.hpp, what
+// their forces are in step_forces.hpp, what becomes of energy in books.hpp, and what sleeps in
+// sleeping_trees.hpp.
 
 #pragma once
 
@@ -48,8 +48,7 @@ struct ComFreeGroups {
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
 
-  // A step, its parts, and what is done anew where a part turns out to be too long (engine.cpp,
-  // geometry.cpp).
+  // A step and its parts (engine.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   void complete_last_step(mjData_* d);
@@ -57,13 +56,17 @@ struct Stepper::Impl {
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
                   host::MocapMotion& mocap);
-  bool is_rough(const host::StepParts& parts) const;
-  bool shorten_for_turns(mjData_* d, host::StepParts& parts);
-  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void detect(mjData_* d, host::MocapMotion& mocap);
-  bool shorten_for_throws(host::StepParts& parts);
-  bool shorten_for_rows(host::StepParts& parts);
+
+  // How far a part goes (part_length.cpp).
+  void solve_part(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  double length_of_turns(mjData_* d);
+  double length_of_what_came();
   bool shorten(double shorter, host::StepParts& parts);
+  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  bool is_rough(const host::StepParts& parts) const;
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
 
   // What sleeps.
   bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
@@ -71,7 +74,6 @@ struct Stepper::Impl {
 
   // Contacts, beside those that detection finds.
   void correct_contacts_ahead(mjData_* d);
-  void cut_at_impact(mjData_* d, host::StepParts& parts);
 
   // Rows, and the geometry that they have.
   void find_rows(mjData_* d, host::MocapMotion& mocap);
@@ -93,10 +95,6 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory(mjData_* d) const;
   void find_touched_trees();
-
-  // The part anew where blows bring about more contacts (knock_on.cpp).
-  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
-  bool goes_beyond_detection() const;
 
   // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);

@@ -39,8 +39,7 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
   const double time = island.microsteps * island.duration, offset = data.offset[index];
   const double speed = std::min(offset / recovery_over(time).time,
                                 recovery_speed_of(rows, data, index, recovery_speed));
-  return c.is_unilateral() && c.dim == 1 &&
-         c.turning[0] == 0.0 &&
+  return c.is_unilateral() && c.dim == 1 && c.turning[0] == 0.0 &&
          (offset <= 0.0 || speed == 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
 }
 
@@ -113,7 +112,8 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
     const Tree& t = trees.tree[index];
     island_trees.push_back(
         {t, blocks.other_slices(index), trees.implicit_of(index), &trees, index});
-    for (auto* array : {&displacement, &moment, &way, &coordinate_impulse, &data.braked, &data.pulled})
+    for (auto* array :
+         {&displacement, &moment, &way, &coordinate_impulse, &data.braked, &data.pulled})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
   }
@@ -210,8 +210,8 @@ struct MicrostepLoop::Impl {
 
   std::vector<IslandLoop> loops;  // by worker
   std::vector<const Island*> small;
-  std::vector<char> moved;    // by tree
-  std::vector<int> in_flight;  // trees that no island moves
+  std::vector<char> moved;       // by tree
+  std::vector<int> in_flight;    // trees that no island moves
   std::vector<IslandWork> work;  // by island
   Team alone{1};
 };
@@ -252,20 +252,21 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<
   in_flight.clear();
   for (size_t tree = 0; tree < trees.tree.size(); ++tree)
     if (linked[tree] && !moved[tree]) in_flight.push_back(static_cast<int>(tree));
-  team.share(static_cast<int>(in_flight.size()), kTreesAtOnce, [&](int worker, int first, int last) {
-    for (int i = first; i < last; ++i) {
-      const Tree& t = trees.tree[in_flight[i]];
-      if (!t.damped && !t.sprung) {
-        coast(t, time, data);
-        continue;
-      }
-      Island alone;
-      alone.tree = {&in_flight[i], &in_flight[i] + 1};
-      alone.microsteps = kMinimumMicrosteps;
-      alone.duration = time / kMinimumMicrosteps;
-      impl_->loops[worker].run(rows, trees, alone, recovery_speed, data, impl_->alone);
-    }
-  });
+  team.share(static_cast<int>(in_flight.size()), kTreesAtOnce,
+             [&](int worker, int first, int last) {
+               for (int i = first; i < last; ++i) {
+                 const Tree& t = trees.tree[in_flight[i]];
+                 if (!t.damped && !t.sprung) {
+                   coast(t, time, data);
+                   continue;
+                 }
+                 Island alone;
+                 alone.tree = {&in_flight[i], &in_flight[i] + 1};
+                 alone.microsteps = kMinimumMicrosteps;
+                 alone.duration = time / kMinimumMicrosteps;
+                 impl_->loops[worker].run(rows, trees, alone, recovery_speed, data, impl_->alone);
+               }
+             });
   for (const IslandWork& of_island : work) {
     data.work += of_island.work;
     data.recovery_input += of_island.recovery_input;

@@ -107,8 +107,8 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
     }
     for (CoupledEnergy& coupled : coupled_)
       if (coupled.left_half)
-        coupled.scale = whole || !(coupled.held || coupled.by_equalities) ? 1.0
-                                                                          : coupled.find_scale();
+        coupled.scale =
+            whole || !(coupled.held || coupled.by_equalities) ? 1.0 : coupled.find_scale();
   } while (give_up_drives(coupled_));
   return true;
 }
@@ -168,8 +168,8 @@ double Trapezoid::work_of_drives(const Trees& trees, int index, double length,
   add_response(trees, index, impulse, load_response_.data());
   double work = 0.0;
   for (int i = 0; i < t.dof_count; ++i)
-    work += impulse[i] * (velocity[t.dof_begin + i] + generalized_[t.dof_begin + i] -
-                          0.5 * load_response_[i]);
+    work += impulse[i] *
+            (velocity[t.dof_begin + i] + generalized_[t.dof_begin + i] - 0.5 * load_response_[i]);
   return work;
 }
 

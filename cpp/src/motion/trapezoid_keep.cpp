@@ -43,7 +43,8 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree,
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
-  drives_.keep(model_, motion.trees(), tree, motion.start_velocity().data(), host::velocity(d), now);
+  drives_.keep(model_, motion.trees(), tree, motion.start_velocity().data(), host::velocity(d),
+               now);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];
@@ -66,8 +67,8 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree,
     const double potential = changing_potential(d, in_middle, dof);
     now.potential[dof] = potential;
     force[i] += host::smooth_force(d, dof) + turning + gravity_load_[dof];
-    energy += 0.5 * velocity[dof] * momentum_[dof] +
-              (turning - 0.5 * potential) * displacement[dof];
+    energy +=
+        0.5 * velocity[dof] * momentum_[dof] + (turning - 0.5 * potential) * displacement[dof];
     seen[i] = 0.5 * (force[i] - turning);
     force[i] -= wrench_[t.begin + i] + potential;
   }

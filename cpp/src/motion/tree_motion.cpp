@@ -38,9 +38,7 @@ void TreeMotion::start(const mjData_* d) {
     any_by_mujoco_ = any_by_mujoco_ || !host::is_free_body(model_, index);
 }
 
-bool TreeMotion::is_accurate(int tree) const {
-  return own_ && host::is_free_body(model_, tree);
-}
+bool TreeMotion::is_accurate(int tree) const { return own_ && host::is_free_body(model_, tree); }
 
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {

@@ -53,9 +53,8 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
           parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
       }
       if (host::begins_spin(m, dof))
-        parts = std::max(
-            parts, parts_of_spin(rest, whole, motion.start_velocity().data() + dof,
-                                 motion.smooth_acceleration().data() + dof));
+        parts = std::max(parts, parts_of_spin(rest, whole, motion.start_velocity().data() + dof,
+                                              motion.smooth_acceleration().data() + dof));
     }
     if (held && held[index] > 0.0)
       parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);

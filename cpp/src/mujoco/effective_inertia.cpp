@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "dashpot/mujoco/discrete.hpp"
-#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"

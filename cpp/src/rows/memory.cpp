@@ -88,8 +88,7 @@ HeldMotion Memory::held_motion() const {
 }
 
 double* Memory::end_velocity() const {
-  return layout_.held_trees == 0 ? nullptr
-                                 : held_motion().other_force + layout_.held_coordinates;
+  return layout_.held_trees == 0 ? nullptr : held_motion().other_force + layout_.held_coordinates;
 }
 
 RememberedMocap Memory::mocap(int index) const {

@@ -31,7 +31,8 @@
 //
 //     -K (x + h v / 2),    x' = x + h (v + v') / 2,
 //
-// x: how far the tree has gone; held over the step they would add some K (x1 - x0)^2 / 2 to what a hit throws back in it.
+// x: how far the tree has gone; held over the step they would add some K (x1 - x0)^2 / 2 to what a
+// hit throws back in it.
 //
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work

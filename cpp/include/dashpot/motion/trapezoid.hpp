@@ -2,9 +2,9 @@
 // equalities couple.
 //
 // Micro-steps see the smooth forces of the start of a step, and equalities its geometry. A motion
-// integrated so gains energy, in parts about omega^2 H / 2 a second. Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the
-// accelerations at both ends of the step instead. That at the end is known when the next step has
-// its rows:
+// integrated so gains energy, in parts about omega^2 H / 2 a second. Velocity Verlet (RATTLE:
+// Andersen, J. Comput. Phys. 52, 1983) takes the mean of the accelerations at both ends of the step
+// instead. That at the end is known when the next step has its rows:
 //
 //     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
 //                                 a' = inv(H1) (f1 + g + J1' lambda),
@@ -36,11 +36,12 @@
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half.
 //
-// s is 1 of trees that no row with a position held in the step, and where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
-// that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
-// (coupled_trees.hpp). Where none is found, or equalities would turn too far even in a part of a
-// step (turning_parts.hpp), frozen geometry stays: the second half is left out, they do not turn in
-// that step, and the work of those that did is booked as dissipation.
+// s is 1 of trees that no row with a position held in the step, and where springs, weights and
+// servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
+// (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
+// found, or equalities would turn too far even in a part of a step (turning_parts.hpp), frozen
+// geometry stays: the second half is left out, they do not turn in that step, and the work of those
+// that did is booked as dissipation.
 
 #pragma once
 

@@ -113,9 +113,9 @@ class TreeMotion {
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
   host::ElasticForces elastic_forces_;
-  std::vector<char> sleeps_;    // by tree
-  std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
-  std::vector<int> to_invert_;  // trees
+  std::vector<char> sleeps_;                         // by tree
+  std::vector<char> inverted_;                       // by tree: its inverse inertia is filled in
+  std::vector<int> to_invert_;                       // trees
   std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
 };
 

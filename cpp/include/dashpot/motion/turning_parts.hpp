@@ -1,8 +1,8 @@
 // How much of a step MuJoCo's integrators follow trees that turn far.
 //
-// They take Coriolis and centrifugal forces as those of the start of the step; and rows act in the geometry of its start. Where links turn by h w (rad) about
-// several axes, that adds to their energy in every step. So a step in which a joint both turns far
-// and changes its velocity,
+// They take Coriolis and centrifugal forces as those of the start of the step; and rows act in the
+// geometry of its start. Where links turn by h w (rad) about several axes, that adds to their
+// energy in every step. So a step in which a joint both turns far and changes its velocity,
 //
 //   turn = h |w|,  bend = h^2 |dw/dt|,  bend > kFollowedBend,  turn + bend > kFollowedTurn,
 //
