@@ -1,8 +1,4 @@
-"""Linkages keep their energy at hits after which they are free again at once.
-
-In flight MuJoCo's integrator has velocities of half a step before, so energies there are those of
-positions taken back by as much (cpp/include/dashpot/motion/leapfrog.hpp).
-"""
+"""Linkages keep their energy at hits after which they are free again at once."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ import pytest
 import dashpot
 from ends_of_steps import finish_velocity
 from exact import BouncingBall, damping_ratio_of
-from test_leapfrog import peaks
+from test_landings import peaks
 
 HITS = 40
 ROD = """<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass=".5" contype="0"
