@@ -55,10 +55,11 @@ void Stepper::Impl::build_rows(mjData_* d) {
 
 // Lets dampers and springs act in the micro-steps of linked trees.
 void Stepper::Impl::act_along_in_links(mjData_* d) {
+  const double* const held = memory(d).held_motion().held;
   for (int tree = 0; tree < motion.tree_count(); ++tree) {
     if (!motion.linked()[tree]) continue;
     motion.spring_in_microsteps(tree);
-    motion.damp_in_microsteps(d, tree);
+    motion.damp_in_microsteps(d, tree, held[tree] != 0.0);
     motion.invert_inertia(d, tree);
   }
 }

@@ -197,7 +197,6 @@ IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& i
   m.h = h;
   m.recovery = recovery_over(island.microsteps * island.duration);
   m.step = h * count;
-  m.lag = m.step - trees.implicit_time;
   run_microsteps(m, count, team);
   finish(data);
   return blocks.unpack(rows, data, team);

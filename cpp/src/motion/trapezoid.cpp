@@ -102,7 +102,7 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
       return c.by_equalities || c.held;
     });
     if (any_held) {
-      find_energies(d, length, motion);
+      find_energies(d, length, memory, motion);
       find_springs(d, memory, motion);
     }
     for (CoupledEnergy& coupled : coupled_)
@@ -146,34 +146,25 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
     }
     double* half = second_half_.data() + t.begin;
     motion.invert_inertia(d, index);  // no row has asked for that of a tree that has come free
-    add_response(trees, index, force, half);
+    respond(d, trees, index, before, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
     if (!coupled.by_equalities) holding_rows_.bar(trees, index, half, 1.0);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
+    if (differs_in_damping(trees, index, before)) {
+      const auto form = [&](const std::vector<double>& v) {
+        return host::damping_form(model_, d, trees, t, v.data(), generalized_.data());
+      };
+      coupled.damped_beside += (before.implicit_time[index] - t.implicit_time) *
+                               (form(velocity) + 0.5 * form(generalized_));
+    }
     if (flies && coupled.drives_change)
-      coupled.driven += work_of_drives(trees, index, before.length[index], velocity);
+      coupled.driven += work_of_drives(d, trees, index, before, velocity);
   }
 }
 
-// Work (J) that changes of drives, which may be jumps, do on a tree in flight: as the last part of
-// its second half.
-double Trapezoid::work_of_drives(const Trees& trees, int index, double length,
-                                 const std::vector<double>& velocity) {
-  const Tree& t = trees.tree[index];
-  double* impulse = force_.data() + t.begin;
-  for (int i = 0; i < t.dof_count; ++i)
-    impulse[i] = 0.5 * length * drives_.followed_change(t.dof_begin + i);
-  load_response_.assign(t.count, 0.0);
-  add_response(trees, index, impulse, load_response_.data());
-  double work = 0.0;
-  for (int i = 0; i < t.dof_count; ++i)
-    work += impulse[i] *
-            (velocity[t.dof_begin + i] + generalized_[t.dof_begin + i] - 0.5 * load_response_[i]);
-  return work;
-}
-
-void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion& motion) {
+void Trapezoid::find_energies(const mjData_* d, double length, const Memory& memory,
+                              const TreeMotion& motion) {
   const std::vector<double>& velocity = motion.start_velocity();
   momentum_.resize(velocity.size());
   momentum_of_half_.resize(velocity.size());
@@ -191,7 +182,8 @@ void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion&
     }
     if (left_half_[index]) {
       const Trees& trees = motion.trees();
-      const double implicit = t.damped ? trees.implicit_time : length;
+      const double before = memory.held_motion().implicit_time[index];
+      const double implicit = t.damped ? (before > 0.0 ? before : t.implicit_time) : length;
       const auto damped = [&](const double* v) {
         return implicit * host::damping_form(model_, d, trees, t, v, generalized_.data());
       };
@@ -246,6 +238,7 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
     if (!coupled.left_half) continue;
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
+    ledger.dissipated_damping += coupled.damped_beside;
     if (coupled.turns)
       ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
     else

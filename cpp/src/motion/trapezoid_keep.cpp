@@ -56,6 +56,7 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree,
   }
   const bool in_middle = light_[tree] != 0;
   now.gravity_ahead[tree] = in_middle;
+  now.implicit_time[tree] = t.damped ? t.implicit_time : 0.0;
   for (int i = 0; i < t.count; ++i)
     force[i] =
         (end.data.coordinate_impulse[t.begin + i] + end.data.pulled[t.begin + i]) / end.length;

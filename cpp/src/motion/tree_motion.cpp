@@ -162,9 +162,9 @@ double TreeMotion::translation_by_turning(const mjData_* d, int index) {
                    inertia_form(trees_, index, factor, velocity));
 }
 
-void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
+void TreeMotion::damp_in_microsteps(const mjData_* d, int index, bool is_held) {
   if (inverted_[index]) return;
-  host::damp_in_microsteps(model_, d, index, trees_);
+  host::damp_in_microsteps(model_, d, index, is_held, trees_);
 }
 
 void TreeMotion::spring_in_microsteps(int index) {

@@ -41,26 +41,29 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
   const double rest = clock.length, whole = clock.whole;
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (motion.is_accurate(index) || (!motion.linked()[index] && host::is_runge_kutta(m))) continue;
+    if (motion.is_accurate(index)) continue;
+    // The stages of RK4 are followed twice as far.
+    const double share = host::is_runge_kutta(m) && !motion.linked()[index] ? 0.5 : 1.0;
     const Tree& tree = motion.trees().tree[index];
     double fastest = 0.0;
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {
-      const double turn = rest * std::abs(motion.start_velocity()[dof]);
-      const double bend = rest * rest * std::abs(motion.smooth_acceleration()[dof]);
+      const double turn = share * rest * std::abs(motion.start_velocity()[dof]);
+      const double bend = share * rest * rest * std::abs(motion.smooth_acceleration()[dof]);
       if (host::is_rotational(m, dof)) {
         fastest = std::max(fastest, turn);
         if (is_far(turn, bend))
           parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
       }
       if (host::begins_spin(m, dof))
-        parts = std::max(parts, parts_of_spin(rest, whole, motion.start_velocity().data() + dof,
-                                              motion.smooth_acceleration().data() + dof));
+        parts = std::max(
+            parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
+                                 motion.smooth_acceleration().data() + dof));
     }
     if (held && held[index] > 0.0)
       parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);
     const double turn = fastest * whole / rest;
     if (turn > kFollowedTurn && !tree.free_body &&
-        turn * whole * motion.translation_by_turning(d, index) > kFollowedBend)
+        turn * share * whole * motion.translation_by_turning(d, index) > kFollowedBend)
       parts = std::max(parts, fastest / kPartTurn);
   }
   return equal_part(parts, rest, whole);

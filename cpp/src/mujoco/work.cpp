@@ -101,8 +101,8 @@ double SmoothWork::implicit_braking(const mjModel_* m, const mjData_* d, const T
   const double step = m->opt.timestep;
   if (t.damped)
     return work_of_drag(m, d, trees, t, motion) +
-           (step - trees.implicit_time) * form(motion.acceleration, motion.displacement) +
-           trees.implicit_time * gained;
+           (step - t.implicit_time) * form(motion.acceleration, motion.displacement) +
+           t.implicit_time * gained;
   // The stages of RK4 see dampers themselves, in the mean at the mean velocity.
   const bool in_stages = is_runge_kutta(m) && !(*motion.in_microsteps)[tree];
   return (in_stages ? 0.5 : 1.0) * step * gained;

@@ -46,7 +46,7 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 4 * held_trees + 6 * held_dofs + 2 * held_coordinates;
+  return 5 * held_trees + 6 * held_dofs + 2 * held_coordinates;
 }
 
 int MemoryLayout::mocap_size() const { return kMocap * driven_bodies; }
@@ -75,7 +75,8 @@ HeldMotion Memory::held_motion() const {
   HeldMotion motion;
   motion.length = position() + layout_.positions;
   motion.held = motion.length + layout_.held_trees;
-  motion.gravity_ahead = motion.held + layout_.held_trees;
+  motion.implicit_time = motion.held + layout_.held_trees;
+  motion.gravity_ahead = motion.implicit_time + layout_.held_trees;
   motion.energy = motion.gravity_ahead + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
   motion.potential = motion.displacement + layout_.held_dofs;

@@ -54,9 +54,12 @@ struct CommonMomentum {
 struct CoupledEnergy {
   double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
   double damped_linear = 0.0, damped_square = 0.0;  // tau v'D k and tau k'D k / 2
-  double driven = 0.0;                              // work of (e1 - e0) / 2
-  double scale = 0.0;                               // s
-  double brake = 0.0;  // fraction of v + s k inside to take away where no s conserves energy
+  // J, what dampers take of k beyond what the work of the step has of it, where D counts as inertia
+  // for another time than in the last step.
+  double damped_beside = 0.0;
+  double driven = 0.0;  // work of (e1 - e0) / 2
+  double scale = 0.0;   // s
+  double brake = 0.0;   // fraction of v + s k inside to take away where no s conserves energy
   // J, what it lacks with s of what it ought to be. Of a light part that an equality couples to a
   // heavy one s = 1 is a part of its own, which the damper of the equality takes.
   double lost = 0.0;

@@ -117,11 +117,15 @@ class Trapezoid {
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
   void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
-  double work_of_drives(const Trees& trees, int tree, double length,
+  static bool differs_in_damping(const Trees& trees, int tree, const HeldMotion& before);
+  void respond(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
+               const double* force, double* response) const;
+  double work_of_drives(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
                         const std::vector<double>& velocity);
   // What of p the second half of a tree's step has: of one with gravity ahead, springs alone.
   double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
-  void find_energies(const mjData_* d, double length, const TreeMotion& motion);
+  void find_energies(const mjData_* d, double length, const Memory& memory,
+                     const TreeMotion& motion);
   // Finds what of it is in translations that coupled trees have in common.
   void find_common_momenta(const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the second half.

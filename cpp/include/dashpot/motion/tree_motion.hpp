@@ -64,7 +64,7 @@ class TreeMotion {
   // velocity, both at the start and in the norm of the inertia, 1/s. Not of free bodies.
   double translation_by_turning(const mjData_* d, int tree);
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
-  void damp_in_microsteps(const mjData_* d, int tree);
+  void damp_in_microsteps(const mjData_* d, int tree, bool is_held);
   // Lets the springs of its joints act there (mujoco/joint_springs.hpp).
   void spring_in_microsteps(int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.

@@ -73,6 +73,7 @@ struct Match {
 struct HeldMotion {
   double* length = nullptr;         // by tree: of the step, s; 0 where there is nothing to remember
   double* held = nullptr;           // by tree: 1 where rows that have a position moved it, else 0
+  double* implicit_time = nullptr;  // by tree: Tree::implicit_time, s
   double* gravity_ahead = nullptr;  // by tree: 1 where it had the gravity of the middle, else 0
   double* energy = nullptr;         // by tree, J
   double* displacement = nullptr;   // over the step, by degree of freedom

@@ -53,6 +53,7 @@ struct Tree {
   bool whole = false;         // Trees::whole_acceleration has its smooth acceleration
   bool sprung = false;        // its springs act in the micro-steps, too
   bool elastic = false;       // and all of both are those of Trees::implicit
+  double implicit_time = 0.0;  // s, of a damped tree
 };
 
 // The motion coordinate of degree of freedom i of a tree.
@@ -84,9 +85,8 @@ struct Trees {
   // By motion coordinate of these: 1 / sqrt(D).
   AlignedDoubles inverse_root;
   // D of damped trees: by motion coordinate its diagonal and, at the offset of the inverse of those
-  // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
+  // that are cross-damped, the columns of what is beside it. H has Tree::implicit_time times D.
   AlignedDoubles damping, cross_damping;
-  double implicit_time = 0.0;
   // By motion coordinate of trees that are no free bodies: stiffness of the joint's spring (N/m,
   // N m/rad), which acts in the micro-steps of sprung trees.
   AlignedDoubles stiffness;
