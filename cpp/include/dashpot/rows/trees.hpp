@@ -42,17 +42,17 @@ inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is 
 struct Tree {
   int dof_begin = 0;  // range of generalized velocities
   int dof_count = 0;
-  int begin = 0;              // range of motion coordinates
-  int count = 0;              // a multiple of four
-  bool sparse = false;        // inv(H) is not filled in (below)
-  bool diagonal = false;      // and its factor couples nothing, as of vertices that slide
-  bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
-  int inverse = 0;            // offset in Trees::inverse
-  bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
-  bool cross_damped = false;  // and D is more than a diagonal
-  bool whole = false;         // Trees::whole_acceleration has its smooth acceleration
-  bool sprung = false;        // its springs act in the micro-steps, too
-  bool elastic = false;       // and all of both are those of Trees::implicit
+  int begin = 0;               // range of motion coordinates
+  int count = 0;               // a multiple of four
+  bool sparse = false;         // inv(H) is not filled in (below)
+  bool diagonal = false;       // and its factor couples nothing, as of vertices that slide
+  bool free_body = false;      // in the coordinates of a free body, of which there are six in eight
+  int inverse = 0;             // offset in Trees::inverse
+  bool damped = false;         // its dampers act in the micro-steps (microstep.hpp)
+  bool cross_damped = false;   // and D is more than a diagonal
+  bool whole = false;          // Trees::whole_acceleration has its smooth acceleration
+  bool sprung = false;         // its springs act in the micro-steps, too
+  bool elastic = false;        // and all of both are those of Trees::implicit
   double implicit_time = 0.0;  // s, of a damped tree
 };
 
