@@ -48,8 +48,11 @@ def play(env, *, steps, seed=0):
 
 @pytest.mark.parametrize(("domain", "task"), [("acrobot", "swingup"), ("reacher", "easy")])
 def test_what_touches_nothing_moves_and_is_observed_as_in_dm_control_bit_for_bit(domain, task):
-    theirs = play(load(domain, task), steps=20)
-    ours = play(with_dashpot(load(domain, task)), steps=20)
+    """Where no row is possible MuJoCo integrates: limits and contacts are off."""
+    theirs, ours = load(domain, task), with_dashpot(load(domain, task))
+    for env in (theirs, ours):
+        env.physics.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    theirs, ours = play(theirs, steps=20), play(ours, steps=20)
     assert np.ptp(theirs, axis=0).max() > 0.1
     assert np.array_equal(ours, theirs)
 

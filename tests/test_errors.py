@@ -391,22 +391,6 @@ def test_engine_of_something_else():
         dashpot.Engine("scene.xml")
 
 
-def test_callbacks_in_the_stages_of_rk4_with_adhesion():
-    adhesive = BALL.replace('type="sphere"', 'type="sphere" adhesion="2"')
-    engine = dashpot.Engine(
-        mujoco.MjModel.from_xml_string(mjcf(adhesive, option='integrator="RK4"'))
-    )
-    data = engine.make_data()
-    mujoco.set_mjcb_control(lambda *_: None)
-    try:
-        with pytest.raises(RuntimeError, match="adhesion is not stepped with integrator RK4"):
-            engine.step(data)
-    finally:
-        mujoco.set_mjcb_control(None)
-    assert data.time == 0.0
-    engine.step(data)
-
-
 def test_the_complementarity_free_law_in_the_metric_of_discrete():
     model = mujoco.MjModel.from_xml_string(mjcf(BALL, option='integrator="discrete"'))
     with pytest.raises(ValueError, match="integrator=discrete"):

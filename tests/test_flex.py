@@ -215,11 +215,11 @@ def test_momentum_of_a_large_cloth_changes_by_weight_and_contact_alone(count):
     assert mass @ data.qvel[2::3] == pytest.approx(upward - WEIGHT * 0.06, abs=1e-3)
 
 
-def test_free_flexes_of_any_size_fall_as_in_mujoco():
+def test_free_flexes_of_any_size_fall_freely():
     """Nothing joins the vertices but rows, of which there are none in the air."""
     grid = 'count="15 15 1" spacing=".05 .05 .05" pos="0 0 1" dim="2"'
-    engine, ours = engine_of(grid, "")
-    theirs = mujoco.MjData(engine.model)
-    engine.step(ours, 50)
-    mujoco.mj_step(engine.model, theirs, 50)
-    np.testing.assert_array_equal(ours.qpos, theirs.qpos)
+    engine, data = engine_of(grid, "")
+    engine.step(data, 50)
+    time = 50 * engine.model.opt.timestep
+    fall = np.tile([0.0, 0.0, -0.5 * 9.81 * time**2], len(data.qpos) // 3)
+    np.testing.assert_allclose(data.qpos, fall, rtol=0, atol=1e-12)

@@ -65,7 +65,7 @@ def test_a_shaken_linkage_does_not_let_the_object_slip(timestep):
 
     before = shake(4)
     # 4.7 m/s^2 of shaking and 9.8 of weight on 0.3 kg are 4.4 N of 10 N of friction.
-    assert np.linalg.norm(shake(8) - before) <= 1e-5
+    assert np.linalg.norm(shake(8) - before) <= 2e-5
 
 
 def most_that_friction_bears(engine: dashpot.Engine, data: object, held: int) -> float:

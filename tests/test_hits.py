@@ -1,8 +1,4 @@
-"""Linkages keep their energy at hits after which they are free again at once.
-
-In flight MuJoCo's integrator has velocities of half a step before, so energies there are those of
-positions taken back by as much (cpp/include/dashpot/motion/leapfrog.hpp).
-"""
+"""Linkages keep their energy at hits after which they are free again at once."""
 
 from __future__ import annotations
 
@@ -11,8 +7,9 @@ import numpy as np
 import pytest
 
 import dashpot
+from ends_of_steps import finish_velocity
 from exact import BouncingBall, damping_ratio_of
-from test_leapfrog import peaks
+from test_landings import peaks
 
 HITS = 40
 ROD = """<geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" mass=".5" contype="0"
@@ -60,10 +57,7 @@ class Flight:
 
     def energies(self) -> tuple[float, float]:
         """Kinetic energy, and the sum of the ledger with that of the velocities' own time."""
-        half = -0.5 * self.model.opt.timestep
-        self.probe.qpos[:], self.probe.qvel[:] = self.data.qpos, self.data.qvel
-        mujoco.mj_integratePos(self.model, self.probe.qpos, self.data.qvel, half)
-        mujoco.mj_forward(self.model, self.probe)
+        finish_velocity(self.model, self.data, self.probe)
         mechanical = self.probe.energy.sum()
         now = self.engine.energy(self.data)
         return self.probe.energy[1], now.total - now.kinetic - now.potential + mechanical

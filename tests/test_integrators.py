@@ -1,4 +1,4 @@
-"""Models that ask for RK4 or implicit: smooth motion is MuJoCo's, contact dashpot's own."""
+"""MuJoCo's integrators where no row is possible, and what becomes of them where one is."""
 
 import itertools
 
@@ -76,6 +76,7 @@ def control():
     mujoco.set_mjcb_control(None)
 
 
+EITHER = ("Euler", "RK4")
 # Of `discrete` without the ball joints, which it has stepped in parts as `implicit` has.
 BITS = [(scene, integrator) for integrator in ("RK4", "implicit", "discrete") for scene in SMOOTH]
 BITS.remove(("ball joints", "discrete"))
@@ -85,6 +86,7 @@ BITS.remove(("ball joints", "discrete"))
 @pytest.mark.parametrize("impact", ["none", "cut"])
 def test_without_rows_every_step_is_mujocos_to_the_bit(scene, integrator, impact):
     engine, ours = engine_of(SMOOTH[scene], integrator, impact=impact)
+    engine.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     model = mujoco.MjModel.from_xml_string(SMOOTH[scene])
     model.opt.integrator = engine.model.opt.integrator
     model.opt.timestep = engine.model.opt.timestep
@@ -148,14 +150,9 @@ def test_a_callback_that_raises_in_a_stage_leaves_the_state_alone(control, faili
     assert state_of(engine.model, data) == before
 
 
-@pytest.mark.parametrize("collide", [False, True])
-def test_dampers_that_rk4_does_not_resolve_are_an_error_that_keeps_the_state(collide):
-    """As in mj_step they diverge where no row holds the joint; H D / M is 4 to 40.
-
-    Between limits that is at the mercy of the last bit but for some starts, as this one.
-    """
-    limit = 'range="-30 30"' if collide else ""
-    engine, data = engine_of(pendulum(f'damping="40" {limit}', 'damping="10"'), "RK4", 0.005)
+def test_dampers_that_rk4_does_not_resolve_are_an_error_that_keeps_the_state():
+    """As in mj_step they diverge where no row is possible; H D / M is 4 to 40."""
+    engine, data = engine_of(pendulum('damping="40"', 'damping="10"'), "RK4", 0.005)
     data.qvel[:] = 10.0, -5.0
     before = b""
 
@@ -164,7 +161,7 @@ def test_dampers_that_rk4_does_not_resolve_are_an_error_that_keeps_the_state(col
         before = state_of(engine.model, data)
         engine.step(data)
 
-    with pytest.raises(dashpot.DivergenceError, match="between the stages"):
+    with pytest.raises(dashpot.DivergenceError, match="diverged"):
         all(step() is None for _ in range(1000))
     assert state_of(engine.model, data) == before
     assert np.isfinite(data.qpos).all()
@@ -214,47 +211,8 @@ def test_free_bodies_move_as_exactly_as_ever(integrator):
     ours, same = throw(integrator, 200), throw("Euler", 200)
     assert ours.qpos[2:].tobytes() == same.qpos[2:].tobytes()
     assert ours.qvel[2:].tobytes() == same.qvel[2:].tobytes()
-    assert not np.array_equal(ours.qpos[:2], same.qpos[:2])
     assert ours.qpos[9] == pytest.approx(2.0**2 / (2 * 0.4 * GRAVITY), abs=5e-5)
     assert np.abs(ours.qvel[8:14]).max() < 1e-9
-
-
-def ledger_error(xml: str, integrator: str, timestep: float = 0.001) -> float:
-    """Return the largest change of the ledger's total in parts of the largest kinetic energy."""
-    engine, data = engine_of(xml, integrator, timestep)
-    start = engine.energy(data)
-    error, peak = 0.0, 0.0
-    for _ in range(round(1.0 / timestep)):
-        engine.step(data)
-        energy = engine.energy(data)
-        error = max(error, abs(energy.total - start.total))
-        peak = max(peak, energy.kinetic)
-    # Dry friction and limits take some: they act.
-    acts = "frictionloss" in xml or "range" in xml
-    assert (energy.dissipated_constraint > 0.01) == acts
-    return error / peak
-
-
-@pytest.mark.parametrize(
-    ("scene", "most"),
-    [
-        # The motion is of fourth order, and so is the work that is booked (test_stage_work.py).
-        (pendulum(), 1e-8),
-        (pendulum('stiffness="2"'), 1e-8),
-        (pendulum('damping=".02"', 'damping=".01"'), 1e-8),
-        (pendulum('frictionloss=".05"'), 1e-8),
-        (pendulum(rest='<actuator><position joint="upper" kp="9" kv=".1"/></actuator>'), 1e-8),
-        # What a limit holds follows the trapezoidal rule, as with the other integrators.
-        (pendulum('range="-200 60"'), 5e-4),
-        (pendulum('range="-200 60" damping=".02"'), 3e-3),
-    ],
-)
-def test_the_ledger_of_a_double_pendulum_closes_as_well_as_rk4(scene, most):
-    """Semi-implicitly it swings by half a step times some 20 rad/s."""
-    error = ledger_error(scene, "RK4")
-    assert error < most
-    # An impact is most of either then.
-    assert error < (0.8 if "range" in scene else 0.5) * ledger_error(scene, "Euler")
 
 
 def swing(xml: str, integrator: str, timestep: float, duration: float, tip=None) -> np.ndarray:
@@ -289,24 +247,21 @@ def exact_swing(xml: str, duration: float, force) -> np.ndarray:
     return found.y[:, -1]
 
 
-def test_a_rod_that_dry_friction_slows_swings_to_fourth_order():
+def test_a_rod_that_dry_friction_slows_swings_to_second_order():
     """It slips one way all the time, so that friction is constant."""
     xml = pendulum('frictionloss=".1"')
     exact = exact_swing(xml, 0.2, lambda _, data: [-0.1 if data.qvel[0] >= 0.0 else 0.1, 0.0])
-    errors = [np.abs(swing(xml, "RK4", h, 0.2) - exact).max() for h in (0.01, 0.005, 0.0025)]
+    errors = [np.abs(swing(xml, "Euler", h, 0.2) - exact).max() for h in (0.01, 0.005, 0.0025)]
     for coarse, fine in itertools.pairwise(errors):
-        assert coarse / fine == pytest.approx(16.0, rel=0.25)
+        assert coarse / fine == pytest.approx(4.0, rel=0.25)
 
 
-@pytest.mark.parametrize("timestep", [0.002, 0.001])
-def test_a_limit_that_gives_way_costs_little_of_the_accuracy(timestep):
-    """The swing that leads there is exact; while the limit holds it, all follow one rule."""
-    xml = pendulum('range="-200 20" solreflimit="-2000 -20" damping=".02"')
-    converged = swing(xml, "RK4", 2e-5, 0.3)
-    # The limit of 0.35 rad gives way under what falls; without it the rods would swing on.
-    assert converged[0] < 0.7
-    error = np.abs(swing(xml, "RK4", timestep, 0.3) - converged).max()
-    assert error < 0.7 * np.abs(swing(xml, "Euler", timestep, 0.3) - converged).max()
+def test_rk4_is_mapped_where_rows_are_possible():
+    """Steps are those of Euler then, whose dampers it has."""
+    ends = [swing(pendulum('range="-99 99" damping=".1"'), name, 0.002, 0.5) for name in EITHER]
+    np.testing.assert_array_equal(*ends)
+    engine, _ = engine_of(pendulum(), "RK4")
+    assert "option integrator=RK4" in [f.name for f in engine.report().of("mapped")]
 
 
 def test_a_tip_on_soft_ground_converges_to_second_order():
@@ -324,15 +279,9 @@ def test_a_tip_on_soft_ground_converges_to_second_order():
         return (max(0.0, -500.0 * gap - 1.0 * rate) if gap < 0.0 else 0.0) * jacobian[2]
 
     exact = exact_swing(xml, 0.2, pressed)
-    errors = {
-        (integrator, h): np.abs(swing(xml, integrator, h, 0.2, soft) - exact).max()
-        for integrator in ("RK4", "Euler")
-        for h in (0.008, 0.002)
-    }
+    errors = [np.abs(swing(xml, "Euler", h, 0.2, soft) - exact).max() for h in (0.008, 0.002)]
     # 16, but for the step in which it lands; 4 with the geometry of the start.
-    assert errors["RK4", 0.008] / errors["RK4", 0.002] > 9.0
-    for h in (0.008, 0.002):
-        assert errors["RK4", h] < errors["Euler", h]
+    assert errors[0] / errors[1] > 9.0
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.004, 0.01])

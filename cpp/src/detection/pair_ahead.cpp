@@ -23,7 +23,6 @@ void PairAhead::look(double time, FaceBuffers& faces, double apart) {
   way_ = motion_.way_in(std::abs(time));
   const double reach = first_->margin + way_ + apart;
   seen_.find(model_, data_, time, reach, faces);
-  if (motion_.lags()) at_start_.find(model_, data_, 0.0, reach, faces);
   motion_.find_twists(time);
 }
 
@@ -37,7 +36,8 @@ ContactInput* PairAhead::find(const ContactInput& contact, bool is_round_hit) {
     return nullptr;
   if (!is_round_hit && !far_.follows(data_, contact, *same, pairs_, length_)) return nullptr;
   then_ = seen_in(*same, time_, contact);
-  return find_turning(contact, then_) ? &then_ : nullptr;
+  find_turning(contact, then_);
+  return &then_;
 }
 
 ContactInput* PairAhead::find_coming(const ContactInput& contact) {
@@ -70,22 +70,14 @@ ContactInput PairAhead::seen_in(const SeenContact& seen, double time, ContactInp
   mju_normalize3(frame + 3);
   mju_cross(frame + 6, frame, frame + 3);
   contact.ahead = time;
-  contact.lag = motion_.lag();
   std::copy_n(seen_.rotation(), 9, contact.rotation.begin());
   return contact;
 }
 
-bool PairAhead::find_turning(const ContactInput& start, ContactInput& contact) const {
-  ContactInput at_start = start;
-  if (motion_.lags()) {
-    const SeenContact* const seen = at_start_.continuation(start);
-    if (!seen) return false;
-    at_start = seen_in(*seen, 0.0, start);
-  }
-  const std::array<double, 3> before = motion_.point_rate(at_start, ContactMotion::When::kStart),
+void PairAhead::find_turning(const ContactInput& start, ContactInput& contact) const {
+  const std::array<double, 3> before = motion_.point_rate(start, ContactMotion::When::kStart),
                               then = motion_.point_rate(contact, ContactMotion::When::kThen);
   for (int i = 0; i < 3; ++i) contact.turning[i] = (then[i] - before[i]) / time_;
-  return true;
 }
 
 }  // namespace dashpot::host

@@ -44,15 +44,13 @@ bool PairHits::is_soft(const ContactInput& contact) const {
 // Only round bodies turn evenly: of others another corner may come to be the nearest.
 double PairHits::time(const ContactInput& contact, double frequency, double acceleration,
                       double otherwise) const {
-  const double closing = -motion_.gap_rate(contact) + acceleration * lead_;
-  const double gap =
-      contact.gap + motion_.growth_in_lag(contact) + lead_ * (closing - 0.5 * acceleration * lead_);
+  const double closing = -motion_.gap_rate(contact), gap = contact.gap;
   const double begins = onset(gap, closing, acceleration), left = step_.length - begins;
   if (left == 0.0) return otherwise;
   const double remembered = compression(contact);
   const double compressed = remembered > 0.0 ? remembered : std::max(0.0, -gap);
   const double opens = motion_.are_round() ? acceleration : 0.0;
-  return begins - lead_ +
+  return begins +
          centre_of_hit(frequency, compressed, closing - acceleration * begins, opens, left);
 }
 

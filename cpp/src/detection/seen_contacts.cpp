@@ -37,8 +37,7 @@ double squared_distance_on_geoms(const ContactInput& start, const SeenContact& s
 
 void SeenContacts::find(mjModel* m, mjData* d, double time, double reach, FaceBuffers& faces) {
   const int geom1 = motion_.geom(0), geom2 = motion_.geom(1);
-  const double times[2] = {time + motion_.lag()[0], time + motion_.lag()[1]};
-  const MovedGeom moved1(m, d, geom1, times[0]), moved2(m, d, geom2, times[1]);
+  const MovedGeom moved1(m, d, geom1, time), moved2(m, d, geom2, time);
   const ReplacedCollisions replaced(m, &faces, nullptr);
   mjPreContact found[mjMAXCONPAIR];
   count_ = collide_all(m, d, geom1, geom2, reach, found);
@@ -53,7 +52,7 @@ void SeenContacts::find(mjModel* m, mjData* d, double time, double reach, FaceBu
       mju_sub3(arm, found[i].pos, d->geom_xpos + 3 * motion_.geom(side));
       mju_mulMatTVec3(seen.local[side].data(), rotation, arm);
       mju_mulMatTVec3(seen.local_normal[side], rotation, found[i].normal);
-      seen.on_shape[side] = before_spin(motion_, side, rotation, times[side], seen.local[side]);
+      seen.on_shape[side] = before_spin(motion_, side, rotation, time, seen.local[side]);
     }
   }
   mju_copy(rotation_, d->geom_xmat + 9 * geom1, 9);

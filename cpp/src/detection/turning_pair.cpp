@@ -95,7 +95,6 @@ void TurningPair::turn_axes() {
     mju_sub3(change, then.data(), start.data());
     if (step_.length * mju_norm3(change) <= kStillTurn * kStillWay * size_) continue;
     contact->ahead = middle();
-    contact->lag = motion_.lag();
     for (int i = 0; i < 3; ++i) contact->turning[i] = change[i] / contact->ahead;
   }
 }
@@ -151,7 +150,7 @@ bool TurningPair::freeze_where_it_is_met(FaceBuffers& faces, ContactInput& conta
   if (time == 0.0 || (gap <= kMet * size_ && motion_.have_corners())) return false;
   met.turning = {};
   take_geometry(met, contact);
-  contact.gap = gap + closing * time - motion_.growth_in_lag(contact);
+  contact.gap = gap + closing * time;
   return true;
 }
 
@@ -163,18 +162,14 @@ void TurningPair::take_geometry(const ContactInput& then, ContactInput& contact)
   contact.rotation = then.rotation;
   contact.frozen = Frozen::kAhead;
   contact.ahead = then.ahead;
-  contact.lag = then.lag;
   contact.turning = then.turning;
   mju_copy(data_->contact[contact.source].frame, contact.frame.data(), 9);
 }
 
 // What a contact is at a time (s), null if it is not there, or if that is about the start, as which
-// it stays; but where places lead, the start is no more the time up to which nothing turns.
+// it stays.
 ContactInput* TurningPair::seen_at(FaceBuffers& faces, const ContactInput& contact, double time) {
-  if (lead_ > 0.0)
-    time = std::copysign(std::max(std::abs(time), 2.0 * same_time_), time);
-  else if (time <= same_time_)
-    return nullptr;
+  if (time <= same_time_) return nullptr;
   if (std::abs(time - ahead_.time()) > same_time_) ahead_.look(time, faces);
   return ahead_.find(contact, is_round_hit_);
 }
@@ -182,7 +177,7 @@ ContactInput* TurningPair::seen_at(FaceBuffers& faces, const ContactInput& conta
 // What a contact is in the middle of the step, or where the force of its hit acts; null if it is
 // not there, or stays as it is.
 const ContactInput* TurningPair::in_its_time(FaceBuffers& faces, ContactInput& contact) {
-  const double frequency = hits_.frequency(contact), in_middle = middle() - lead_;
+  const double frequency = hits_.frequency(contact);
   const bool comes = frequency > 0.0 && contact.gap > 0.0;
   const bool goes_on = frequency > 0.0 && hits_.compression(contact) > 0.0;
   const auto hit_time = [&](double acceleration) {
@@ -190,14 +185,14 @@ const ContactInput* TurningPair::in_its_time(FaceBuffers& faces, ContactInput& c
   };
   contact.is_of_round_hit = goes_on;
   const ContactInput* const then =
-      seen_at(faces, contact, comes || goes_on ? hit_time(0.0) : in_middle);
+      seen_at(faces, contact, comes || goes_on ? hit_time(0.0) : middle());
   if (!then || frequency == 0.0) return then;
   // As it turns, its gap closes at another rate.
   const double rate = motion_.point_rate(*then, When::kStart)[0], turning = then->turning[0];
   const bool rolls = hits_.rolls(contact, frequency, rate, turning);
   if (rolls && is_round_hit_ && (goes_far_ || parts_early())) return nullptr;
   contact.is_of_round_hit = is_round_hit_ && !rolls;
-  return seen_at(faces, contact, rolls ? in_middle : hit_time(turning));
+  return seen_at(faces, contact, rolls ? middle() : hit_time(turning));
 }
 
 // Takes a contact of two round bodies that fly, which is that of their impact, on to where the

@@ -46,103 +46,46 @@ void Books::find_unpaid(const Memory& memory, const SolvedPart& part,
     for (double& energy : unpaid) energy *= gained / all;
 }
 
-void Books::add_smooth_work(mjData_* d, const SolvedPart& part, const std::vector<double>& of_rows,
-                            Team& team) {
+void Books::add_smooth_work(mjData_* d, const SolvedPart& part, Team& team) {
   const mjModel_* const model = part.model;
   const TreeMotion& motion = part.motion;
   find_ways(d, part, team);
-  find_spring_changes(part);
   ledger_.dissipated_recovery += host::potential_work(model, d, recovered_.data());
   smooth_work_.find(
       model, d, motion.trees(),
       {motion.start_velocity().data(), way_.data(), motion.smooth_acceleration().data(),
-       &part.on_trees.touched, part.stages ? &part.stages->forces() : nullptr, &motion.integrated(),
-       part.data.braked.data(), second_half_.data(), spring_change_});
+       &in_microsteps_, part.data.braked.data()});
   ledger_.dissipated_damping -= smooth_work_.damping;
   ledger_.work += smooth_work_.applied + work_ahead_of_servos(part);
-  leave_to_rows_by_stages(d, part, of_rows);
-  book_left_to_rows(part.rows, part.data, smooth_work_.group, smooth_work_.left_to_rows, ledger_);
   for (const RowGroup& c : part.rows.group)
     ledger_.work += surface_work(part.rows, c, part.data.total_impulse.data() + c.row);
   for (double work : part.data.acceleration_work) ledger_.work -= work;
 }
 
-// Trees that rows moved went the integral of their velocity and what recovery displaced them; the
-// change of kinetic energy of all others goes with their mean velocity, also that of trees which
-// dry friction alone slows where RK4 integrates them: that of its stages.
+// Trees that went as in the micro-steps went the integral of their velocity and what recovery
+// displaced them; the change of kinetic energy of all others goes with their mean velocity.
 void Books::find_ways(const mjData_* d, const SolvedPart& part, Team& team) {
   const TreeMotion& motion = part.motion;
   const double* velocity = host::velocity(d);
   const std::vector<double>& start_velocity = motion.start_velocity();
   way_.resize(start_velocity.size());
-  for (auto* ways : {&recovered_, &second_half_}) ways->assign(start_velocity.size(), 0.0);
+  recovered_.assign(start_velocity.size(), 0.0);
+  in_microsteps_.resize(motion.tree_count());
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
-    const bool stages = part.has_stages(index);
     double* way = way_.data() + tree.dof_begin;
     for (int i = 0; i < tree.dof_count; ++i) {
       const int dof = tree.dof_begin + i;
-      way[i] = stages ? part.length * part.stages->mean_velocity()[dof]
-                      : 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
+      way[i] = 0.5 * part.length * (start_velocity[dof] + velocity[dof]);
     }
-    if (part.is_comfree) return;
-    if (part.gets_second_half_in_flight(index) && !stages) {
-      const double* added = part.trapezoid.added_velocity() + tree.begin;
-      for (int i = 0; i < tree.dof_count; ++i) {
-        way[i] += 0.5 * part.length * added[i];
-        second_half_[tree.dof_begin + i] = added[i];
-      }
-    }
-    if (!part.goes_as_in_microsteps(index)) return;
+    in_microsteps_[index] =
+        !part.is_comfree && (motion.linked()[index] || part.on_trees.touched[index]);
+    if (!in_microsteps_[index]) return;
     double* shift = recovered_.data() + tree.dof_begin;
     motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, way);
     motion.to_generalized(index, part.recovery.data() + tree.begin, shift);
     for (int i = 0; i < tree.dof_count; ++i) way[i] -= shift[i];
-    if (!tree.free_body)
-      for (int i = 0; i < tree.dof_count; ++i) way[i] -= part.data.shift[tree.begin + i];
   });
-}
-
-// Over a way x from the shift s on, -k (s + x / 2) in the mean.
-void Books::find_spring_changes(const SolvedPart& part) {
-  spring_change_.clear();
-  const Trees& trees = part.motion.trees();
-  for (int index = 0; index < part.motion.tree_count(); ++index) {
-    const Tree& tree = trees.tree[index];
-    if (!tree.sprung || !part.goes_as_in_microsteps(index)) continue;
-    spring_change_.resize(way_.size(), 0.0);
-    if (tree.elastic) {
-      shifted_.resize(tree.dof_count);
-      for (int i = 0; i < tree.dof_count; ++i)
-        shifted_[i] = part.leapfrog.way_back()[tree.begin + i] + 0.5 * way_[tree.dof_begin + i];
-      add_implicit(trees, index, 0.0, -1.0, shifted_.data(), &spring_change_[tree.dof_begin]);
-    }
-    for (int i = 0; i < tree.dof_count; ++i) {
-      const int dof = tree.dof_begin + i, k = tree.begin + i;
-      spring_change_[dof] -= trees.stiffness[k] * (part.leapfrog.way_back()[k] + 0.5 * way_[dof]);
-    }
-  }
-}
-
-// Adds to what is left to rows what they are booked to have given beyond what they gave trees that
-// dry friction alone slows and the stages of RK4 move: rows of the mean force F that took a tree of
-// the velocities v0 and v1 by x in the micro-steps, under the smooth forces f of the start, are
-// booked with F H (v0 + v1) / 2 + f (H (v0 + v1) / 2 - x), and gave F times the way of the stages.
-void Books::leave_to_rows_by_stages(const mjData_* d, const SolvedPart& part,
-                                    const std::vector<double>& of_rows) {
-  if (part.is_comfree) return;
-  const RowData& data = part.data;
-  for (int index = 0; index < part.motion.tree_count(); ++index) {
-    if (!part.on_trees.touched[index] || !part.has_stages(index)) continue;
-    const Tree& tree = part.motion.trees().tree[index];
-    double& left = smooth_work_.left_to_rows[smooth_work_.group[index]];
-    for (int i = 0; i < tree.dof_count; ++i) {
-      const int dof = tree.dof_begin + i, k = tree.begin + i;
-      const double even = 0.5 * part.length * (data.start_motion[k] + data.velocity[k]);
-      left += of_rows[dof] * (even - way_[dof]) +
-              host::smooth_force(d, dof) * (even - data.total_displacement[k]);
-    }
-  }
 }
 
 // Work that servos did on free bodies by the force of the middle of the step beyond that of its
@@ -152,7 +95,7 @@ double Books::work_ahead_of_servos(const SolvedPart& part) const {
   const std::vector<double>& change = part.motion.servo_change();
   if (change.empty()) return work;
   for (int index = 0; index < part.motion.tree_count(); ++index) {
-    if (!part.motion.is_sprung(index) || part.motion.integrated()[index]) continue;
+    if (!part.motion.is_sprung(index)) continue;
     const Tree& tree = part.motion.trees().tree[index];
     for (int i = tree.dof_begin; i < tree.dof_begin + tree.dof_count; ++i)
       work += change[i] * way_[i];

@@ -25,10 +25,8 @@ class Books {
   // By tree, work (J) of contacts, because they turn, that no spring paid for: no more than all
   // contacts together did too much. Shared by two trees as their relative motion is.
   void find_unpaid(const Memory& memory, const SolvedPart& part, std::vector<double>& unpaid) const;
-  // After the state is that of the end of the part, whose rows had the generalized forces
-  // `of_rows`: books the work of smooth forces and surfaces.
-  void add_smooth_work(mjData_* d, const SolvedPart& part, const std::vector<double>& of_rows,
-                       Team& team);
+  // After the state is that of the end of the part: books the work of smooth forces and surfaces.
+  void add_smooth_work(mjData_* d, const SolvedPart& part, Team& team);
   // Books the kinetic energy of trees that fall asleep, and keeps the ledger in memory.
   void lose_motion(const mjData_* d, const SolvedPart& part, const std::vector<int>& trees,
                    Memory& memory);
@@ -40,17 +38,13 @@ class Books {
 
  private:
   void find_ways(const mjData_* d, const SolvedPart& part, Team& team);
-  void find_spring_changes(const SolvedPart& part);
-  void leave_to_rows_by_stages(const mjData_* d, const SolvedPart& part,
-                               const std::vector<double>& of_rows);
   double work_ahead_of_servos(const SolvedPart& part) const;
 
   EnergyLedger ledger_;
   double elastic_asleep_ = 0.0;  // J
   host::SmoothWork smooth_work_;
-  // By degree of freedom. Second halves are those of trees in flight; springs are those that act in
-  // the micro-steps, what they changed by in the mean over the way: empty where none act there.
-  std::vector<double> way_, recovered_, second_half_, spring_change_, shifted_;
+  std::vector<char> in_microsteps_;      // by tree: it went as in these
+  std::vector<double> way_, recovered_;  // by degree of freedom
 };
 
 }  // namespace dashpot

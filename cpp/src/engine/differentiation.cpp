@@ -22,7 +22,7 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
                           mocap_buffers);
   detection.contact_rows = host::ContactRows::kNone;
   clock = StepClock();
-  clock.whole = clock.uncut = clock.length = host::StepParts(model, d).whole();
+  clock.whole = clock.length = host::StepParts(model, d).whole();
   start_part(d, true, host::Sensors::kStay, false, mocap);
   detect(d, mocap);
   find_rows(d, mocap);

@@ -46,8 +46,7 @@ Stepper::Impl::Impl(mjModel_* m, const Parameters& p, int threads)
       model(m),
       parameters(p),
       motion(m, p.options.law != Law::kComFree),
-      trapezoid(m),
-      runge_kutta(p.options.law == Law::kComFree) {
+      trapezoid(m) {
   host::check_supported(m, p.options);
   const int geoms = host::geom_count(m);
   if (static_cast<int>(p.geom_material.size()) != geoms)
@@ -86,7 +85,7 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
                            : leave_rows                     ? host::ContactRows::kIfTheyFit
                                                             : host::ContactRows::kNone;
   clock = StepClock();
-  clock.whole = clock.uncut = parts.whole();
+  clock.whole = parts.whole();
   StepStats total;
   int taken = 0;
   for (double remaining = clock.whole; remaining > kSliverOfStep * clock.whole;
@@ -117,19 +116,12 @@ bool Stepper::Impl::in_touch(mjData_* d) const {
 void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
   const bool new_control = !parts.cut();
   start_part(d, new_control, host::Sensors::kForCallbacks, is_rough(parts), mocap);
-  if (shorten_for_turns(d, parts))
-    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
-  detect_and_solve(d, parts, mocap);
-  while (shorten_for_throws(parts) || shorten_for_rows(parts)) {
-    motion.find_smooth_motion(d, clock.length, is_rough(parts), data, team);
-    detect_and_solve(d, parts, mocap);
-  }
+  solve_part(d, parts, mocap);
   find_forces(d);
-  find_stages(d, new_control);
   report_forces(d);
   advance_state(d);
   mocap.write_velocities();
-  books.add_smooth_work(d, solved_part(), forces.of_microsteps(), team);
+  books.add_smooth_work(d, solved_part(), team);
   books.ledger().work += mocap.work_against_gravity(clock.length);
   mocap.advance(clock.length);
   remember(d, mocap);
@@ -145,20 +137,6 @@ void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors senso
   motion.find_smooth_motion(d, clock.length, rough, data, team);
 }
 
-void Stepper::Impl::detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap) {
-  const bool rough = is_rough(parts);
-  const double searched = clock.length;
-  clock.cut_short = false;
-  mocap.shorten(clock.length);
-  detect(d, mocap);
-  if (parameters.options.impact == Impact::kCut) cut_at_impact(d, parts);
-  mocap.shorten(clock.length);
-  if (rough || clock.length != searched)
-    motion.find_smooth_motion(d, clock.length, false, data, team);
-  solve(d, mocap);
-  follow_knock_on(d, mocap);
-}
-
 void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   do {
     host::detect(model, d, motion.smooth_acceleration(), detection, contacts, constraints, team);
@@ -168,12 +146,6 @@ void Stepper::Impl::detect(mjData_* d, host::MocapMotion& mocap) {
   part = Part();
   correct_contacts_ahead(d);
   mocap.drive(contacts);
-}
-
-// Whether the smooth motion may be rough: a part that another will follow needs no more than
-// directions for the search of its end.
-bool Stepper::Impl::is_rough(const host::StepParts& parts) const {
-  return parameters.options.impact == Impact::kCut && parts.cut() && clock.cuts < kMaxCuts;
 }
 
 // Corrects contacts of bodies in flight, which may meet elsewhere than found, or pass by. With the
@@ -234,11 +206,9 @@ void Stepper::Impl::remember(mjData_* d, const host::MocapMotion& mocap) {
   std::copy_n(host::position(d), memory_layout.positions, view.position());
   if (double* end_velocity = view.end_velocity())
     std::copy_n(host::velocity(d), motion.start_velocity().size(), end_velocity);
-  leapfrog.keep(clock.stride(), on_trees.held, motion, view);
   const bool leaves_half = parameters.options.law != Law::kComFree && !geometry_of_middle;
   trapezoid.keep(d,
-                 {clock.length, leaves_half, constraints, rows, data, on_trees.held,
-                  leapfrog.fell_back(), leapfrog.way_back(), books.way()},
+                 {clock.length, leaves_half, constraints, rows, data, on_trees.held, books.way()},
                  motion, view, books.ledger());
   books.close(view);
 }

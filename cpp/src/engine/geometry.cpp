@@ -1,63 +1,11 @@
 // The geometry that rows have: of the middle of the step where bodies touch and turn
-// (detection/turning.hpp), of a part of it where an impact begins within (impact.hpp) or trees turn
-// far (turning_parts.hpp).
-
-#include <algorithm>
+// (detection/turning.hpp), of the middle of the part where an impact has cut it (impact.hpp).
 
 #include "dashpot/detection/turning.hpp"
 #include "dashpot/islands/hit_frequency.hpp"
-#include "dashpot/motion/turning_parts.hpp"
 #include "stepper_impl.hpp"
 
 namespace dashpot {
-
-// Ends this part of the step where trees have turned as far as MuJoCo's integrators follow, or
-// equalities, at their rate in the part before, as far as their rows do; returns whether that is
-// earlier.
-bool Stepper::Impl::shorten_for_turns(mjData_* d, host::StepParts& parts) {
-  if (parameters.options.law == Law::kComFree) return false;
-  const double* const held = memory(d).held_motion().length;
-  return shorten_for_all(std::min(part_of_smooth_turn(model, d, motion, held, clock),
-                                  part_of_turning_rows(clock.row_turn_rate * clock.length, clock)),
-                         parts);
-}
-
-// Ends the part earlier where its rows have thrown trees about; returns whether they have.
-bool Stepper::Impl::shorten_for_throws(host::StepParts& parts) {
-  if (parameters.options.law == Law::kComFree) return false;
-  return shorten_for_all(part_of_thrown_turn(model, motion, data, on_trees.touched, clock), parts);
-}
-
-// Ends the part earlier where equalities turn far in it; returns whether they do. Their rate of
-// turn is kept for the next part, in which they most often go on so.
-bool Stepper::Impl::shorten_for_rows(host::StepParts& parts) {
-  if (parameters.options.law == Law::kComFree) return false;
-  const double turn = trapezoid.fastest_turn();
-  clock.row_turn_rate = turn / clock.length;
-  return shorten_for_all(part_of_turning_rows(turn, clock), parts);
-}
-
-bool Stepper::Impl::shorten_for_all(double shorter, host::StepParts& parts) {
-  if (!shorten(shorter, parts)) return false;
-  clock.uncut = std::min(clock.uncut, clock.length);
-  return true;
-}
-
-bool Stepper::Impl::shorten(double shorter, host::StepParts& parts) {
-  if (shorter == clock.length) return false;
-  clock.length = shorter;
-  parts.set_length(clock.length);
-  detection.narrowphase.forget();  // for collisions look as far ahead as the part is long
-  return true;
-}
-
-// Ends this part of the step where the next impact begins.
-void Stepper::Impl::cut_at_impact(mjData_* d, host::StepParts& parts) {
-  part = part_before_impact(model, d, memory(d), motion.smooth_acceleration(), constraints,
-                            contacts, clock);
-  drop_pairs(part.apart, contacts);
-  clock.cut_short = shorten(part.length, parts);
-}
 
 // Length (s) of the step that stiffness is resolved for: cuts at impacts let it be finer.
 double Stepper::Impl::resolved_length() const {
@@ -76,10 +24,10 @@ void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
   if (parameters.options.law == Law::kComFree) return;
   const HitFrequency frequency = hit_frequency();
   const Memory view = memory(d);
-  host::freeze_contacts(model, d,
-                        {clock.length, differentiable, motion.trees(), data.velocity.data(),
-                         leapfrog.lead_at_start(), frequency, view},
-                        detection.faces, detection.workplaces, contacts, tree_ahead, team);
+  host::freeze_contacts(
+      model, d,
+      {clock.length, differentiable, motion.trees(), data.velocity.data(), frequency, view},
+      detection.faces, detection.workplaces, contacts, tree_ahead, team);
   for (const ConstraintInput& constraint : constraints)
     for (int tree : constraint.tree)
       if (tree >= 0) tree_ahead[tree] = 0.0;

@@ -14,7 +14,7 @@ void MeanMotion::find(const SolvedPart& part, Team& team) {
 }
 
 // Trees that rows moved have the mean velocity of their micro-steps, all others that of the smooth
-// motion and of what they go ahead by (leapfrog.hpp).
+// motion.
 void MeanMotion::find_velocity(const SolvedPart& part, Team& team) {
   const TreeMotion& motion = part.motion;
   velocity_ = motion.start_velocity();
@@ -23,8 +23,6 @@ void MeanMotion::find_velocity(const SolvedPart& part, Team& team) {
   team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = motion.trees().tree[index];
     double* mean = velocity_.data() + tree.dof_begin;
-    if (const double* way = part.leapfrog.late_way(index))
-      for (int i = 0; i < tree.dof_count; ++i) mean[i] += way[tree.begin + i] / part.length;
     if (!part.on_trees.touched[index]) return;
     motion.to_generalized(index, part.data.total_displacement.data() + tree.begin, mean);
     for (int i = 0; i < tree.dof_count; ++i) mean[i] /= part.length;

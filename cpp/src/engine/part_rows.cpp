@@ -16,7 +16,6 @@ namespace dashpot {
 // Builds the rows of the part, and finishes the last step once they are known.
 void Stepper::Impl::find_rows(mjData_* d, host::MocapMotion& mocap) {
   geometry_of_middle = !part.impact.empty();
-  if (parameters.options.law != Law::kComFree) leapfrog.find_leads(model, memory(d), motion);
   tree_ahead.assign(motion.tree_count(), 0.0);
   if (geometry_of_middle) {
     build_rows_in_the_middle(d, part.apart, mocap);
@@ -49,29 +48,19 @@ void Stepper::Impl::find_row_turns(mjData_* d) {
 }
 
 void Stepper::Impl::build_rows(mjData_* d) {
-  act_along_in_held_trees(d);
+  act_along_in_links(d);
   assemble_rows(model, d, parameters, constraints, contacts, row_turns, motion, rows, materials,
                 team);
 }
 
-// Lets dampers and springs act in the micro-steps of trees that rows may hold. Dry friction has no
-// position to keep, and leaves a tree the dampers and springs of MuJoCo's integrator. What the last
-// step left over was found with the dampers of its micro-steps.
-void Stepper::Impl::act_along_in_held_trees(mjData_* d) {
-  if (parameters.options.law == Law::kComFree) return;
-  const HeldMotion before = memory(d).held_motion();
-  if (!before.length) return;
-  may_be_held.assign(motion.tree_count(), 0);
-  const auto hold = [&](const std::array<int, 2>& trees) {
-    for (int tree : trees)
-      if (tree >= 0) may_be_held[tree] = 1;
-  };
-  for (const ContactInput& contact : contacts) hold(contact.tree);
-  for (const ConstraintInput& constraint : constraints)
-    if (constraint.kind != RowKind::kSlider) hold(constraint.tree);
+// Lets dampers and springs act in the micro-steps of linked trees.
+void Stepper::Impl::act_along_in_links(mjData_* d) {
+  const double* const held = memory(d).held_motion().held;
   for (int tree = 0; tree < motion.tree_count(); ++tree) {
-    if (may_be_held[tree]) motion.spring_in_microsteps(tree);
-    if (may_be_held[tree] || before.length[tree] > 0.0) motion.damp_in_microsteps(d, tree);
+    if (!motion.linked()[tree]) continue;
+    motion.spring_in_microsteps(tree);
+    motion.damp_in_microsteps(d, tree, held[tree] != 0.0);
+    motion.invert_inertia(d, tree);
   }
 }
 
@@ -90,21 +79,15 @@ void Stepper::Impl::plan_and_recall(mjData_* d) {
   recall(step, rows, recovery_speed, data, team);
   if (!part.impact.empty() && !std::isinf(recovery_speed))
     limit_compression(step, part.impact, rows, data);
-  leapfrog.fall_back(step.memory, motion, rows, data);
 }
 
 void Stepper::Impl::run_islands(mjData_* d) {
   const EnergyShares before = elastic_energy(rows, data, team);
-  velocity_before = data.velocity;
-  find_trees_in_time();
-  microsteps.run(rows, motion.trees(), plan.islands(), goes_in_time,
+  microsteps.run(rows, motion.trees(), plan.islands(), motion.linked(),
                  parameters.options.recovery_speed, clock.length, data, team);
   check_velocities();
   check_memory(d);
   find_touched_trees();
-  for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (goes_in_time[tree]) on_trees.touched[tree] = on_trees.held[tree] = 1;
-  leapfrog.go_ahead(clock.stride(), on_trees.held, motion, rows, data);
   EnergyLedger& ledger = books.ledger();
   book_rows(data, before, elastic_energy(rows, data, team), ledger);
   recovery.assign(motion.trees().coordinates, 0.0);
@@ -142,19 +125,12 @@ StepView Stepper::Impl::view(mjData_* d) const {
 }
 
 SolvedPart Stepper::Impl::solved_part() const {
-  return {model,
-          parameters.options.law == Law::kComFree,
-          clock.length,
-          contacts,
-          constraints,
-          rows,
-          data,
-          on_trees,
-          recovery,
-          motion,
-          leapfrog,
-          trapezoid,
-          has_stages ? &runge_kutta : nullptr};
+  return {model,        parameters.options.law == Law::kComFree,
+          clock.length, contacts,
+          constraints,  rows,
+          data,         on_trees,
+          recovery,     motion,
+          trapezoid};
 }
 
 }  // namespace dashpot

@@ -5,10 +5,8 @@
 #include <vector>
 
 #include "dashpot/lanes/aligned.hpp"
-#include "dashpot/motion/leapfrog.hpp"
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/rows/row_data.hpp"
 #include "dashpot/rows/rows.hpp"
 
@@ -41,20 +39,7 @@ struct SolvedPart {
   const std::vector<double>&
       recovery;  // by motion coordinate: displacement that equalities recover
   const TreeMotion& motion;
-  const Leapfrog& leapfrog;
   const Trapezoid& trapezoid;
-  const host::RungeKutta* stages;  // of RK4, null where these move nothing
-
-  // Whether a tree went the way of the stages of RK4, or its velocity comes from them.
-  bool has_stages(int tree) const { return stages && motion.integrated()[tree]; }
-  bool goes_as_in_microsteps(int tree) const {
-    return on_trees.touched[tree] && (on_trees.held[tree] || !has_stages(tree));
-  }
-  // Whether the second half of the last step goes to a tree that no row holds any more: MuJoCo's
-  // integrator then starts from the velocity with it.
-  bool gets_second_half_in_flight(int tree) const {
-    return !on_trees.touched[tree] && trapezoid.holds(tree) && trapezoid.added_velocity();
-  }
 };
 
 }  // namespace dashpot

@@ -106,22 +106,15 @@ void StepForces::keep_borne_inside_cones(const SolvedPart& part) {
 }
 
 // That of a tree's motion over the step where rows hold it: qacc has neither its second half nor
-// what the effective inertia makes of forces. In flight the half is added. Of linkages qacc stays:
-// in the force of equalities is nothing of how they turn in the second half.
+// what the effective inertia makes of forces. Of linkages qacc stays: in the force of equalities is
+// nothing of how they turn in the second half.
 void StepForces::find_mean_acceleration(int index, const SolvedPart& part) {
   const Tree& tree = part.motion.trees().tree[index];
   double* mean = reported_acceleration_.data() + tree.dof_begin;
-  if (part.gets_second_half_in_flight(index)) {
-    const double* added = part.trapezoid.added_velocity() + tree.begin;
-    for (int i = 0; i < tree.dof_count; ++i) mean[i] += added[i] / part.length;
-    report_others_ = true;
-  }
   if (!part.on_trees.held[index] || part.trapezoid.is_coupled_by_equalities(index)) return;
-  if (!part.motion.integrated()[index]) {
-    for (int i = 0; i < tree.dof_count; ++i) {
-      const int k = tree.begin + i;
-      mean[i] = (part.data.velocity[k] - part.data.start_motion[k]) / part.length;
-    }
+  for (int i = 0; i < tree.dof_count; ++i) {
+    const int k = tree.begin + i;
+    mean[i] = (part.data.velocity[k] - part.data.start_motion[k]) / part.length;
   }
   report_others_ = true;
 }

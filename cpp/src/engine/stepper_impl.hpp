@@ -1,8 +1,8 @@
-// What a stepper holds. The step and its parts are in engine.cpp; their rows in part_rows.cpp, the
-// geometry of these in geometry.cpp, what blows bring about in knock_on.cpp, the state at the end
-// in state.cpp, and the complementarity-free law in comfree.cpp. How rows are planned is in
-// row_plan.hpp, what their forces are in step_forces.hpp, what becomes of energy in books.hpp, and
-// what sleeps in sleeping_trees.hpp.
+// What a stepper holds. The step is in engine.cpp; how far its parts go in part_length.cpp, their
+// rows in part_rows.cpp, the geometry of these in geometry.cpp, the state at the end in state.cpp,
+// and the complementarity-free law in comfree.cpp. How rows are planned is in row_plan.hpp, what
+// their forces are in step_forces.hpp, what becomes of energy in books.hpp, and what sleeps in
+// sleeping_trees.hpp.
 
 #pragma once
 
@@ -19,7 +19,6 @@
 #include "dashpot/impacts/middle.hpp"
 #include "dashpot/islands/contact_matching.hpp"
 #include "dashpot/microsteps/microstep.hpp"
-#include "dashpot/motion/leapfrog.hpp"
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/host.hpp"
@@ -49,8 +48,7 @@ struct ComFreeGroups {
 struct Stepper::Impl {
   Impl(mjModel_* m, const Parameters& p, int threads);
 
-  // A step, its parts, and what is done anew where a part turns out to be too long (engine.cpp,
-  // geometry.cpp).
+  // A step and its parts (engine.cpp).
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   void complete_last_step(mjData_* d);
@@ -58,14 +56,17 @@ struct Stepper::Impl {
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
                   host::MocapMotion& mocap);
-  bool is_rough(const host::StepParts& parts) const;
-  bool shorten_for_turns(mjData_* d, host::StepParts& parts);
-  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void detect(mjData_* d, host::MocapMotion& mocap);
-  bool shorten_for_throws(host::StepParts& parts);
-  bool shorten_for_rows(host::StepParts& parts);
-  bool shorten_for_all(double shorter, host::StepParts& parts);
+
+  // How far a part goes (part_length.cpp).
+  void solve_part(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  double length_of_turns(mjData_* d);
+  double length_of_what_came();
   bool shorten(double shorter, host::StepParts& parts);
+  void detect_and_solve(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
+  bool is_rough(const host::StepParts& parts) const;
+  void cut_at_impact(mjData_* d, host::StepParts& parts);
+  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
 
   // What sleeps.
   bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
@@ -73,7 +74,6 @@ struct Stepper::Impl {
 
   // Contacts, beside those that detection finds.
   void correct_contacts_ahead(mjData_* d);
-  void cut_at_impact(mjData_* d, host::StepParts& parts);
 
   // Rows, and the geometry that they have.
   void find_rows(mjData_* d, host::MocapMotion& mocap);
@@ -84,7 +84,7 @@ struct Stepper::Impl {
   HitFrequency hit_frequency() const;
   void find_row_turns(mjData_* d);
   void build_rows(mjData_* d);
-  void act_along_in_held_trees(mjData_* d);
+  void act_along_in_links(mjData_* d);
 
   // What rows do over the part, by either law.
   void update_complementarity_free(mjData_* d);
@@ -95,22 +95,11 @@ struct Stepper::Impl {
   void check_velocities() const;
   void check_memory(mjData_* d) const;
   void find_touched_trees();
-  void find_trees_in_time();
-  bool lands_in_next_step(const RowGroup& c) const;
-
-  // The part anew where blows bring about more contacts (knock_on.cpp).
-  void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
-  bool goes_beyond_detection() const;
 
   // The state at the end of the part (state.cpp), and the forces that lead there.
   void find_forces(mjData_* d);
-  void find_stages(mjData_* d, bool new_control);
-  void find_held_acceleration();
-  void find_integrated(mjData_* d);
   void report_forces(mjData_* d);
   void advance_state(mjData_* d);
-  void add_second_halves_in_flight(mjData_* d);
-  bool rows_move_all() const;
   RowsOnTree rows_on_tree(int tree) const;
 
   // What is kept of the part, and told of it.
@@ -129,7 +118,6 @@ struct Stepper::Impl {
   long long data_size;
   bool differentiable = false;
   TreeMotion motion;
-  Leapfrog leapfrog;
   Trapezoid trapezoid;
 
   // Found anew in every step or part of one, or kept from one to the next for their arrays.
@@ -162,16 +150,10 @@ struct Stepper::Impl {
   ComFreeGroups comfree_groups;
 
   // What they do.
-  std::vector<char> may_be_held;   // by tree: rows that have a position may move it
-  std::vector<char> goes_in_time;  // by tree: it does, whether or not one of these holds it
   RowData data;
-  AlignedDoubles velocity_before;  // in motion coordinates: that micro-steps start from
   MicrostepLoop microsteps{team.size()};
   RowsOnTrees on_trees;
   std::vector<double> recovery;  // by motion coordinate: displacement that equalities recover
-  host::RungeKutta runge_kutta;
-  bool has_stages = false;                // RK4, in this part
-  std::vector<double> held_acceleration;  // see RungeKutta::find_motion
   StepForces forces;
   Books books;
 };

@@ -72,7 +72,6 @@ bool stays_apart(const Rows& rows, const Island& island, double time, const RowD
     const bool turns = rate < 0.0 && rate + load * time > 0.0;
     const double least = turns ? gap - 0.5 * rate * rate / load : end;
     if (least <= 0.0) return false;
-    if (gap - first_rate(rows, c, data.shift) + time * (rate + time * load) <= 0.0) return false;
   }
   return true;
 }

@@ -31,6 +31,7 @@ bool stays_bearable(const Rows& rows, const RowGroup& c, double speed, double re
 // closed form over any time, with overlap that recovers at one speed or not at all.
 bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, double recovery_speed,
                  const RowData& data) {
+  if (island.group_count() != 1) return false;
   for (int tree : island.tree)
     if (trees.tree[tree].damped || trees.tree[tree].sprung) return false;
   const int index = *island.group.begin();
@@ -38,9 +39,17 @@ bool flows_alone(const Rows& rows, const Trees& trees, const Island& island, dou
   const double time = island.microsteps * island.duration, offset = data.offset[index];
   const double speed = std::min(offset / recovery_over(time).time,
                                 recovery_speed_of(rows, data, index, recovery_speed));
-  return island.group.begin() + 1 == island.group.end() && c.is_unilateral() && c.dim == 1 &&
-         c.turning[0] == 0.0 &&
+  return c.is_unilateral() && c.dim == 1 && c.turning[0] == 0.0 &&
          (offset <= 0.0 || speed == 0.0 || stays_bearable(rows, c, speed, recovery_speed, data));
+}
+
+// Moves a tree over `time` (s) by its smooth motion alone, without dampers or springs.
+void coast(const Tree& t, double time, RowData& data) {
+  for (int i = t.begin; i < t.begin + t.count; ++i) {
+    const double acceleration = data.smooth_acceleration[i];
+    data.total_displacement[i] += time * (data.velocity[i] + 0.5 * time * acceleration);
+    data.velocity[i] += time * acceleration;
+  }
 }
 
 // What a thread takes at once: trees of a large island, or groups of small ones.
@@ -103,10 +112,10 @@ void IslandLoop::start(const Trees& trees, const Island& island, RowData& data) 
     const Tree& t = trees.tree[index];
     island_trees.push_back(
         {t, blocks.other_slices(index), trees.implicit_of(index), &trees, index});
-    for (auto* array : {&displacement, &moment, &coordinate_impulse, &data.braked, &data.pulled})
+    for (auto* array :
+         {&displacement, &moment, &way, &coordinate_impulse, &data.braked, &data.pulled})
       std::fill_n(array->begin() + t.begin, t.count, 0.0);
     std::copy_n(data.velocity.begin() + t.begin, t.count, velocity.begin() + t.begin);
-    if (t.sprung) std::copy_n(data.shift.begin() + t.begin, t.count, way.begin() + t.begin);
   }
 }
 
@@ -188,7 +197,6 @@ IslandWork IslandLoop::run(const Rows& rows, const Trees& trees, const Island& i
   m.h = h;
   m.recovery = recovery_over(island.microsteps * island.duration);
   m.step = h * count;
-  m.lag = m.step - trees.implicit_time;
   run_microsteps(m, count, team);
   finish(data);
   return blocks.unpack(rows, data, team);
@@ -201,6 +209,8 @@ struct MicrostepLoop::Impl {
 
   std::vector<IslandLoop> loops;  // by worker
   std::vector<const Island*> small;
+  std::vector<char> moved;       // by tree
+  std::vector<int> in_flight;    // trees that no island moves
   std::vector<IslandWork> work;  // by island
   Team alone{1};
 };
@@ -209,14 +219,15 @@ MicrostepLoop::MicrostepLoop(int threads) : impl_(std::make_unique<Impl>(threads
 MicrostepLoop::~MicrostepLoop() = default;
 
 void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
-                        const std::vector<char>& in_time, double recovery_speed, double time,
+                        const std::vector<char>& linked, double recovery_speed, double time,
                         RowData& data, Team& team) {
   std::vector<IslandWork>& work = impl_->work;
   work.assign(islands.size(), IslandWork());
+  std::vector<char>& moved = impl_->moved;
+  moved.assign(trees.tree.size(), 0);
   const auto run_island = [&](const Island& island, int worker, Team& shared_by) {
-    const bool goes_in_time = std::any_of(island.tree.begin(), island.tree.end(),
-                                          [&](int tree) { return in_time[tree] != 0; });
-    if (!goes_in_time && stays_apart(rows, island, time, data)) return;
+    if (stays_apart(rows, island, time, data)) return;
+    for (int tree : island.tree) moved[tree] = 1;
     work[&island - islands.data()] =
         impl_->loops[worker].run(rows, trees, island, recovery_speed, data, shared_by);
   };
@@ -235,6 +246,25 @@ void MicrostepLoop::run(const Rows& rows, const Trees& trees, const std::vector<
   team.share(count, groups > 0 ? (count * kGroupsAtOnce + groups - 1) / groups : 1,
              [&](int worker, int first, int last) {
                for (int i = first; i < last; ++i) run_island(*small[i], worker, impl_->alone);
+             });
+  std::vector<int>& in_flight = impl_->in_flight;
+  in_flight.clear();
+  for (size_t tree = 0; tree < trees.tree.size(); ++tree)
+    if (linked[tree] && !moved[tree]) in_flight.push_back(static_cast<int>(tree));
+  team.share(static_cast<int>(in_flight.size()), kTreesAtOnce,
+             [&](int worker, int first, int last) {
+               for (int i = first; i < last; ++i) {
+                 const Tree& t = trees.tree[in_flight[i]];
+                 if (!t.damped && !t.sprung) {
+                   coast(t, time, data);
+                   continue;
+                 }
+                 Island alone;
+                 alone.tree = {&in_flight[i], &in_flight[i] + 1};
+                 alone.microsteps = kMinimumMicrosteps;
+                 alone.duration = time / kMinimumMicrosteps;
+                 impl_->loops[worker].run(rows, trees, alone, recovery_speed, data, impl_->alone);
+               }
              });
   for (const IslandWork& of_island : work) {
     data.work += of_island.work;

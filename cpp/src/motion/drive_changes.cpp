@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
@@ -66,8 +67,16 @@ void DriveChanges::count_followed(const Tree& t, double s) {
     followed_[i] += s * (followed_change_[i] - servo_change_[i]);
 }
 
-void DriveChanges::keep(const Tree& t, HeldMotion& now) const {
+void DriveChanges::keep(const mjModel_* model, const Trees& trees, int tree, const double* before,
+                        const double* velocity, HeldMotion& now) const {
+  const Tree& t = trees.tree[tree];
   std::copy_n(drive_.begin() + t.dof_begin, t.dof_count, now.drive + t.dof_begin);
+  for (int j = 0; j < t.dof_count && t.damped && host::takes_derivatives(model); ++j) {
+    const double change = velocity[t.dof_begin + j] - before[t.dof_begin + j];
+    now.drive[t.dof_begin + j] -= trees.damping[t.begin + j] * change;
+    for (int i = 0; i < t.dof_count && t.cross_damped; ++i)
+      now.drive[t.dof_begin + i] -= trees.cross_damping[t.inverse + j * t.count + i] * change;
+  }
   std::copy_n(commanded_change_.begin() + t.dof_begin, t.dof_count,
               now.commanded_change + t.dof_begin);
   std::copy_n(followed_.begin() + t.dof_begin, t.dof_count, now.followed + t.dof_begin);

@@ -22,7 +22,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   if (!memory.held_motion().length) return;
   const Trees& trees = motion.trees();
   find_light_trees(d, step, motion);
-  couple_trees(memory, rows, trees);
+  couple_trees(rows, motion);
   drives_.start(model_, d, motion.start_velocity());
   if (std::all_of(first_.begin(), first_.end(), [](int first) { return first < 0; })) return;
   find_left_halves(memory, motion);
@@ -41,15 +41,14 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   load_gravity(d, motion, data);
 }
 
-void Trapezoid::couple_trees(const Memory& memory, const Rows& rows, const Trees& trees) {
+void Trapezoid::couple_trees(const Rows& rows, const TreeMotion& motion) {
+  const Trees& trees = motion.trees();
   find_coupled_trees(rows, static_cast<int>(trees.tree.size()), first_);
   coupled_.assign(first_.size(), {});
   for (int first : first_)
     if (first >= 0) coupled_[first].by_equalities = true;
-  add_held_trees(model_, rows, first_);
-  add_freed_trees(model_, memory.held_motion(), first_);
   for (size_t i = 0; i < first_.size(); ++i)
-    if (first_[i] >= 0 && trees.is_soft(i) && !coupled_[first_[i]].by_equalities) first_[i] = -1;
+    if (first_[i] < 0 && motion.linked()[i] && !trees.is_soft(i)) first_[i] = i;
 }
 
 void Trapezoid::find_left_halves(const Memory& memory, const TreeMotion& motion) {
@@ -99,17 +98,23 @@ bool Trapezoid::find_scales(const mjData_* d, double length, bool whole, const M
     if (std::none_of(coupled_.begin(), coupled_.end(),
                      [](const CoupledEnergy& c) { return c.by_equalities || c.left_half; }))
       return false;
-    find_energies(d, length, motion);
-    find_springs(d, memory, motion);
+    const bool any_held = std::any_of(coupled_.begin(), coupled_.end(), [](const CoupledEnergy& c) {
+      return c.by_equalities || c.held;
+    });
+    if (any_held) {
+      find_energies(d, length, memory, motion);
+      find_springs(d, memory, motion);
+    }
     for (CoupledEnergy& coupled : coupled_)
-      if (coupled.left_half) coupled.scale = whole ? 1.0 : coupled.find_scale();
+      if (coupled.left_half)
+        coupled.scale =
+            whole || !(coupled.held || coupled.by_equalities) ? 1.0 : coupled.find_scale();
   } while (give_up_drives(coupled_));
   return true;
 }
 
 void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion) {
   const HeldMotion before = memory.held_motion();
-  const double* lead = memory.lead();
   const Trees& trees = motion.trees();
   const std::vector<double>& velocity = motion.start_velocity();
   second_half_.assign(trees.coordinates, 0.0);
@@ -121,35 +126,45 @@ void Trapezoid::find_second_half(const mjData_* d, const Memory& memory, TreeMot
     if (!left_half_[index]) continue;
     CoupledEnergy& coupled = coupled_[first_[index]];
     coupled.left_half = true;
+    coupled.held = coupled.held || before.held[index] != 0.0;
     coupled.wanted += before.energy[index];
+    const bool flies = !coupled.by_equalities && before.held[index] == 0.0;
     double* force = force_.data() + t.begin;
-    const double weight = before.weight[index];
     for (int i = 0; i < t.count; ++i)
-      force[i] = weight * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
+      force[i] = 0.5 * (wrench_[t.begin + i] + before.other_force[t.begin + i]);
     for (int i = 0; i < t.dof_count && !host::is_free_body(model_, index); ++i) {
       const int dof = t.dof_begin + i;
       const double turning = potential_[dof] - host::positional_force(d, dof);
       const double potential = changing_potential(d, before.gravity_ahead[index] != 0.0, dof);
-      force[i] += weight * potential - 0.5 * turning;
-      coupled.wanted +=
-          weight * potential * before.displacement[dof] + lead[index] * velocity[dof] * turning;
+      force[i] += 0.5 * (potential - turning);
+      coupled.wanted += 0.5 * potential * before.displacement[dof];
       if (!coupled.follows_drives) continue;
-      const double change = weight * drives_.followed_change(dof);
+      const double change = 0.5 * drives_.followed_change(dof);
       force[i] += change;
-      coupled.driven += change * before.displacement[dof];
+      if (!flies) coupled.driven += change * before.displacement[dof];
       coupled.drives_change = coupled.drives_change || change != 0.0;
     }
     double* half = second_half_.data() + t.begin;
     motion.invert_inertia(d, index);  // no row has asked for that of a tree that has come free
-    add_response(trees, index, force, half);
+    respond(d, trees, index, before, force, half);
     for (int i = 0; i < t.count; ++i)
       half[i] = before.length[index] * (half[i] - before.acceleration[t.begin + i]);
     if (!coupled.by_equalities) holding_rows_.bar(trees, index, half, 1.0);
     motion.to_generalized(index, half, generalized_.data() + t.dof_begin);
+    if (differs_in_damping(trees, index, before)) {
+      const auto form = [&](const std::vector<double>& v) {
+        return host::damping_form(model_, d, trees, t, v.data(), generalized_.data());
+      };
+      coupled.damped_beside += (before.implicit_time[index] - t.implicit_time) *
+                               (form(velocity) + 0.5 * form(generalized_));
+    }
+    if (flies && coupled.drives_change)
+      coupled.driven += work_of_drives(d, trees, index, before, velocity);
   }
 }
 
-void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion& motion) {
+void Trapezoid::find_energies(const mjData_* d, double length, const Memory& memory,
+                              const TreeMotion& motion) {
   const std::vector<double>& velocity = motion.start_velocity();
   momentum_.resize(velocity.size());
   momentum_of_half_.resize(velocity.size());
@@ -167,7 +182,8 @@ void Trapezoid::find_energies(const mjData_* d, double length, const TreeMotion&
     }
     if (left_half_[index]) {
       const Trees& trees = motion.trees();
-      const double implicit = t.damped ? trees.implicit_time : length;
+      const double before = memory.held_motion().implicit_time[index];
+      const double implicit = t.damped ? (before > 0.0 ? before : t.implicit_time) : length;
       const auto damped = [&](const double* v) {
         return implicit * host::damping_form(model_, d, trees, t, v, generalized_.data());
       };
@@ -222,6 +238,7 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
     if (!coupled.left_half) continue;
     // What damping takes of it is in the work of the next step, which starts from before it.
     ledger.work += coupled.driven;
+    ledger.dissipated_damping += coupled.damped_beside;
     if (coupled.turns)
       ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
     else

@@ -22,11 +22,14 @@ void Trapezoid::keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedg
   }
 }
 
-bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
+bool Trapezoid::keep_lengths(const EndOfStep& end, const TreeMotion& motion,
+                             HeldMotion& now) const {
   bool any = false;
   for (size_t index = 0; index < end.held.size(); ++index) {
     now.length[index] = 0.0;
-    if (!end.leaves_half || !end.held[index] || first_[index] < 0) continue;
+    now.held[index] = end.held[index];
+    if (!end.leaves_half || first_[index] < 0) continue;
+    if (!end.held[index] && !motion.linked()[index]) continue;
     const CoupledEnergy& coupled = coupled_[first_[index]];
     if (!coupled.turns) continue;
     now.length[index] = end.length;
@@ -35,29 +38,25 @@ bool Trapezoid::keep_lengths(const EndOfStep& end, HeldMotion& now) const {
   return any;
 }
 
-// `lead` (s): that at the end of the step.
-void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, double lead,
+void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree,
                           const TreeMotion& motion, HeldMotion& now) {
   const Tree& t = motion.trees().tree[tree];
   const std::vector<double>& displacement = end.displacement;
   std::copy_n(displacement.begin() + t.dof_begin, t.dof_count, now.displacement + t.dof_begin);
-  drives_.keep(t, now);
+  drives_.keep(model_, motion.trees(), tree, motion.start_velocity().data(), host::velocity(d),
+               now);
   double* acceleration = now.acceleration + t.begin;
   double* force = now.other_force + t.begin;
   double& energy = now.energy[tree];
-  double& weight = now.weight[tree];
   std::fill_n(acceleration, t.count, 0.0);
   energy = 0.0;
-  weight = 0.5;
   if (host::is_free_body(model_, tree)) {
     for (int i = 0; i < t.count; ++i) force[i] = -wrench_[t.begin + i];
     return;
   }
   const bool in_middle = light_[tree] != 0;
   now.gravity_ahead[tree] = in_middle;
-  // A part that a cut leaves shorter than the lead begins at its middle at most.
-  const double half = 0.5 * end.length, back = std::min(end.fell_back[tree], half);
-  weight = (half - back) / (end.length + lead - back);
+  now.implicit_time[tree] = t.damped ? t.implicit_time : 0.0;
   for (int i = 0; i < t.count; ++i)
     force[i] =
         (end.data.coordinate_impulse[t.begin + i] + end.data.pulled[t.begin + i]) / end.length;
@@ -69,10 +68,9 @@ void Trapezoid::keep_tree(const mjData_* d, const EndOfStep& end, int tree, doub
     const double potential = changing_potential(d, in_middle, dof);
     now.potential[dof] = potential;
     force[i] += host::smooth_force(d, dof) + turning + gravity_load_[dof];
-    energy += 0.5 * velocity[dof] * momentum_[dof] +
-              (turning - weight * potential) * displacement[dof] +
-              end.way_back[t.begin + i] * turning;
-    seen[i] = weight * force[i] - 0.5 * turning;
+    energy +=
+        0.5 * velocity[dof] * momentum_[dof] + (turning - 0.5 * potential) * displacement[dof];
+    seen[i] = 0.5 * (force[i] - turning);
     force[i] -= wrench_[t.begin + i] + potential;
   }
   add_response(motion.trees(), tree, seen, acceleration);
@@ -84,13 +82,12 @@ void Trapezoid::keep(const mjData_* d, const EndOfStep& end, const TreeMotion& m
   if (!now.length) return;
   wrench_.assign(motion.trees().coordinates, 0.0);
   keep_equalities(end, memory, ledger);
-  if (!keep_lengths(end, now)) return;
+  if (!keep_lengths(end, motion, now)) return;
   generalized_.resize(end.displacement.size());
   momentum_.resize(end.displacement.size());
   host::times_inertia(model_, d, host::velocity(d), momentum_.data());
-  const double* lead = memory.lead();
   for (int tree = 0; tree < motion.tree_count(); ++tree)
-    if (now.length[tree] > 0.0) keep_tree(d, end, tree, lead[tree], motion, now);
+    if (now.length[tree] > 0.0) keep_tree(d, end, tree, motion, now);
 }
 
 }  // namespace dashpot

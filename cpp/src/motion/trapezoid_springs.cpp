@@ -44,8 +44,7 @@ void Trapezoid::find_springs(const mjData_* d, const Memory& memory, const TreeM
     if (host::is_free_body(model_, index)) continue;
     double* force = force_.data() + t.begin;
     for (int i = 0; i < t.dof_count; ++i)
-      force[i] =
-          before.length[index] * before.weight[index] * change_of(coupled, index, t.dof_begin + i);
+      force[i] = 0.5 * before.length[index] * change_of(coupled, index, t.dof_begin + i);
     springs_.half.assign(t.count, 0.0);
     add_response(motion.trees(), index, force, springs_.half.data());
     if (!coupled.by_equalities) holding_rows_.bar(motion.trees(), index, springs_.half.data(), 0.0);

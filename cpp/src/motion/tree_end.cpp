@@ -7,7 +7,6 @@
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
 
@@ -32,39 +31,14 @@ void TreeMotion::add_velocity(mjData_* d, int index, const double* change) {
   host::add_velocity(d, tree, end_velocity_.data());
 }
 
-// The trapezoidal rule corrects what the effective inertia makes of the forces of the start.
-void TreeMotion::find_integrated(int index, const RowsOnTree& by_rows) {
-  const bool keeps_smooth_motion =
-      host::adds_to_smooth_motion(model_) && !(by_rows.held && host::is_runge_kutta(model_));
-  integrated_[index] = !by_rows.touched || (keeps_smooth_motion && !by_rows.trapezoidal);
-}
-
 double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTree& by_rows,
                            RowData& data) {
   if (sleeps(index)) return 0.0;
-  if (is_accurate(index)) integrated_[index] = 0;
-  if (!by_rows.touched && is_sprung(index) && host::is_runge_kutta(model_)) {
-    integrated_[index] = 1;
-    return 0.0;
-  }
   if (host::is_free_body(model_, index)) return advance_free_body(d, index, length, by_rows, data);
-  if (!by_rows.touched) return 0.0;
+  if (!linked_[index]) return 0.0;
   const Tree& tree = trees_.tree[index];
   const double* moved = data.total_displacement.data() + tree.begin;
   const double* velocity = data.velocity.data() + tree.begin;
-  if (integrated_[index]) {
-    if (!by_rows.held) return 0.0;
-    velocity = host::velocity(d) + tree.dof_begin;
-    end_velocity_.assign(velocity, velocity + tree.dof_count);
-    for (int i = 0; i < tree.dof_count && by_rows.added_velocity; ++i)
-      end_velocity_[i] += by_rows.added_velocity[tree.begin + i];
-    velocity = end_velocity_.data();
-  } else if (!by_rows.held) {
-    // Dry friction has no position to keep, so it leaves the stability of the semi-implicit update.
-    displacement_.assign(velocity, velocity + tree.dof_count);
-    for (double& way : displacement_) way *= length;
-    moved = displacement_.data();
-  }
   host::write_tree(model_, d, tree, start_position_.data(), moved, velocity);
   return 0.0;
 }

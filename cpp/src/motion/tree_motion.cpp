@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "dashpot/detection/possible_rows.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
@@ -23,19 +24,21 @@ constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
 
 }  // namespace
 
-TreeMotion::TreeMotion(const mjModel_* model, bool accurate_free_bodies)
-    : model_(model), accurate_free_bodies_(accurate_free_bodies), trees_(host::make_trees(model)) {}
+TreeMotion::TreeMotion(const mjModel_* model, bool own)
+    : model_(model), own_(own), trees_(host::make_trees(model)) {}
 
 void TreeMotion::start(const mjData_* d) {
   const double* q = host::position(d);
   const double* v = host::velocity(d);
   start_position_.assign(q, q + host::position_count(model_));
   start_velocity_.assign(v, v + host::dof_count(model_));
+  moves_links_ = own_ && host::may_have_rows(model_);
+  any_by_mujoco_ = !own_;
+  for (int index = 0; index < tree_count() && !moves_links_; ++index)
+    any_by_mujoco_ = any_by_mujoco_ || !host::is_free_body(model_, index);
 }
 
-bool TreeMotion::is_accurate(int tree) const {
-  return accurate_free_bodies_ && host::is_free_body(model_, tree);
-}
+bool TreeMotion::is_accurate(int tree) const { return own_ && host::is_free_body(model_, tree); }
 
 void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowData& data,
                                     Team& team) {
@@ -48,7 +51,6 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
   free_motion_.resize(trees_.tree.size());
   smooth_acceleration_.resize(start_velocity_.size());
   inverted_.resize(trees_.tree.size());
-  integrated_.assign(trees_.tree.size(), 1);
   team.for_each(tree_count(), kTreesAtOnce, [&](int index) {
     const Tree& tree = trees_.tree[index];
     double* acceleration = smooth_acceleration_.data() + tree.dof_begin;
@@ -67,7 +69,7 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
     to_coordinates(index, start_velocity_.data() + tree.dof_begin,
                    data.velocity.data() + tree.begin);
   });
-  if (accurate_free_bodies_) load_from_springs(d, length, data);
+  if (own_) load_from_springs(d, length, data);
   data.start_motion = data.velocity;
   for (size_t i = 0; i < smooth_acceleration_.size(); ++i)
     if (!(std::abs(smooth_acceleration_[i]) <= host::kLargestValue))
@@ -76,9 +78,13 @@ void TreeMotion::find_smooth_motion(mjData_* d, double length, bool rough, RowDa
 }
 
 void TreeMotion::find_sleeping(const mjData_* d) {
-  sleeps_.assign(trees_.tree.size(), 0);
-  if (!host::any_sleeps(model_, d)) return;
-  for (int index = 0; index < tree_count(); ++index) sleeps_[index] = host::sleeps(d, index);
+  const bool any = host::any_sleeps(model_, d);
+  sleeps_.resize(trees_.tree.size());
+  linked_.resize(trees_.tree.size());
+  for (int index = 0; index < tree_count(); ++index) {
+    sleeps_[index] = any && host::sleeps(d, index);
+    linked_[index] = moves_links_ && !sleeps_[index] && !host::is_free_body(model_, index);
+  }
 }
 
 void TreeMotion::stay(int index, RowData& data) {
@@ -156,9 +162,9 @@ double TreeMotion::translation_by_turning(const mjData_* d, int index) {
                    inertia_form(trees_, index, factor, velocity));
 }
 
-void TreeMotion::damp_in_microsteps(const mjData_* d, int index) {
+void TreeMotion::damp_in_microsteps(const mjData_* d, int index, bool is_held) {
   if (inverted_[index]) return;
-  host::damp_in_microsteps(model_, d, index, trees_);
+  host::damp_in_microsteps(model_, d, index, is_held, trees_);
 }
 
 void TreeMotion::spring_in_microsteps(int index) {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/moved_axes.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 
 namespace dashpot {
 
@@ -17,11 +17,6 @@ bool is_far(double turn, double bend) {
 
 double equal_part(double parts, double rest, double whole) {
   return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
-}
-
-// Of what the stages of RK4 are followed in, which move trees that no row holds.
-double followed(const mjModel_* m, bool held) {
-  return host::is_runge_kutta(m) && !held ? 0.5 : 1.0;
 }
 
 // How many parts a ball or free joint of this angular velocity and acceleration asks for in `rest`.
@@ -46,9 +41,9 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
   const double rest = clock.length, whole = clock.whole;
   double parts = 1.0;
   for (int index = 0; index < motion.tree_count(); ++index) {
-    const double share = followed(m, held && held[index] > 0.0);
-    const bool by_stages = motion.is_sprung(index) && host::is_runge_kutta(m);
-    if (motion.is_accurate(index) && !by_stages) continue;
+    if (motion.is_accurate(index)) continue;
+    // The stages of RK4 are followed twice as far.
+    const double share = host::is_runge_kutta(m) && !motion.linked()[index] ? 0.5 : 1.0;
     const Tree& tree = motion.trees().tree[index];
     double fastest = 0.0;
     for (int dof = tree.dof_begin; dof < tree.dof_begin + tree.dof_count; ++dof) {

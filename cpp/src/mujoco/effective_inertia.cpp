@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "dashpot/mujoco/discrete.hpp"
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/names.hpp"
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/mujoco/sleep.hpp"
 #include "dashpot/mujoco/state.hpp"
 #include "dashpot/mujoco/trees.hpp"
@@ -25,10 +25,11 @@ namespace dashpot::host {
 
 namespace {
 
-// Fraction of H that D stays implicit for beside rows: with less, what drives gain within a step
-// (trapezoid.hpp) throws about light links that dampers hold; with more, what strong dampers hold
-// follows late.
-constexpr double kImplicitPart = 0.25;
+// Fraction of H that D stays implicit for in micro-steps. In flight half of the longest of these:
+// dampers are followed to second order then, and any of them is stable. Of what rows hold it is
+// more: with less, what drives gain within a step (trapezoid.hpp) throws about light links that
+// dampers hold; with more, what strong dampers hold follows late.
+constexpr double kImplicitPart = 1.0 / 26.0, kImplicitPartOfHeld = 0.25;
 // Fraction of a velocity that explicit damping takes in a step. Followed to second order, as Adams
 // and Bashforth do, it is stable up to 1, held over the step up to 2.
 constexpr double kStrongDamping = 0.5;
@@ -271,22 +272,31 @@ void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& 
   trees.sparse_is_known[tree] = 1;
   const Tree& t = trees.tree[tree];
   if (!trees.is_soft(tree)) return trees.sparse[tree].reset();
-  const double h = t.elastic ? trees.implicit_time : m->opt.timestep;
+  const double h = t.elastic ? t.implicit_time : m->opt.timestep;
   require(factor_coupled(m, d, trees, tree, h), m, t);
 }
 
-void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees) {
+void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, bool is_held, Trees& trees) {
   Tree& t = trees.tree[tree];
   if (t.free_body || is_free_body(m, tree)) return;
   if (is_discrete(m))
     t.elastic = t.damped = t.sprung = !trees.implicit_of(tree).empty();
   else
     find_damping(m, d, t, trees);
-  trees.implicit_time = kImplicitPart * m->opt.timestep;
+  const double part = is_held || is_discrete(m) ? kImplicitPartOfHeld : kImplicitPart;
+  t.implicit_time = part * m->opt.timestep;
   trees.sparse_is_known[tree] = 0;
   if (t.damped && !(t.sparse && t.elastic))
-    require(factor_tree(m, d, trees, tree, trees.implicit_time, trees.factor.data() + t.inverse), m,
-            t);
+    require(factor_tree(m, d, trees, tree, t.implicit_time, trees.factor.data() + t.inverse), m, t);
+}
+
+void solve_damped(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                  double implicit_time, double* x) {
+  const Tree& t = trees.tree[tree];
+  thread_local std::vector<double> factor;  // kept by the thread: a step allocates nothing
+  factor.resize(trees.end_of_factor(tree) - t.inverse);
+  require(factor_tree(m, d, trees, tree, implicit_time, factor.data()), m, t);
+  solve_inertia(trees, tree, factor.data(), x);
 }
 
 void smooth_acceleration(const mjModel_* m, const mjData_* d, Trees& trees, int tree,

@@ -7,6 +7,7 @@
 
 #include "dashpot/mujoco/constraints.hpp"
 #include "dashpot/mujoco/discrete.hpp"
+#include "dashpot/mujoco/host.hpp"
 #include "dashpot/mujoco/mocap_bodies.hpp"
 #include "dashpot/mujoco/model_checks.hpp"
 #include "dashpot/mujoco/names.hpp"
@@ -92,9 +93,14 @@ void report_options(const mjModel* m, Report& report) {
   else if (report.comfree() && is_discrete(m))
     report.add("option integrator=" + integrator, Treatment::kRefused,
                "law comfree goes by the masses of bodies alone; use law kelvin_voigt or Euler");
+  else if (is_runge_kutta(m))
+    report.add("option integrator=" + integrator, Treatment::kMapped,
+               "where contacts, limits, equalities or dry friction are possible, trees follow "
+               "velocity Verlet; models without any are stepped by mj_RungeKutta");
   else
     report.add("option integrator=" + integrator, Treatment::kHonoured,
-               "trees without contact are stepped by MuJoCo's own integrator");
+               "it says which forces are implicit; trees follow velocity Verlet, but models that "
+               "can have no rows are stepped by MuJoCo's own integrator");
   if (o.enableflags & mjENBL_SLEEP)
     report.add("flag sleep", Treatment::kHonoured,
                "islands are those of contacts that could touch in the step; trees that tendons or "

@@ -69,16 +69,16 @@ double potential_force(const mjModel_* m, const mjData_* d, int dof) {
   return force + weight_of_subtree(m, d, dof);
 }
 
-// Dampers have a part in the derivatives of implicit integrators, which takes theirs back.
+// Implicit integrators follow all dampers by their derivatives.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force) {
   if (is_discrete(m)) return force.assign(m->nv, 0.0);
   driving_forces(m, d, force);
   for (int i = 0; i < m->nv; ++i) force[i] -= d->qfrc_gravcomp[i];
-  if (m->nactuator == 0) return;
-  if (!takes_derivatives(m)) return add_strong_damping(m, d, velocity.data(), force.data());
-  for (int i = 0; i < m->nv; ++i) force[i] += damping_force(d, i);
-  add_damping(m, d, velocity.data(), force.data());
+  if (takes_derivatives(m))
+    for (int i = 0; i < m->nv; ++i) force[i] += damping_force(d, i);
+  else if (m->nactuator > 0)
+    add_strong_damping(m, d, velocity.data(), force.data());
 }
 
 void servo_changes(const mjModel_* m, const mjData_* d, const double* displacement,

@@ -3,13 +3,17 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
+#include <string>
 
 #include "dashpot/mujoco/contacts.hpp"
+#include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
+#include "dashpot/rows/divergence.hpp"
 
 namespace dashpot::host {
 
@@ -121,19 +125,38 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<ContactInput
   call_with_callbacks(mj_sensorAcc, m, d);
 }
 
-bool adds_to_smooth_motion(const mjModel_* m) {
-  return is_runge_kutta(m) || m->opt.integrator == mjINT_IMPLICIT;
-}
+bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; }
 
 void advance_all_but_motion(mjModel_* m, mjData_* d) {
   const Disabled damping(m, mjDSBL_EULERDAMP);
   mj_Euler(m, d);
 }
 
-void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta) {
+// mj_RungeKutta; where a callback raises in a stage, or the motion diverges, state, controls and
+// applied forces are those of the start again.
+static void take_stages(const mjModel* m, mjData* d) {
+  constexpr int kState = mjSTATE_INTEGRATION;
+  thread_local std::vector<double> start;
+  start.resize(mj_stateSize(m, kState));
+  mj_getState(m, d, start.data(), kState);
+  try {
+    call_with_callbacks([](const mjModel* model, mjData* data) { mj_RungeKutta(model, data, 4); },
+                        m, d);
+    for (int i = 0; i < m->nv; ++i)
+      if (!(std::abs(d->qvel[i]) <= kLargestValue))
+        throw DivergenceError("motion of degree of freedom " + std::to_string(i) +
+                              " diverged between the stages of RK4; data are as they were before "
+                              "the step");
+  } catch (...) {
+    mj_setState(m, d, start.data(), kState);
+    throw;
+  }
+}
+
+void integrate(mjModel_* m, mjData_* d, bool uses_motion, bool any_rows) {
   const StaysAwake awake(m, d);
-  if (is_runge_kutta(m) && uses_motion)
-    runge_kutta.advance(m, d);
+  if (is_runge_kutta(m) && uses_motion && !any_rows)
+    take_stages(m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
   else if (uses_motion && !is_discrete(m))

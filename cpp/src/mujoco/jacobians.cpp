@@ -48,7 +48,7 @@ void add_mocap_motion(const mjModel* m, const mjData* d, const ContactInput& inp
     if (!is_on_moving_mocap(m, d, input.geom[side])) continue;
     const int body = m->geom_bodyid[input.geom[side]];
     mjtNum twist[6], velocity[3];
-    mocap_twist_ahead(m, d, body, input.time_of(side), twist);
+    mocap_twist_ahead(m, d, body, input.ahead, twist);
     velocity_of_point(m, d, body, twist, acting_point(input, side).data(), velocity);
     const double sign = side ? 1.0 : -1.0;
     for (int i = 0; i < 3; ++i) {

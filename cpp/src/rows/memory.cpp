@@ -12,7 +12,7 @@ namespace dashpot {
 namespace {
 
 // Storage: count of contacts, ledger, whether a step was taken, positions at its end, motion that
-// rows hold, leads and velocities at its end, mocap bodies, constraints, contacts.
+// trees follow, velocities at its end, mocap bodies, constraints, contacts.
 constexpr int kHeader = 9;
 constexpr int kStepped = 8;
 constexpr int kMocap = sizeof(RememberedMocap) / sizeof(double);
@@ -46,15 +46,13 @@ double slack(double deformation, double offset) {
 }  // namespace
 
 int MemoryLayout::held_size() const {
-  return 4 * held_trees + 5 * held_dofs + 2 * held_coordinates;
+  return 5 * held_trees + 6 * held_dofs + 2 * held_coordinates;
 }
-
-int MemoryLayout::lead_size() const { return held_trees + held_dofs; }
 
 int MemoryLayout::mocap_size() const { return kMocap * driven_bodies; }
 
 int MemoryLayout::size() const {
-  return kHeader + positions + held_size() + lead_size() + mocap_size() +
+  return kHeader + positions + held_size() + mocap_size() +
          static_cast<int>(sizeof(RememberedConstraint) / sizeof(double)) * constraints +
          static_cast<int>(sizeof(RememberedContact) / sizeof(double)) * contacts;
 }
@@ -67,7 +65,7 @@ Memory::Memory(double* storage, const MemoryLayout& layout)
 double* Memory::position() const { return storage_ + kHeader; }
 
 double* Memory::mocap_storage() const {
-  return position() + layout_.positions + layout_.held_size() + layout_.lead_size();
+  return position() + layout_.positions + layout_.held_size();
 }
 
 double* Memory::constraint_storage() const { return mocap_storage() + layout_.mocap_size(); }
@@ -76,8 +74,9 @@ HeldMotion Memory::held_motion() const {
   if (layout_.held_trees == 0) return {};
   HeldMotion motion;
   motion.length = position() + layout_.positions;
-  motion.weight = motion.length + layout_.held_trees;
-  motion.gravity_ahead = motion.weight + layout_.held_trees;
+  motion.held = motion.length + layout_.held_trees;
+  motion.implicit_time = motion.held + layout_.held_trees;
+  motion.gravity_ahead = motion.implicit_time + layout_.held_trees;
   motion.energy = motion.gravity_ahead + layout_.held_trees;
   motion.displacement = motion.energy + layout_.held_trees;
   motion.potential = motion.displacement + layout_.held_dofs;
@@ -89,12 +88,8 @@ HeldMotion Memory::held_motion() const {
   return motion;
 }
 
-double* Memory::lead() const {
-  return layout_.held_trees == 0 ? nullptr : held_motion().length + layout_.held_size();
-}
-
 double* Memory::end_velocity() const {
-  return layout_.held_trees == 0 ? nullptr : lead() + layout_.held_trees;
+  return layout_.held_trees == 0 ? nullptr : held_motion().other_force + layout_.held_coordinates;
 }
 
 RememberedMocap Memory::mocap(int index) const {

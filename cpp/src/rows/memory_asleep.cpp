@@ -21,7 +21,7 @@ bool MarkedRows::has_any(const std::array<int, 2>& geoms) const {
 
 void Memory::rest(const Tree& tree, int index) {
   if (layout_.held_trees == 0) return;
-  held_motion().length[index] = lead()[index] = 0.0;
+  held_motion().length[index] = 0.0;
   std::fill_n(end_velocity() + tree.dof_begin, tree.dof_count, 0.0);
 }
 

@@ -36,7 +36,7 @@ double& share(EnergyShares& shares, const RowGroup& c, int i) {
 
 void RowData::reset_motion(int coordinates) {
   for (auto* array : {&velocity, &smooth_acceleration, &total_displacement, &coordinate_impulse,
-                      &shift, &braked, &pulled, &added_acceleration})
+                      &braked, &pulled, &added_acceleration})
     array->assign(coordinates, 0.0);
   velocity[kSurfaceCoordinate] = 1.0;
   smooth_acceleration[kTurningCoordinate] = 1.0;
@@ -68,14 +68,6 @@ double bearable_of(const Rows& rows, const RowData& data, const RowGroup& c,
   if (c.kind != RowKind::kUnilateral || kappa == 0.0) return bearable;
   const double load = first_rate(rows, c, data.smooth_acceleration);
   return bearable + 2.0 * std::max(0.0, -load) / kappa;
-}
-
-bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& c, double gap,
-                              const AlignedDoubles& velocity, const AlignedDoubles& acceleration,
-                              double time) {
-  if (!c.is_unilateral() || gap <= 0.0) return false;
-  const double rate = first_rate(rows, c, velocity), load = first_rate(rows, c, acceleration);
-  return gap + time * (rate + time * load) <= 0.0;
 }
 
 namespace {

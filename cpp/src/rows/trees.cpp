@@ -124,17 +124,6 @@ void Trees::append(int dof_begin, int dof_count, bool free_body, const int* abov
   sparse_is_known.push_back(0);
 }
 
-double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value) {
-  double sum = 0.0;
-  int count = 0;
-  for (int index : tree) {
-    if (index < 0) continue;
-    sum += value[index];
-    ++count;
-  }
-  return count > 0 ? sum / count : 0.0;
-}
-
 void add_response(const Trees& trees, int tree, const double* force, double* acceleration) {
   const Tree& t = trees.tree[tree];
   const double* column = trees.inverse.data() + t.inverse;

@@ -39,9 +39,6 @@ class ContactMotion {
   const mjtNum* linear(int side) const { return side_[side].linear; }
   // Velocity of the centre of mass of the second body relative to that of the first.
   const mjtNum* relative() const { return relative_; }
-  // s, by side: see ContactInput. Times of a pair are those after the places of its trees.
-  const std::array<double, 2>& lag() const { return lag_; }
-  bool lags() const { return lag_[0] != 0.0 || lag_[1] != 0.0; }
 
   bool is_ball(int side) const;
   // Whether the geom is a ball about the centre of mass of a free body, which looks the same
@@ -69,8 +66,6 @@ class ContactMotion {
   double way_in(double time) const;
   // Rate (m/s) of the gap of a contact.
   double gap_rate(const ContactInput& contact) const;
-  // How much (m) it grows until what lags is where the trees are.
-  double growth_in_lag(const ContactInput& contact) const;
   // Apparent inverse mass (1/kg) along the normal of a contact; of links MuJoCo's estimate.
   double inverse_mass(const ContactInput& contact, const Trees& trees) const;
   // Whether a joint that a link hangs on turns by more than `angle` (rad, or m) in the step.
@@ -103,7 +98,6 @@ class ContactMotion {
   double length_;
   std::array<Side, 2> side_;
   mjtNum relative_[3]{};
-  std::array<double, 2> lag_{};
 };
 
 }  // namespace dashpot::host

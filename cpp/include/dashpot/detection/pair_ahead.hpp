@@ -5,9 +5,9 @@
 //
 //     dJ/dt xi = (u(t) - u(0)) / t ,
 //
-// u: rate of the two points that touch, by the velocities of the start. Where a tree leads, which
-// mocap bodies do not, these go to its time first. Each free body sees the point from where its
-// centre of mass is at the start; axes of joints and twists go to that time themselves.
+// u: rate of the two points that touch, by the velocities of the start. Each free body sees the
+// point from where its centre of mass is at the start; axes of joints and twists go to that time
+// themselves.
 
 #pragma once
 
@@ -37,8 +37,7 @@ class PairAhead {
         length_(length),
         first_(first),
         last_(last),
-        seen_(motion, length),
-        at_start_(motion, length) {}
+        seen_(motion, length) {}
 
   // Collides the geoms where they are after a time (s), out to `apart` (m) beyond how far they move
   // up to then.
@@ -57,7 +56,7 @@ class PairAhead {
   // The geometry that a contact has as it is seen after a time (s).
   ContactInput seen_in(const SeenContact& seen, double time, ContactInput contact) const;
   // Gives a contact that was at `start` what turns it.
-  bool find_turning(const ContactInput& start, ContactInput& contact) const;
+  void find_turning(const ContactInput& start, ContactInput& contact) const;
 
   mjModel* model_;
   mjData* data_;
@@ -67,7 +66,7 @@ class PairAhead {
   double length_;
   ContactInput *first_, *last_;
   double time_ = 0.0, way_ = 0.0;  // s, and how far (m) the pair moves up to then
-  SeenContacts seen_, at_start_;   // the latter where one side lags
+  SeenContacts seen_;
   ContactInput then_;
 };
 

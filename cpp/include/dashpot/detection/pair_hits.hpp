@@ -18,10 +18,9 @@ namespace dashpot::host {
 
 class PairHits {
  public:
-  // Of a pair that moves as `motion` has it, whose places at the start lead by `lead` (s).
-  PairHits(const ContactMotion& motion, const TurningStep& step, const LonePairs& pairs,
-           double lead)
-      : motion_(motion), step_(step), pairs_(pairs), lead_(lead) {}
+  // Of a pair that moves as `motion` has it.
+  PairHits(const ContactMotion& motion, const TurningStep& step, const LonePairs& pairs)
+      : motion_(motion), step_(step), pairs_(pairs) {}
 
   // sqrt(k w) (rad/s) of a contact that is hit, or flies off; else 0.
   double frequency(const ContactInput& contact) const;
@@ -50,7 +49,6 @@ class PairHits {
   const ContactMotion& motion_;
   const TurningStep& step_;
   const LonePairs& pairs_;
-  double lead_;
 };
 
 }  // namespace dashpot::host

@@ -26,10 +26,9 @@ class TurningPair {
         step_(step),
         first_(first),
         last_(last),
-        lead_(mean_of_trees(first->tree, step.lead)),
         hit_speed_(pairs.hit_speed()),
         motion_(m, d, step.length),
-        hits_(motion_, step, pairs, lead_),
+        hits_(motion_, step, pairs),
         far_(motion_),
         ahead_(m, d, motion_, far_, pairs, step.length, first, last) {}
 
@@ -57,7 +56,7 @@ class TurningPair {
   mjData* data_;
   const TurningStep& step_;
   ContactInput *first_, *last_;
-  double lead_, hit_speed_;  // of its trees on the average, s; m/s
+  double hit_speed_;  // m/s
   ContactMotion motion_;
   PairHits hits_;
   FarPair far_;

@@ -2,8 +2,6 @@
 
 #pragma once
 
-#include <vector>
-
 #include "dashpot/rows/hit.hpp"
 #include "dashpot/rows/memory.hpp"
 #include "dashpot/rows/trees.hpp"
@@ -14,10 +12,9 @@ struct TurningStep {
   double length;    // s
   bool any_motion;  // none is so small that it counts as rest, as where a step is differentiated
   const Trees& trees;
-  const double* motion;             // velocities in motion coordinates
-  const std::vector<double>& lead;  // by tree, that of the start, s (leapfrog.hpp)
-  const HitFrequency& frequency;    // of contacts that may be hit
-  const Memory& memory;             // of what was hit in the last step
+  const double* motion;           // velocities in motion coordinates
+  const HitFrequency& frequency;  // of contacts that may be hit
+  const Memory& memory;           // of what was hit in the last step
 };
 
 }  // namespace dashpot::host

@@ -31,8 +31,8 @@
 //
 //     -K (x + h v / 2),    x' = x + h (v + v') / 2,
 //
-// x: how far the tree has gone, from where it fell back to (leapfrog.hpp); held over the step they
-// would add some K (x1 - x0)^2 / 2 to what a hit throws back in it.
+// x: how far the tree has gone; held over the step they would add some K (x1 - x0)^2 / 2 to what a
+// hit throws back in it.
 //
 // Work. Impulses p and moments r change kinetic energy by p (u_0 + u_1) / 2 and, displacing the
 // bodies by r, change the work of the smooth forces; together row i does the work
@@ -64,10 +64,10 @@ class MicrostepLoop {
   ~MicrostepLoop();
 
   // Runs the micro-steps of all islands in which a row may act within the `time` (s) of the step,
-  // and of those with a tree that is `in_time` (by tree; leapfrog.hpp). Threads share large ones,
-  // and have small ones each to itself; the team has no more than `threads`.
+  // and moves all other trees that are `linked` (by tree) and fly. Threads share large islands, and
+  // have small ones each to itself; the team has no more than `threads`.
   void run(const Rows& rows, const Trees& trees, const std::vector<Island>& islands,
-           const std::vector<char>& in_time, double recovery_speed, double time, RowData& data,
+           const std::vector<char>& linked, double recovery_speed, double time, RowData& data,
            Team& team);
 
  private:

@@ -92,9 +92,9 @@ template <Sweep kSweep, typename Jacobian, typename Law>
 // Finds the drag of a tree.
 [[gnu::always_inline]] static inline void find_drag(const Tree& t, const IslandMotion& m) {
   for (int i = t.begin; i < t.begin + t.count; i += kLanes) {
-    const Lanes slowing =
-        m.lag * (load_lanes(m.smooth_acceleration + i) - load_lanes(m.added + i)) -
-        load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
+    const Lanes slowing = (m.step - t.implicit_time) *
+                              (load_lanes(m.smooth_acceleration + i) - load_lanes(m.added + i)) -
+                          load_lanes(m.velocity + i) + load_lanes(m.start_motion + i);
     store_lanes(slowing, m.slowing + i);
     store_lanes(load_lanes(m.damping + i) * slowing, m.drag + i);
   }

@@ -71,7 +71,6 @@ struct IslandMotion {
   const double *smooth_acceleration, *inverse;
   // For the drag of damped trees.
   const double *start_motion, *added, *damping, *cross_damping;
-  double lag = 0.0;   // T - e of microstep.hpp, s
   double step = 0.0;  // T
   double *slowing, *drag, *braked;
   // Of sprung trees: how far they have gone, and what their springs pull with because of that.

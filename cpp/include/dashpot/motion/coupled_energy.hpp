@@ -3,16 +3,14 @@
 // Those that equalities couple share s, which is 1 to first order in H, and such that energy is
 // conserved:
 //
-//     v1'M1 v1 / 2 = v'M0 v / 2 + ((1 - w) p0 + w p1 - f0) dq + l1 v'c1 - l0 v'c0
-//                    + integral of lambda (dJ/dt xi) t dt ,
+//     v1'M1 v1 / 2 = v'M0 v / 2 + ((p0 + p1) / 2 - f0) dq + integral of lambda (dJ/dt xi) t dt ,
 //
-// beside w (e1 - e0) dq, the work that changes of drives do, and less what D, the damping in the
+// beside (e1 - e0) dq / 2, the work that changes of drives do, and less what D, the damping in the
 // effective inertia, takes: tau v'D k + tau k'D k / 2, k = v1 - v, where that inertia is M + tau
 // D. v: what the step left, v1: with the second half; p: the part of f that has a potential, p -
-// c; dq: displacement over the step; l0 and l1: lead (leapfrog.hpp) at its start and end. The first
+// c; dq: displacement over the step. The first
 // term is the energy that the frozen geometry of the step has; the second replaces the work of f0
-// by the change of potential energy; l v'c is what v'M v / 2 gains while positions go ahead; the
-// last is the work that equalities did because they turned.
+// by the change of potential energy; the last is the work that equalities did because they turned.
 //
 // An impact or a configuration near a singular one leaves no s near 1. Trees that equalities tie to
 // what does not move are then brought to v1'M1 v1 / 2 by their speed where that takes some of it
@@ -56,13 +54,17 @@ struct CommonMomentum {
 struct CoupledEnergy {
   double kinetic = 0.0, linear = 0.0, square = 0.0, wanted = 0.0, turning_work = 0.0;
   double damped_linear = 0.0, damped_square = 0.0;  // tau v'D k and tau k'D k / 2
-  double driven = 0.0;                              // work of w (e1 - e0)
-  double scale = 0.0;                               // s
-  double brake = 0.0;  // fraction of v + s k inside to take away where no s conserves energy
+  // J, what dampers take of k beyond what the work of the step has of it, where D counts as inertia
+  // for another time than in the last step.
+  double damped_beside = 0.0;
+  double driven = 0.0;  // work of (e1 - e0) / 2
+  double scale = 0.0;   // s
+  double brake = 0.0;   // fraction of v + s k inside to take away where no s conserves energy
   // J, what it lacks with s of what it ought to be. Of a light part that an equality couples to a
   // heavy one s = 1 is a part of its own, which the damper of the equality takes.
   double lost = 0.0;
   bool by_equalities = false;
+  bool held = false;       // in the last step, at least one tree, by rows that have a position
   bool left_half = false;  // in the last step, at least one tree
   bool turns = true;       // its equalities, in this step
   bool follows_drives = true, drives_change = false;

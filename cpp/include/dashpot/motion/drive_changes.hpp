@@ -5,7 +5,9 @@
 // step. Held over a step they would gain energy as springs do, from omega^2 H / 4. So a' has their
 // change
 //
-//     e' - e,    e: all of them but what H1 treats implicitly.
+//     e' - (e - D0 (v1 - v0)),
+//
+// D0: what the micro-steps follow of dampers and servos with implicit integrators.
 //
 // Where no s near 1 is left with it, they are taken as held after all, as servos of light fingers
 // that hold something heavy.
@@ -38,8 +40,10 @@ class DriveChanges {
             const std::vector<char>& left_half);
   // Of what is followed, counts the part s of a tree.
   void count_followed(const Tree& tree, double s);
-  // Keeps a tree's for the next step.
-  void keep(const Tree& tree, HeldMotion& now) const;
+  // Keeps a tree's for the next step, which starts with the generalized `velocity`, from a step
+  // that started with `before`.
+  void keep(const mjModel_* model, const Trees& trees, int tree, const double* before,
+            const double* velocity, HeldMotion& now) const;
 
   // By degree of freedom: the change that is followed, and what of it servos have because joints
   // moved.

@@ -1,10 +1,10 @@
-// The second half of the trapezoidal rule for trees that rows hold.
+// The second half of the trapezoidal rule, for linked trees in flight and under rows, and for what
+// equalities couple.
 //
-// Rows see the smooth forces of the start of a step, and those of equalities its geometry. Under
-// rows that act for good a motion integrated so gains energy, in parts about omega^2 H / 2 a
-// second. Velocity Verlet (RATTLE: Andersen, J. Comput. Phys. 52, 1983) takes the mean of the
-// accelerations at both ends of the step instead. That at the end is known when the next step has
-// its rows:
+// Micro-steps see the smooth forces of the start of a step, and equalities its geometry. A motion
+// integrated so gains energy, in parts about omega^2 H / 2 a second. Velocity Verlet (RATTLE:
+// Andersen, J. Comput. Phys. 52, 1983) takes the mean of the accelerations at both ends of the step
+// instead. That at the end is known when the next step has its rows:
 //
 //     v  +=  s H / 2 (a' - a),    a  = inv(H0) (f0 + g + J0' lambda),
 //                                 a' = inv(H1) (f1 + g + J1' lambda),
@@ -21,16 +21,6 @@
 // mean force, and p has none of its change. So do all springs of soft trees (trees.hpp), whose
 // bodies feel nothing else that changes: contacts leave them no second half.
 //
-// Positions that lead (leapfrog.hpp) show forces and inertia half a step late: at the start of a
-// step in which a tree lands those of its middle, and at the end of one in which it leaves those
-// half a step on. The mean is what there is in the middle of the step, found on the line through
-// both,
-//
-//     1/2 (a + a')  becomes  (1 - w) a + w a',    w = (1/2 - t0) / (t1 - t0),
-//
-// with t0 = 0 or 1/2 and t1 = 1 or 3/2. Of the forces that come with velocity, c, it stays the
-// mean: velocities do not lead.
-//
 // Of the second half, rows that hold the tree against the ground leave what holding_rows.hpp says:
 // they bear the rest, as a foot on the floor what the spring of its leg gains. They do so in the
 // step in which the half is added, of whose forces it is a part.
@@ -46,11 +36,12 @@
 // The smooth motion of a free body is exact, and rows change its momentum: there, a' - a is inv(H1)
 // (J1 - J0)' lambda, and contacts leave no second half.
 //
-// s is 1 where springs, weights and servos bring a' - a; elsewhere 1 to first order in H, and such
-// that energy is conserved (coupled_energy.hpp); trees that equalities couple share it
-// (coupled_trees.hpp). Where none is found, or equalities would turn too far even in a part of a
-// step (turning_parts.hpp), frozen geometry stays: the second half is left out, they do not turn in
-// that step, and the work of those that did is booked as dissipation.
+// s is 1 of trees that no row with a position held in the step, and where springs, weights and
+// servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
+// (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
+// found, or equalities would turn too far even in a part of a step (turning_parts.hpp), frozen
+// geometry stays: the second half is left out, they do not turn in that step, and the work of those
+// that did is booked as dissipation.
 
 #pragma once
 
@@ -78,8 +69,6 @@ struct EndOfStep {
   const Rows& rows;
   const RowData& data;
   const std::vector<char>& held;            // by tree: rows that have a position moved it
-  const std::vector<double>& fell_back;     // by tree, s, see Leapfrog
-  const AlignedDoubles& way_back;           // by motion coordinate, see Leapfrog
   const std::vector<double>& displacement;  // nv; what the change of kinetic energy went with
 };
 
@@ -96,13 +85,12 @@ class Trapezoid {
   void finish_last_step(const mjData_* d, const StepView& step, bool whole, TreeMotion& motion,
                         Rows& rows, RowData& data, EnergyLedger& ledger);
 
-  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember
-  // and Leapfrog::keep.
+  // At the end of the step: keeps in `memory` what its second half needs, after Memory::remember.
   void keep(const mjData_* d, const EndOfStep& end, const TreeMotion& motion, Memory& memory,
             EnergyLedger& ledger);
 
-  // Of this step: whether rows that may hold a tree leave a second half, or have left one, and what
-  // was added to velocities, by motion coordinate; null where nothing was.
+  // Of this step: whether a tree has second halves, and what was added to velocities, by motion
+  // coordinate; null where nothing was.
   bool holds(int tree) const { return !first_.empty() && first_[tree] >= 0; }
   bool is_coupled_by_equalities(int tree) const {
     return holds(tree) && coupled_[first_[tree]].by_equalities;
@@ -119,7 +107,7 @@ class Trapezoid {
   // Finds which trees that contacts may hold have light parts.
   void find_light_trees(const mjData_* d, const StepView& step, TreeMotion& motion);
   // Finds which trees have a second half, and which of them share s.
-  void couple_trees(const Memory& memory, const Rows& rows, const Trees& trees);
+  void couple_trees(const Rows& rows, const TreeMotion& motion);
   void find_left_halves(const Memory& memory, const TreeMotion& motion);
   void find_potential_forces(const mjData_* d, const TreeMotion& motion);
   // Adds up what the equalities of the last step did: J1' lambda, and their work by turning.
@@ -129,9 +117,15 @@ class Trapezoid {
   bool find_scales(const mjData_* d, double length, bool whole, const Memory& memory,
                    TreeMotion& motion);
   void find_second_half(const mjData_* d, const Memory& memory, TreeMotion& motion);
+  static bool differs_in_damping(const Trees& trees, int tree, const HeldMotion& before);
+  void respond(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
+               const double* force, double* response) const;
+  double work_of_drives(const mjData_* d, const Trees& trees, int tree, const HeldMotion& before,
+                        const std::vector<double>& velocity);
   // What of p the second half of a tree's step has: of one with gravity ahead, springs alone.
   double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
-  void find_energies(const mjData_* d, double length, const TreeMotion& motion);
+  void find_energies(const mjData_* d, double length, const Memory& memory,
+                     const TreeMotion& motion);
   // Finds what of it is in translations that coupled trees have in common.
   void find_common_momenta(const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the second half.
@@ -155,12 +149,12 @@ class Trapezoid {
   void keep_equalities(const EndOfStep& end, Memory& memory, EnergyLedger& ledger);
   // Keeps the length of the step for trees that it leaves a second half of; returns whether there
   // are any.
-  bool keep_lengths(const EndOfStep& end, HeldMotion& now) const;
-  void keep_tree(const mjData_* d, const EndOfStep& end, int tree, double lead,
-                 const TreeMotion& motion, HeldMotion& now);
+  bool keep_lengths(const EndOfStep& end, const TreeMotion& motion, HeldMotion& now) const;
+  void keep_tree(const mjData_* d, const EndOfStep& end, int tree, const TreeMotion& motion,
+                 HeldMotion& now);
 
   const mjModel_* model_;
-  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where no rows hold it
+  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where it has no second halves
   HoldingRows holding_rows_;
   CommonTranslations translations_;
   DriveChanges drives_;

@@ -1,14 +1,10 @@
 // How every tree moves over a step: its smooth motion in motion coordinates, which the rows start
 // from, and its state at the end of the step, with what the rows added.
 //
-// Free bodies follow the accurate motion of free_body.hpp. Of the other trees those that rows hold
-// take the integral of their micro-step velocities; MuJoCo's integrator has all others, and those
-// that dry friction alone slows.
-//
-// Micro-steps take the smooth forces of the start of the step, so that at rest they balance those
-// of the rows. RK4 and implicit account for how smooth forces change within the step: there trees
-// that dry friction alone slows take the velocity and position to which MuJoCo's integrator comes
-// under the mean forces of the rows.
+// Free bodies follow the accurate motion of free_body.hpp. All other trees, the linked ones, take
+// the integral of their micro-step velocities, and with the second half of each step
+// (trapezoid.hpp) follow velocity Verlet, in flight as under rows. MuJoCo's integrator has those of
+// models that can have no rows, and all of the complementarity-free law.
 
 #pragma once
 
@@ -30,28 +26,29 @@ namespace dashpot {
 struct RowsOnTree {
   bool touched = false;  // moved it
   bool joined = false;   // as they moved another tree against it
-  bool held = false;     // so did rows that have a position, which dry friction has not
   // In the geometry of a time within the part, its middle or that of a hit.
   bool frozen_ahead = false;
   bool trapezoidal = false;  // its motion follows the trapezoidal rule (trapezoid.hpp)
   double unpaid = 0.0;       // J, work of contacts, because they turn, that no spring paid for
-  // What trapezoid.hpp has added to its velocity, by motion coordinate; null: nothing.
-  const double* added_velocity = nullptr;
 };
 
 class TreeMotion {
  public:
-  // Unless `accurate_free_bodies`, free bodies move as MuJoCo moves them, as all other trees do.
-  TreeMotion(const mjModel_* model, bool accurate_free_bodies);
+  // Unless `own`, all trees move as MuJoCo moves them.
+  TreeMotion(const mjModel_* model, bool own);
 
   // Whether it is a free body that moves as one, not as MuJoCo moves it.
   bool is_accurate(int tree) const;
+  // By tree: it is another one that moves as in the micro-steps.
+  const std::vector<char>& linked() const { return linked_; }
+  // Whether MuJoCo's integrator moves any tree.
+  bool any_by_mujoco() const { return any_by_mujoco_; }
   // Whether it sleeps, and does not move.
   bool sleeps(int tree) const { return sleeps_[tree]; }
-  // Whether springs or servos act on such a body. In flight RK4 moves it then.
+  // Whether springs or servos act on such a body.
   bool is_sprung(int tree) const;
 
-  // Reads the state at the start of a step.
+  // Reads the state at the start of a step, and finds who moves which tree.
   void start(const mjData_* d);
   // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
   // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
@@ -67,7 +64,7 @@ class TreeMotion {
   // velocity, both at the start and in the norm of the inertia, 1/s. Not of free bodies.
   double translation_by_turning(const mjData_* d, int tree);
   // Lets the dampers of a tree act in its micro-steps; to be called before inv(H) is asked for.
-  void damp_in_microsteps(const mjData_* d, int tree);
+  void damp_in_microsteps(const mjData_* d, int tree, bool is_held);
   // Lets the springs of its joints act there (mujoco/joint_springs.hpp).
   void spring_in_microsteps(int tree);
   // Fills in inv(H) of a tree, or of all that rows reach, which is that of another step until then.
@@ -80,16 +77,11 @@ class TreeMotion {
 
   // Adds `change`, by motion coordinate of all, to the velocity of a tree.
   void add_velocity(mjData_* d, int tree, const double* change);
-  // Decides whether MuJoCo's integrator has the velocity of a tree, which is not accurate; before
-  // that has advanced anything.
-  void find_integrated(int tree, const RowsOnTree& by_rows);
   // Writes the end of the step to `d`, where MuJoCo's integrator has already advanced everything.
   // Returns the energy (J) that rows gave the tree and that it does not have then, negative where
   // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
   // Threads may advance accurate trees at once.
   double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
-  // By tree, of the step: it has its velocity from MuJoCo's integrator.
-  const std::vector<char>& integrated() const { return integrated_; }
   // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
   void advance_semi_implicitly(mjData_* d, int tree, double length);
 
@@ -113,17 +105,17 @@ class TreeMotion {
                            const RowData& data);
 
   const mjModel_* model_;
-  bool accurate_free_bodies_;
+  bool own_, moves_links_ = false, any_by_mujoco_ = false;
+  std::vector<char> linked_;
   Trees trees_;
   std::vector<host::WeldedParts> parts_;                 // by tree, if any has some
   std::vector<double> start_position_, start_velocity_;  // generalized
   std::vector<double> smooth_acceleration_;              // generalized
   std::vector<FreeMotion> free_motion_;                  // by tree; meaningful for free bodies
   host::ElasticForces elastic_forces_;
-  std::vector<char> sleeps_;    // by tree
-  std::vector<char> inverted_;  // by tree: its inverse inertia is filled in
-  std::vector<int> to_invert_;  // trees
-  std::vector<char> integrated_;
+  std::vector<char> sleeps_;                         // by tree
+  std::vector<char> inverted_;                       // by tree: its inverse inertia is filled in
+  std::vector<int> to_invert_;                       // trees
   std::vector<double> displacement_, end_velocity_;  // generalized, of one tree
 };
 

@@ -1,14 +1,13 @@
 // How much of a step MuJoCo's integrators follow trees that turn far.
 //
-// They take Coriolis and centrifugal forces as those of the start of the step, or, RK4, of four of
-// its moments; and rows act in the geometry of its start. Where links turn by h w (rad) about
-// several axes, that adds to their energy in every step. So a step in which a joint both turns far
-// and changes its velocity,
+// They take Coriolis and centrifugal forces as those of the start of the step; and rows act in the
+// geometry of its start. Where links turn by h w (rad) about several axes, that adds to their
+// energy in every step. So a step in which a joint both turns far and changes its velocity,
 //
 //   turn = h |w|,  bend = h^2 |dw/dt|,  bend > kFollowedBend,  turn + bend > kFollowedTurn,
 //
 // is taken in equal parts, of which neither turns farther than kPartTurn nor bends farther than
-// kFollowedBend, but in kMostTurningParts at most. RK4 is followed twice as far. A wheel that spins
+// kFollowedBend, but in kMostTurningParts at most. A wheel that spins
 // does not bend its way, however fast it is, and steps as in MuJoCo.
 //
 // Slides and free joints go straight while what they carry turns about an axis beside its centre of
@@ -54,7 +53,7 @@ inline constexpr double kSteadyAxis = 1e-3;    // rad in a step
 inline constexpr int kMostTurningParts = 64;
 
 // The length (s) of the next part of a step, at most that of the present one, by the smooth motion
-// over that; the same where nothing turns far. `held`: by tree, HeldMotion::length, or null.
+// over that; the same where nothing turns far. `held`: by tree, HeldMotion::held, or null.
 double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
                            const double* held, const StepClock& clock);
 

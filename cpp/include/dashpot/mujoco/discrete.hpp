@@ -16,7 +16,7 @@
 //     (M + e (D + h K)) v' = f - (D + h K) (v - v0) - h K v0 - K x + J'F.
 //
 // Modes that the step does not resolve then relax within e, and statics are those of f - K x + J'F
-// = 0. Positions of such trees do not lead velocities (leapfrog.hpp): f is that of their end.
+// = 0. f is that of the start.
 
 #pragma once
 

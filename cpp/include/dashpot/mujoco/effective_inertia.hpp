@@ -5,9 +5,9 @@
 //     implicit       the same; the derivative of the bias, which is not symmetric, is left out
 //     discrete       of springs, dampers, servos, drag and flexes, with H^2 K (discrete.hpp)
 //
-// Dampers of a tree that rows hold act in its micro-steps (microstep.hpp), and H D / 4 is left in
-// the inertia through which these rows act. So do the springs of `discrete`, of which D
-// has H K. The stages of RK4 see dampers themselves, and M.
+// Dampers of a linked tree act in its micro-steps (microstep.hpp), and e D is left in the inertia,
+// with e = H / 4 of one that rows held in the last step, and H / 26 in flight. So do the springs of
+// `discrete`, of which D has H K.
 
 #pragma once
 
@@ -61,7 +61,11 @@ void find_effective_inertia(const mjModel_* m, mjData_* d, const std::vector<Wel
 void find_coupled_inertia(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
 // Of a tree that rows may hold, after its smooth acceleration is known: finds D for its
 // micro-steps, and the factor with what is left of H D. Not of free bodies.
-void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, Trees& trees);
+void damp_in_microsteps(const mjModel_* m, const mjData_* d, int tree, bool is_held, Trees& trees);
+// x = inv(M + e D) x over the degrees of freedom of a tree whose springs are not in H, with another
+// e than the tree has now: `implicit_time` (s).
+void solve_damped(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                  double implicit_time, double* x);
 // The smooth generalized acceleration of a tree through the effective inertia. That of a free body,
 // and of trees whose derivatives were changed, goes through all derivatives as they are, as in
 // MuJoCo: lift and drag of a fluid couple how a body goes with how it turns, and not symmetrically.

@@ -22,9 +22,9 @@ double spring_force(const mjData_* d, int dof);
 // gravity compensation.
 void damping_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
 void driving_forces(const mjModel_* m, const mjData_* d, std::vector<double>& force);
-// The driving forces but gravity compensation (nv), of which what the effective inertia treats
-// implicitly, as the damping of servos, is left out, and explicit damping that is strong for the
-// step. At the start of a step from `velocity`.
+// The driving forces but gravity compensation (nv): with implicit integrators those of dampers too,
+// with others without explicit damping of servos that is strong for the step. At the start of a
+// step from `velocity`.
 void drives(const mjModel_* m, const mjData_* d, const std::vector<double>& velocity,
             std::vector<double>& force);
 // What an actuator's force falls by with its length, N/m or N m/rad: of servos, whose bias is

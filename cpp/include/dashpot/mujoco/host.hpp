@@ -5,9 +5,9 @@
 
 #pragma once
 
+#include <functional>
 #include <vector>
 
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/rows/rows.hpp"
 
 struct mjModel_;
@@ -15,10 +15,13 @@ struct mjData_;
 
 namespace dashpot::host {
 
+// Finds the contacts of the present positions, in a room that knows detection.
+using FindContacts = std::function<void(mjModel_*, mjData_*)>;
+
 // Kinematics, inertia, bias, passive and actuator forces, smooth acceleration (qacc_smooth).
 // `new_control` false: controls are held, the control callback is not asked. Where the callbacks of
 // this stage may read sensors, those of positions and velocities are made for them, as in mj_step,
-// but without contacts and rows; detection makes them again. In the stages of RK4 they stay.
+// but without contacts and rows; detection makes them again.
 // `find_contacts` is asked where there is adhesion, which pulls along their normals.
 enum class Sensors { kForCallbacks, kStay };
 void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
@@ -42,14 +45,14 @@ void report_forces(const mjModel_* m, mjData_* d, const std::vector<ContactInput
                    const std::vector<ConstraintInput>& constraints, const Rows& rows,
                    const std::vector<double>& row_force);
 
-// MuJoCo's own integrator, under the forces that set_forces has set: advances everything (time,
-// activations, plugins, trees without contact); with RK4 as `runge_kutta` has found. `uses_motion`:
-// whether any of the velocities and positions that it comes to stays.
-void integrate(mjModel_* m, mjData_* d, bool uses_motion, RungeKutta& runge_kutta);
+// MuJoCo's own integrator, under the forces that set_forces has set: advances everything.
+// `uses_motion`: whether any of the velocities and positions that it comes to stays; else time,
+// activations and plugins alone do. `any_rows`: rows act; in the stages of RK4 MuJoCo would solve
+// for them, so they are taken as with Euler.
+void integrate(mjModel_* m, mjData_* d, bool uses_motion, bool any_rows);
 // MuJoCo's Euler for time, activations and plugins alone: without the implicit damping of its
 // velocities, for which it would factor an inertia.
 void advance_all_but_motion(mjModel_* m, mjData_* d);
-// Whether it takes smooth forces otherwise than through the effective inertia.
-bool adds_to_smooth_motion(const mjModel_* m);
+bool is_runge_kutta(const mjModel_* m);
 
 }  // namespace dashpot::host

@@ -10,48 +10,19 @@
 // with x the displacement, the integral of v. Without rows x = H (v0 + v1) / 2, and of f = -D v0
 // these terms take H v1' D (v0 + v1) / 2, what a damper of force D v1 dissipates.
 //
-// Rows that change the velocity within a moment do the work of H D du beside that of M du, as if
-// H D were inertia; the terms above give that energy back. No damper does: it brakes at the
-// velocities that there are. So of a tree that rows moved, with g the damping force at v0,
-//
-//     dissipated = x' (D (w - v0) - g),    w = x / H + s (v1 - v0) / 2,
-//
-// w being the mean velocity and the implicit half step beyond it. Where rows act evenly over the
-// step, as dry friction does, s is 1 and nothing differs, since x = H (v0 + v1) / 2. An impact
-// leaves a mean velocity nearer to that before it or to that after it, by up to half of v1 - v0.
-// Twice that much s takes from v1 - v0, but nothing of what smooth forces change. With sizes in the
-// norm of D,
-//
-//     s = max(1 - 2 |x / H - (v0 + v1) / 2| / |v1 - v0|, H |a| / |v1 - v0|),    at most 1.
-//
-// What the rows dissipated changes by the difference; so it does by that of the work of actuators,
-// by the part of D that is theirs. An error of order H remains in steps with impacts, whose time
-// within the step is not known here; of a damper that would stop the motion within a step it can be
-// more than there is energy. But passive dampers dissipate no less than nothing, and no more than
-// what they and the rows took from the motion together.
-//
 // Dampers of damped trees (trees.hpp) brake at the velocities that there are, but for the part
-// e D in H: they take, as counted in the micro-steps,
+// e D in H: they take, as counted in the micro-steps, with g the damping force at v0,
 //
-//     integral of v'D (v - v0) dt - x'g  +  s e (v1'D v1 - v0'D v0) / 2 ,
+//     integral of v'D (v - v0) dt - x'g  +  e (v1'D v1 - v0'D v0) / 2 .
 //
-// the last being what is left to rows with 1 - s. A tree in flight that the last step left a second
-// half k has it from an inertia with e D, and goes on with H D.
-//
-// RK4 sees smooth forces f_i and velocities v_i in its stages, of weights w_i. They do the work
-// that it would find if energy were one more of the quantities that it integrates, as exactly as it
-// finds these:
-//
-//     H sum w_i f_i v_i  =  f x + H sum w_i (f_i - f) (v_i - v),    f, v: means,  x = H v.
-//
-// Dry friction is all that acts on such trees beside: of the last sum dampers take s times theirs,
-// as where rows act within a moment the velocities of the stages are those of no time.
+// The last term gives back what rows that change the velocity within a moment do as if e D were
+// inertia. So of a hit on a tree that dampers would stop within a step, some hundredths go to the
+// rows that are theirs.
 
 #pragma once
 
 #include <vector>
 
-#include "dashpot/mujoco/runge_kutta.hpp"
 #include "dashpot/rows/trees.hpp"
 
 struct mjModel_;
@@ -61,17 +32,11 @@ namespace dashpot::host {
 
 // How a step moved: generalized velocity at its start, displacement that the change of kinetic
 // energy goes with (the integral of velocity, or H (v0 + v1) / 2 where MuJoCo's integrator moved
-// the tree), smooth acceleration (nv each), and by tree whether rows moved it. `stages`: forces in
-// the stages of RK4, null with others, and by tree whether RK4 moved it.
+// the tree), smooth acceleration (nv each); by tree whether it went as in the micro-steps.
 struct StepMotion {
   const double *start_velocity, *displacement, *acceleration;
-  const std::vector<char>* touched;
-  const StageForces* stages;
-  const std::vector<char>* integrated;
+  const std::vector<char>* in_microsteps;
   const double* braked;  // RowData::braked
-  const double* added;   // velocity that the last step left to trees in flight (nv)
-  // Mean change of springs over a way in the micro-steps (nv); empty where none act there.
-  const std::vector<double>& spring_change;
 };
 
 // Work (J) over a step that has just been integrated: of dampers and fluids, and of actuators,
@@ -81,48 +46,20 @@ class SmoothWork {
   void find(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
 
   double damping = 0.0, applied = 0.0;
-  // By tree, the first one of those that damped tendons couple it to. By such a first tree, what is
-  // left for the rows on its trees to have dissipated beside what they took from the bodies.
-  std::vector<int> group;
-  std::vector<double> left_to_rows;
 
  private:
-  // Energy taken from the motion (J) by the terms of the integrator, and at the mean velocity.
-  struct Braking {
-    double integrated = 0.0, at_mean = 0.0;
-    bool differs() const { return integrated != at_mean; }
-    void operator+=(const Braking& other) {
-      integrated += other.integrated;
-      at_mean += other.at_mean;
-    }
-  };
-  void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
-  void add_changes_in_stages(const Trees& trees, const StepMotion& motion);
-  double kept_change(const mjModel_* m, const mjData_* d, const Trees& trees, const Tree& t,
-                     const StepMotion& motion) const;
-  static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
-                             const Tree& tree, double sign, const StepMotion& motion);
-  Braking implicit_braking(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
-                           double kept, double sign, const StepMotion& motion) const;
-  void find_losses(const mjModel_* m, const mjData_* d, const Trees& trees,
-                   const StepMotion& motion);
   void find_mean_forces(const mjModel_* m, const mjData_* d, const Trees& trees,
                         const StepMotion& motion);
-  static bool has_stages(const StepMotion& motion, int tree) {
-    return motion.stages && (*motion.integrated)[tree];
-  }
+  void find_braking(const mjModel_* m, mjData_* d, const Trees& trees, const StepMotion& motion);
+  static double work_of_drag(const mjModel_* m, const mjData_* d, const Trees& trees,
+                             const Tree& tree, const StepMotion& motion);
+  // What the terms of the integrator take from the motion of a tree (J) by the present D.
+  double implicit_braking(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                          const StepMotion& motion) const;
 
-  // By first tree: dampers; actuators, what is implicit of them; what dampers and rows took, J;
-  // whether rows moved any of the trees.
-  std::vector<Braking> dampers_, actuators_;
-  std::vector<double> lost_;
-  std::vector<char> touched_;
-  std::vector<double> kept_;  // s, by tree
-  // By degree of freedom: v1 - v0, x / H - v0, x / H - (v0 + v1) / 2, M (v1 - v0), v1.
-  std::vector<double> change_, mean_change_, unevenness_, momentum_, end_velocity_;
-  // By degree of freedom, means over the step: of smooth forces but those of dampers; of driving
-  // forces; of dampers, less what the effective inertia takes of them.
-  std::vector<double> undamped_force_, driving_force_, damping_force_;
+  // By degree of freedom: v1 - v0, v1; means over the step of driving forces, and of dampers less
+  // what the effective inertia takes of them.
+  std::vector<double> change_, end_velocity_, driving_force_, damping_force_;
 };
 
 }  // namespace dashpot::host

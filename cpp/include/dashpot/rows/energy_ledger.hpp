@@ -32,10 +32,4 @@ struct EnergyLedger {
 void book_rows(const RowData& data, const EnergyShares& before, const EnergyShares& after,
                EnergyLedger& ledger);
 
-// Books what dampers leave to rows: `left` (J) by group of trees, `group` by tree. Normals,
-// friction and constraints share it by the energies p^2 w / 2 that their impulses alone would have
-// given; of groups without impulses it stays with the dampers.
-void book_left_to_rows(const Rows& rows, const RowData& data, const std::vector<int>& group,
-                       const std::vector<double>& left, EnergyLedger& ledger);
-
 }  // namespace dashpot

@@ -68,11 +68,12 @@ struct Match {
   double load = 0.0;
 };
 
-// What trees that rows hold remember of the last step, see trapezoid.hpp. Views of storage; null in
-// models of free bodies alone.
+// What trees remember of the last step, see trapezoid.hpp. Views of storage; null in models of free
+// bodies alone, and in those that can have no rows.
 struct HeldMotion {
   double* length = nullptr;         // by tree: of the step, s; 0 where there is nothing to remember
-  double* weight = nullptr;         // by tree: w
+  double* held = nullptr;           // by tree: 1 where rows that have a position moved it, else 0
+  double* implicit_time = nullptr;  // by tree: Tree::implicit_time, s
   double* gravity_ahead = nullptr;  // by tree: 1 where it had the gravity of the middle, else 0
   double* energy = nullptr;         // by tree, J
   double* displacement = nullptr;   // over the step, by degree of freedom
@@ -115,7 +116,6 @@ struct MemoryLayout {
   int driven_bodies = 0;
   int size() const;  // doubles
   int held_size() const;
-  int lead_size() const;
   int mocap_size() const;
 };
 
@@ -145,10 +145,8 @@ class Memory {
   EnergyLedger ledger() const;
   void set_ledger(const EnergyLedger& ledger);
   HeldMotion held_motion() const;
-  // By tree: its lead (s) at the end of the last step, 0 where it has none (leapfrog.hpp); and
-  // velocities at that end, by degree of freedom, which tell whether trees go on from there. Null
-  // in models of free bodies alone.
-  double* lead() const;
+  // Velocities at the end of the last step, by degree of freedom, which tell whether trees go on
+  // from there. Null where held_motion() is.
   double* end_velocity() const;
   RememberedMocap mocap(int index) const;
   void set_mocap(int index, const RememberedMocap& mocap);

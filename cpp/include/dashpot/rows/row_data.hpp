@@ -64,9 +64,8 @@ struct RowData {
   AlignedDoubles start_motion, added_acceleration, braked, pulled;
 
   // Per motion coordinate; `coordinate_impulse`, of the rows over the step, is a wrench of a free
-  // body, a generalized impulse elsewhere. `shift`: what positions lead (leapfrog.hpp) is in
-  // `total_displacement`.
-  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse, shift;
+  // body, a generalized impulse elsewhere.
+  AlignedDoubles velocity, smooth_acceleration, total_displacement, coordinate_impulse;
 
   // Work done on the bodies, and energy put in by recovery, J.
   EnergyShares work, recovery_input;
@@ -75,13 +74,6 @@ struct RowData {
   void reset_motion(int coordinates);
   void reset_rows(const Rows& rows);
 };
-
-// Whether a separated limit or contact would overlap after `time` (s) of MuJoCo's semi-implicit
-// update, which moves a row load time^2 / 2 farther than its parabola. `velocity` (at
-// the start) and `acceleration` (smooth) are in motion coordinates.
-bool overlaps_semi_implicitly(const Rows& rows, const RowGroup& group, double gap,
-                              const AlignedDoubles& velocity, const AlignedDoubles& acceleration,
-                              double time);
 
 // bearable_compression() (rows.hpp); of a limit beside what smooth forces press it with, twice: a
 // light lever that a spring holds at the end of its range recovers, what two rows squeeze does not.

@@ -55,9 +55,6 @@ struct ContactInput {
   // the acceleration (m/s^2) of the gap and of sliding because normal and arms turn.
   double ahead = 0.0;
   std::array<double, 3> turning{};
-  // s, by side: how far the place of a mocap body at the start is behind that of a tree that leads
-  // (motion/leapfrog.hpp).
-  std::array<double, 2> lag{};
   // m/s^2, world: acceleration of the surface of geom 2 against that of geom 1 because mocap bodies
   // change their velocity within the step (mujoco/mocap_motion.hpp).
   std::array<double, 3> surface_acceleration{};
@@ -70,8 +67,6 @@ struct ContactInput {
   std::array<std::array<double, 3>, 2> local_position{};
   std::array<double, 9> rotation{};
 
-  // The time (s) that leads from the place of a side at the start to that where it is frozen.
-  double time_of(int side) const { return ahead + lag[side]; }
   bool is_at_seam() const { return takes_over[0] >= 0; }
   bool is_of_pair(const std::array<int, 2>& of) const {
     return geom[0] == of[0] && geom[1] == of[1];

@@ -42,17 +42,18 @@ inline constexpr int kTurningCoordinate = 7;  // of the ground, its velocity is 
 struct Tree {
   int dof_begin = 0;  // range of generalized velocities
   int dof_count = 0;
-  int begin = 0;              // range of motion coordinates
-  int count = 0;              // a multiple of four
-  bool sparse = false;        // inv(H) is not filled in (below)
-  bool diagonal = false;      // and its factor couples nothing, as of vertices that slide
-  bool free_body = false;     // in the coordinates of a free body, of which there are six in eight
-  int inverse = 0;            // offset in Trees::inverse
-  bool damped = false;        // its dampers act in the micro-steps (microstep.hpp)
-  bool cross_damped = false;  // and D is more than a diagonal
-  bool whole = false;         // Trees::whole_acceleration has its smooth acceleration
-  bool sprung = false;        // its springs act in the micro-steps, too
-  bool elastic = false;       // and all of both are those of Trees::implicit
+  int begin = 0;               // range of motion coordinates
+  int count = 0;               // a multiple of four
+  bool sparse = false;         // inv(H) is not filled in (below)
+  bool diagonal = false;       // and its factor couples nothing, as of vertices that slide
+  bool free_body = false;      // in the coordinates of a free body, of which there are six in eight
+  int inverse = 0;             // offset in Trees::inverse
+  bool damped = false;         // its dampers act in the micro-steps (microstep.hpp)
+  bool cross_damped = false;   // and D is more than a diagonal
+  bool whole = false;          // Trees::whole_acceleration has its smooth acceleration
+  bool sprung = false;         // its springs act in the micro-steps, too
+  bool elastic = false;        // and all of both are those of Trees::implicit
+  double implicit_time = 0.0;  // s, of a damped tree
 };
 
 // The motion coordinate of degree of freedom i of a tree.
@@ -84,9 +85,8 @@ struct Trees {
   // By motion coordinate of these: 1 / sqrt(D).
   AlignedDoubles inverse_root;
   // D of damped trees: by motion coordinate its diagonal and, at the offset of the inverse of those
-  // that are cross-damped, the columns of what is beside it. H has `implicit_time` (s) times D.
+  // that are cross-damped, the columns of what is beside it. H has Tree::implicit_time times D.
   AlignedDoubles damping, cross_damping;
-  double implicit_time = 0.0;
   // By motion coordinate of trees that are no free bodies: stiffness of the joint's spring (N/m,
   // N m/rad), which acts in the micro-steps of sprung trees.
   AlignedDoubles stiffness;
@@ -135,9 +135,6 @@ struct Trees {
   void append(int dof_begin, int dof_count, bool free_body, const int* above,
               bool is_sparse = false);
 };
-
-// Mean over the trees of a contact, -1 for none, of a value by tree; 0 where there are none.
-double mean_of_trees(const std::array<int, 2>& tree, const std::vector<double>& value);
 
 // out += (damping D + stiffness K) x, over the coordinates of a tree: of Trees::implicit.
 inline void add_implicit(const ImplicitEntry* first, const ImplicitEntry* last, int dof_begin,

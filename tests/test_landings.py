@@ -1,4 +1,4 @@
-"""Trees land and leave in time, where MuJoCo's integrator has velocities of half a step before."""
+"""Trees land and leave in time: velocities and positions are of one time."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_cart_catches_up_with_a_slower_ball(joint, timestep):
     meeting = gap / (fast - slow)
     engine.step(data, nstep=round((meeting - 0.02) / timestep))
     assert data.qvel[:2] == pytest.approx([fast, slow], abs=1e-12)
-    # Half a step's way of the cart, which it takes for its lead, delays the meeting.
+    # Half a step of its way, at most, delays the meeting.
     delay = 0.5 * timestep * fast / (fast - slow)
     engine.step(data, nstep=round((0.04 + delay) / timestep))
     mean, difference = (fast + slow) / 2, (fast - slow) / 2
