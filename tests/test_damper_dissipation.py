@@ -123,8 +123,8 @@ def test_passive_dampers_never_give_energy(scene, integrator, timestep):
         dissipated = energy.dissipated_damping
     assert dissipated > 1e-3 * peak
     # Where nothing but smooth forces acts and a velocity passes zero within a step, the damper's
-    # force is that of one end of the step, its way that of both: off by D (a H)^2 H / 8. What is hit
-    # has a part of H D for inertia.
+    # force is that of one end of the step, its way that of both: off by D (a H)^2 H / 8. A part
+    # of H D is inertia to what is hit.
     hit = {"free body": 2e-4, "tendon limit": 1e-4}.get(scene, 0.0)
     assert least_step >= -max(hit, 1e-3 * timestep) * peak
     rows = energy.dissipated_normal + energy.dissipated_friction + energy.dissipated_constraint

@@ -176,8 +176,10 @@ def test_a_leg_in_stance_swings_at_the_rate_of_its_spring(kind, integrator, time
     # The foot's contact starts without memory, and takes up each change of load anew, by which the
     # swing falls by 0.05 1/s more at 1 ms, 0.16 at 5 ms, and is slower by 0.15 and 0.35 %. As stiff
     # as steps of 5 ms let it be, 4.8e6 N/m, it gives way under the spring: 0.19 % of the frequency.
-    # (Verlet's, which servos have, is early by (omega H)^2 / 24, 0.38 %.)
-    assert found.real == pytest.approx(-rate, abs=0.2 if timestep == 0.005 else 0.06)
+    # (Verlet's, which servos have, is early by (omega H)^2 / 24, 0.38 %.) Without memory
+    # dampers begin as in flight, which damps a servo's swing by 0.4 1/s more at 5 ms.
+    most = 0.06 if timestep == 0.001 else 0.2 if kind == "spring" else 0.5
+    assert found.real == pytest.approx(-rate, abs=most)
     slow = 2e-3 if timestep == 0.001 else 5.5e-3
     assert found.imag == pytest.approx(np.sqrt(omega**2 - rate**2), rel=slow)
 

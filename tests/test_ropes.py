@@ -140,7 +140,7 @@ def test_a_rope_that_falls_limp_has_no_more_energy_than_before(seed, timestep):
     # Where links turn far in a step, energy swings for a step or two. Of any five steps the least
     # is hardly more than before, but at 2 ms, which does not resolve how they whirl.
     least = np.min([found[k : len(found) - 4 + k] for k in range(5)], axis=0)
-    most = 0.06 if timestep < 0.002 else 0.2
+    most = 0.06 if timestep < 0.002 else 0.3
     assert (least[1:] - np.minimum.accumulate(least)[:-1]).max() < most * found[0]
 
 
