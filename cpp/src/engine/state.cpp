@@ -61,8 +61,7 @@ void Stepper::Impl::report_forces(mjData_* d) {
   forces.report(d, solved);
 }
 
-// The complementarity-free law asks for contacts at the end of a step that goes all the way with
-// its velocity there, as other integrators of MuJoCo do.
+// With the complementarity-free law all trees are MuJoCo's to move.
 void Stepper::Impl::advance_state(mjData_* d) {
   const bool comfree = parameters.options.law == Law::kComFree;
   if (forces.report_others()) forces.exchange(d);
@@ -73,19 +72,15 @@ void Stepper::Impl::advance_state(mjData_* d) {
     throw;
   }
   if (forces.report_others()) forces.exchange(d);
+  if (comfree) return;
   on_trees.lost.resize(motion.tree_count());
   const auto advance = [&](int index) {
     on_trees.lost[index] = motion.advance(d, index, clock.length, rows_on_tree(index), data);
   };
-  if (!comfree)
-    team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
-      if (motion.is_accurate(index)) advance(index);
-    });
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+    if (motion.is_accurate(index)) advance(index);
+  });
   for (int index = 0; index < motion.tree_count(); ++index) {
-    if (comfree) {
-      if (on_trees.touched[index]) motion.advance_semi_implicitly(d, index, clock.length);
-      continue;
-    }
     if (!motion.is_accurate(index)) advance(index);
     books.ledger().dissipated_normal += on_trees.lost[index];
   }

@@ -43,16 +43,6 @@ double TreeMotion::advance(mjData_* d, int index, double length, const RowsOnTre
   return 0.0;
 }
 
-void TreeMotion::advance_semi_implicitly(mjData_* d, int index, double length) {
-  const Tree& tree = trees_.tree[index];
-  const double* velocity = host::velocity(d) + tree.dof_begin;
-  end_velocity_.assign(velocity, velocity + tree.dof_count);
-  displacement_ = end_velocity_;
-  for (double& way : displacement_) way *= length;
-  host::write_tree(model_, d, tree, start_position_.data(), displacement_.data(),
-                   end_velocity_.data());
-}
-
 // Seen from the geometry of the middle, or from the start of a step in which the body turns far,
 // its inertia differs from what it is where contacts act. What this would add to its energy is
 // taken out of its rotation, and what that has not, out of what the ground gave its translation:

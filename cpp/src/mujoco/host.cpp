@@ -39,6 +39,27 @@ class Disabled {
   int own_;
 };
 
+// mj_RungeKutta; where a callback raises in a stage, or the motion diverges, state, controls and
+// applied forces are those of the start again.
+void take_stages(const mjModel* m, mjData* d) {
+  constexpr int kState = mjSTATE_INTEGRATION;
+  thread_local std::vector<double> start;
+  start.resize(mj_stateSize(m, kState));
+  mj_getState(m, d, start.data(), kState);
+  try {
+    call_with_callbacks([](const mjModel* model, mjData* data) { mj_RungeKutta(model, data, 4); },
+                        m, d);
+    for (int i = 0; i < m->nv; ++i)
+      if (!(std::abs(d->qvel[i]) <= kLargestValue))
+        throw DivergenceError("motion of degree of freedom " + std::to_string(i) +
+                              " diverged between the stages of RK4; data are as they were before "
+                              "the step");
+  } catch (...) {
+    mj_setState(m, d, start.data(), kState);
+    throw;
+  }
+}
+
 }  // namespace
 
 void smooth_stage(mjModel_* m, mjData_* d, bool new_control, Sensors sensors,
@@ -130,27 +151,6 @@ bool is_runge_kutta(const mjModel_* m) { return m->opt.integrator == mjINT_RK4; 
 void advance_all_but_motion(mjModel_* m, mjData_* d) {
   const Disabled damping(m, mjDSBL_EULERDAMP);
   mj_Euler(m, d);
-}
-
-// mj_RungeKutta; where a callback raises in a stage, or the motion diverges, state, controls and
-// applied forces are those of the start again.
-static void take_stages(const mjModel* m, mjData* d) {
-  constexpr int kState = mjSTATE_INTEGRATION;
-  thread_local std::vector<double> start;
-  start.resize(mj_stateSize(m, kState));
-  mj_getState(m, d, start.data(), kState);
-  try {
-    call_with_callbacks([](const mjModel* model, mjData* data) { mj_RungeKutta(model, data, 4); },
-                        m, d);
-    for (int i = 0; i < m->nv; ++i)
-      if (!(std::abs(d->qvel[i]) <= kLargestValue))
-        throw DivergenceError("motion of degree of freedom " + std::to_string(i) +
-                              " diverged between the stages of RK4; data are as they were before "
-                              "the step");
-  } catch (...) {
-    mj_setState(m, d, start.data(), kState);
-    throw;
-  }
 }
 
 void integrate(mjModel_* m, mjData_* d, bool uses_motion, bool any_rows) {

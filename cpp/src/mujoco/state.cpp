@@ -14,6 +14,24 @@ int last_joint(const mjModel* m, const Tree& t) {
   return m->dof_jntid[t.dof_begin + t.dof_count - 1];
 }
 
+void move_tree(const mjModel* m, mjData* d, const Tree& t, const double* displacement) {
+  for (int joint = first_joint(m, t); joint <= last_joint(m, t); ++joint) {
+    double* q = d->qpos + m->jnt_qposadr[joint];
+    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
+    switch (m->jnt_type[joint]) {
+      case mjJNT_FREE:
+        mju_addTo3(q, delta);
+        mju_quatIntegrate(q + 3, delta + 3, 1.0);
+        break;
+      case mjJNT_BALL:
+        mju_quatIntegrate(q, delta, 1.0);
+        break;
+      default:
+        q[0] += delta[0];
+    }
+  }
+}
+
 }  // namespace
 
 const double* position(const mjData_* d) { return d->qpos; }
@@ -64,24 +82,6 @@ void set_velocity(mjData_* d, const std::vector<double>& velocity) {
 
 void add_velocity(mjData_* d, const Tree& t, const double* change) {
   mju_addTo(d->qvel + t.dof_begin, change, t.dof_count);
-}
-
-void move_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* displacement) {
-  for (int joint = first_joint(m, t); joint <= last_joint(m, t); ++joint) {
-    double* q = d->qpos + m->jnt_qposadr[joint];
-    const double* delta = displacement + m->jnt_dofadr[joint] - t.dof_begin;
-    switch (m->jnt_type[joint]) {
-      case mjJNT_FREE:
-        mju_addTo3(q, delta);
-        mju_quatIntegrate(q + 3, delta + 3, 1.0);
-        break;
-      case mjJNT_BALL:
-        mju_quatIntegrate(q, delta, 1.0);
-        break;
-      default:
-        q[0] += delta[0];
-    }
-  }
 }
 
 void write_tree(const mjModel_* m, mjData_* d, const Tree& t, const double* start_position,

@@ -82,8 +82,6 @@ class TreeMotion {
   // it has more; of trees on the trapezoidal rule, which has the rest, what no spring had paid for.
   // Threads may advance accurate trees at once.
   double advance(mjData_* d, int tree, double length, const RowsOnTree& by_rows, RowData& data);
-  // Like advance, for a tree that goes all the way with the velocity that MuJoCo's integrator gave.
-  void advance_semi_implicitly(mjData_* d, int tree, double length);
 
   // What generalized forces of servos on free bodies change by up to the middle of the step, where
   // they act; empty without.

@@ -24,10 +24,8 @@ Eigen::Quaterniond orientation(const mjModel_* m, const mjData_* d, int tree);
 void write_free_body(const mjModel_* m, mjData_* d, int tree, const FreeBody& body);
 
 void set_velocity(mjData_* d, const std::vector<double>& velocity);  // (nv)
-// Adds `change` to the velocity of one tree, and moves one by `displacement`; one entry per degree
-// of freedom of it.
+// Adds `change` to the velocity of one tree; one entry per degree of freedom of it.
 void add_velocity(mjData_* d, const Tree& tree, const double* change);
-void move_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* displacement);
 // Replaces the state of one tree by `velocity`, and by positions moved from `start_position` (nq)
 // by `displacement`; both are generalized, one entry per degree of freedom of the tree.
 void write_tree(const mjModel_* m, mjData_* d, const Tree& tree, const double* start_position,
