@@ -2,9 +2,9 @@
 
 Run ``python benchmarks/twins.py``: eleven kinds of recordings that laboratories make, 100 of each
 (`twin_scenes`), and a track with a slope that the model may leave out. Of each kind it prints how
-often 95 % intervals hold the truth (90 to 99 of 100 is right), how often what a recording cannot
-tell is called not identified (95), and how often residuals of a model are called a misfit: of a
-right one (at most 5), and of the one without the slope (100). Seed and kind make a recording, so
+often 95 % intervals hold the truth (90 to 99 of 100 is right), and how often what a recording
+cannot tell is called not identified (95). It prints how often residuals are called a misfit, too:
+of a right model at most 5, and of the one without the slope 100. Seed and kind make a recording, so
 that each is the same in every run.
 """
 

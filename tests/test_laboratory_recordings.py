@@ -13,23 +13,9 @@ import pytest
 
 import dashpot
 from dashpot.calibrate import Parameter, Problem, Trajectory, fit
+from twin_scenes.carts import CART
 
 G = 9.81
-CART = """
-<mujoco>
-  <option timestep="0.005"/>
-  <worldbody>
-    <body name="cart">
-      <joint name="rail" type="slide" axis="1 0 0" frictionloss="0.02"/>
-      <geom name="cart" type="box" size=".08 .04 .02" mass=".55" contype="0" conaffinity="0"/>
-      <geom name="bumper" type="sphere" size=".01" pos=".09 0 0" mass="0"/>
-      <site name="cell" pos=".09 0 0" size=".03"/>
-    </body>
-    <body name="pad"><geom name="pad" type="box" size=".2 .5 .5" pos=".3 0 0"/></body>
-  </worldbody>
-  <sensor><touch name="load" site="cell"/><jointpos name="place" joint="rail"/></sensor>
-</mujoco>
-"""
 BALL = """
 <mujoco>
   <option timestep="0.004" density="{density}"/>
@@ -91,7 +77,7 @@ def cart_into_foam(*, slope):
                 initial_qpos=[place[first] - origin - speed * time[first]], initial_qvel=[speed],
             )
         )  # fmt: skip
-    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(CART))
+    engine = dashpot.Engine(mujoco.MjModel.from_xml_string(CART.format(timestep=0.005)))
     engine.set_pair_material("bumper", "pad", dashpot.Material(stiffness=100.0, damping=0.5))
     unknown = [
         Parameter.pair("bumper", "pad", "stiffness", start=100.0, bounds=(5.0, 5e3)),

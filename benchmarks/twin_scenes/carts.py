@@ -17,9 +17,9 @@ Array = NDArray[np.float64]
 
 STEP = 0.01
 LOAD, PLACE = 0.05, 1e-3  # noise, N and m
-CART = f"""
+CART = """
 <mujoco>
-  <option timestep="{STEP}"/>
+  <option timestep="{timestep}"/>
   <worldbody>
     <body name="cart">
       <joint name="rail" type="slide" axis="1 0 0" frictionloss="0.02"/>
@@ -75,7 +75,7 @@ SLOPE = Parameter(
 
 def cart(stiffness: float = 100.0, damping: float = 0.5) -> dashpot.Engine:
     """Return an engine of the cart and its pad."""
-    made = dashpot.Engine(mujoco.MjModel.from_xml_string(CART))
+    made = dashpot.Engine(mujoco.MjModel.from_xml_string(CART.format(timestep=STEP)))
     material = dashpot.Material(stiffness=stiffness, damping=damping)
     made.set_pair_material("bumper", "pad", material)
     return made
