@@ -76,7 +76,6 @@ def control():
     mujoco.set_mjcb_control(None)
 
 
-EITHER = ("Euler", "RK4")
 # Of `discrete` without the ball joints, which it has stepped in parts as `implicit` has.
 BITS = [(scene, integrator) for integrator in ("RK4", "implicit", "discrete") for scene in SMOOTH]
 BITS.remove(("ball joints", "discrete"))
@@ -256,11 +255,28 @@ def test_a_rod_that_dry_friction_slows_swings_to_second_order():
         assert coarse / fine == pytest.approx(4.0, rel=0.25)
 
 
-def test_rk4_is_mapped_where_rows_are_possible():
-    """Steps are those of Euler then, whose dampers it has."""
-    ends = [swing(pendulum('range="-99 99" damping=".1"'), name, 0.002, 0.5) for name in EITHER]
+ROWS = {
+    "limit": pendulum('range="-99 99" damping=".1"'),
+    "limit that is hit": pendulum('range="-20 20" damping=".1"'),
+    "dry friction": pendulum('frictionloss=".1"'),
+    "servo at a contact": pendulum(
+        'damping=".1"',
+        'stiffness="2"',
+        '<geom pos=".3 0 0" size=".03" mass=".1"/>',
+        '<actuator><position joint="upper" kp="9" kv=".1"/></actuator>',
+    ),
+    "equality": pendulum(
+        rest='<equality><joint joint1="upper" joint2="lower" polycoef="0 -1 0 0 0"/></equality>'
+    ),
+}
+
+
+@pytest.mark.parametrize("scene", ROWS)
+def test_rk4_is_stepped_as_euler_where_rows_are_possible(scene):
+    """So no other test of rows asks for it; `Engine.report` says that it is mapped."""
+    ends = [swing(ROWS[scene], name, 0.002, 0.5) for name in ("Euler", "RK4")]
     np.testing.assert_array_equal(*ends)
-    engine, _ = engine_of(pendulum(), "RK4")
+    engine, _ = engine_of(ROWS[scene], "RK4")
     assert "option integrator=RK4" in [f.name for f in engine.report().of("mapped")]
 
 
@@ -310,20 +326,15 @@ def test_a_ball_does_not_pass_through_an_articulated_plate_in_cut_steps():
     assert data.qpos[3] > 0.02
 
 
-def test_complementarity_free_contact_lands_without_sinking():
-    """Bodies that rows touch go all the way with the velocity at the end of the step."""
+def test_rk4_is_stepped_as_euler_with_the_complementarity_free_law():
     xml = pendulum(tip='<geom pos=".3 0 0" size=".03" mass=".1"/>').replace(
         "</worldbody>",
         '<body pos="0 1 0"><freejoint/><geom type="box" size=".1 .1 .09"/></body></worldbody>',
     )
-    lowest = {}
+    ends = []
     for integrator in ("Euler", "RK4"):
         engine, data = engine_of(xml, integrator, 0.002, law="comfree")
         data.qpos[4] = 0.1
-        least = 0.0
-        for _ in range(500):
-            engine.step(data)
-            least = min(least, *(engine.contacts(data).gap.tolist() or [0.0]))
-        lowest[integrator] = least
-        assert np.isfinite(data.qpos).all()
-    assert lowest["RK4"] > 1.5 * lowest["Euler"]
+        assert engine.step(data, nstep=500).touching > 0
+        ends.append(data.qpos.copy())
+    np.testing.assert_array_equal(*ends)

@@ -269,7 +269,7 @@ def yoke(play: float, timestep: float, integrator: str) -> dashpot.Engine:
     )
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
 def test_a_jaw_that_inertia_presses_stays_in_touch(timestep, integrator):
     """A contact that closed half a step ahead left again, and acted in every other step.

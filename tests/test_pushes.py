@@ -16,7 +16,7 @@ from legged_scenes import Quadruped
 
 FORCE, MASS = 10.0, 1.0  # N, kg
 WHEEL_MASS, RADIUS = 0.5, 0.1  # kg, m
-INTEGRATORS = ("Euler", "implicitfast", "RK4")
+INTEGRATORS = ("Euler", "implicitfast")
 
 
 def block(timestep: float, integrator: str) -> mujoco.MjModel:

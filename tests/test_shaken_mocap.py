@@ -117,7 +117,7 @@ def test_a_box_slips_on_a_tray_that_accelerates_beyond_friction(timestep):
 
 
 @pytest.mark.parametrize("timeconst", [0.0, 0.02])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("timestep", TIMESTEPS)
 def test_what_stands_on_a_plate_that_shakes_below_gravity_keeps_contact(

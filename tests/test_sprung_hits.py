@@ -73,7 +73,7 @@ def mean_gain(integrator: str, timestep: float, pressed: float, *, servo: bool) 
 
 
 @pytest.mark.parametrize("pressed", [0.0, 0.02])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_an_elastic_hit_gives_a_sprung_foot_back_its_energy(integrator, pressed):
     """What the spring gained within a step was booked as borne by the contact: 14 % of it in a hit.
 
@@ -86,7 +86,7 @@ def test_an_elastic_hit_gives_a_sprung_foot_back_its_energy(integrator, pressed)
 
 
 @pytest.mark.parametrize("pressed", [0.0, 0.02])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_a_contact_that_throws_a_foot_back_does_not_bear_its_servo(integrator, pressed):
     """As with springs; what is left is held over the step."""
     assert abs(mean_gain(integrator, 0.002, pressed, servo=True)) < 0.055
@@ -167,7 +167,7 @@ def test_momentum_changes_by_weight_and_what_the_floor_is_reported_to_bear(integ
 
 
 @pytest.mark.parametrize("servo", [False, True], ids=["spring", "servo"])
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
 def test_a_foot_at_rest_bears_the_preload_of_its_spring(integrator, servo):
     """A spring pressed by 5 cm: what bears it gives way by some of that."""
     engine = foot(integrator, 0.005, 0.0, 0.05, servo=servo)
