@@ -159,7 +159,7 @@ def _places(model: mujoco.MjModel, element: mujoco.mjtState) -> slice:
 
 
 def _displaced(model: mujoco.MjModel, start: Array, columns: NDArray[np.int_], by: Array) -> Array:
-    """Return `start`, and after it each state with number `columns[i]` of (x, u) moved by `by[i]`."""
+    """Return `start`, then states in which number `columns[i]` of (x, u) is moved by `by[i]`."""
     states = np.tile(start, (1 + len(columns), 1))
     position = _places(model, mujoco.mjtState.mjSTATE_QPOS)
     numbers = np.arange(len(start))
@@ -172,8 +172,8 @@ def _displaced(model: mujoco.MjModel, start: Array, columns: NDArray[np.int_], b
         direction = np.zeros(model.nv)
         direction[columns[row]] = 1.0
         mujoco.mj_integratePos(model, states[1 + row, position], direction, by[row])
-    row = np.flatnonzero(~turns)
-    states[1 + row, rest[columns[row] - model.nv]] += by[row]
+    others = np.flatnonzero(~turns)
+    states[1 + others, rest[columns[others] - model.nv]] += by[others]
     return states
 
 
