@@ -83,13 +83,17 @@ def limp(name: str, share: float) -> Robot:
     return Robot(model, model.qpos0.copy(), rest, swinging(model, rest, share), settling=16.0)
 
 
-def gymnasium_robot(name: str, *, settling: float) -> Robot:
-    """Return a robot of Gymnasium in steps of 2 ms, from where its environment starts."""
+def gymnasium_robot(name: str, *, settling: float = 3.0, as_shipped: bool = False) -> Robot:
+    """Return a robot of Gymnasium in steps of 2 ms, from where its environment starts.
+
+    As shipped its integrator is RK4, and its time step its own.
+    """
     model = mujoco.MjModel.from_xml_path(
         package_file("gymnasium_robotics", f"envs/mujoco/assets/{name}.xml")
     )
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    model.opt.timestep = 0.002
+    if not as_shipped:
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.opt.timestep = 0.002
     names = [model.numeric(i).name for i in range(model.nnumeric)]
     start = model.numeric("init_qpos").data if "init_qpos" in names else model.qpos0
     rest = np.zeros(model.nu)
