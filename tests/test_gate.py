@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from math import nan
 
 import pytest
 
 import gate
-from gate_figures import accuracy
+from gate_figures import accuracy, instructions
 from gate_figures.figure import Figure
 from robots import ROBOTS
 
@@ -99,3 +100,20 @@ def test_a_worse_step_exceeds_what_stands():
     error = accuracy.measure(slide, timestep=0.005)["distance error"]
     (verdict,) = gate.judge([accuracy.figure("slide", "distance error", 0.002, error)], rows)
     assert not verdict.passes
+
+
+@pytest.mark.skipif(shutil.which("valgrind") is None, reason="needs valgrind")
+def test_counts_repeat(monkeypatch):
+    name = "differential drive"
+    monkeypatch.setattr(instructions, "ROBOTS", {name: ROBOTS[name]})
+    runs = [{f.case: f.value for f in instructions.figures()} for _ in range(2)]
+    for engine, first in runs[0].items():
+        # What remains goes by where memory lies.
+        assert runs[1][engine] == pytest.approx(first, rel=3e-3)
+        assert 1e4 < first < 1e7
+
+
+def test_without_valgrind_the_gate_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    with pytest.raises(SystemExit, match="apt-get install valgrind"):
+        next(instructions.figures())

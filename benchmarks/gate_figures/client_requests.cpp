@@ -1,7 +1,6 @@
 // What a program under callgrind asks of it, for count_steps.py: `begin` sets counts to zero and
-// counts from here on, `end` writes them, with a name, to a file of their own.
-//
-//     c++ -shared -fPIC -O1 -o client_requests.so client_requests.cpp    // needs valgrind's headers
+// counts from here on, `end` writes them, with a name, to a file of their own. instructions.py
+// compiles it, as a shared library.
 
 #include <valgrind/callgrind.h>
 
