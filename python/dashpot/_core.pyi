@@ -31,6 +31,7 @@ __all__: list[str] = [
     "StepStats",
     "Stepper",
     "StiffnessRule",
+    "built_by",
     "check_supported",
     "close_geoms",
     "combine",
@@ -354,6 +355,11 @@ class Recording:
     def name(self) -> str: ...
     @property
     def shape(self) -> tuple[int, int]: ...
+
+def built_by() -> str:
+    """
+    Compiler with its version, type of build, and IPO where it optimised across files.
+    """
 
 def check_supported(
     model_address: typing.SupportsInt | typing.SupportsIndex, options: Options
