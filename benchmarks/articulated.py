@@ -80,12 +80,11 @@ class Stepped:
             self.advance(HELD)
 
 
-def pair(robot: Robot, start: mujoco.MjData, *, moving: bool, law: str) -> list[Stepped]:
-    """Return what steps a robot from a state with dashpot, and with mj_step."""
-    engine = dashpot.Engine(robot.model, law=law)
-    data, plain = engine.make_data(), mujoco.MjData(robot.model)
-    for each in (data, plain):
-        each.qpos[:], each.qvel[:] = start.qpos, start.qvel
+def pair(robot: Robot, *, moving: bool, law: str = "kelvin_voigt") -> list[Stepped]:
+    """Return what steps a robot from rest with dashpot, and with mj_step."""
+    engine, plain = dashpot.Engine(robot.model, law=law), robot.settled()
+    settled, data = robot.settled(dashpot.Engine(robot.model)), engine.make_data()
+    data.qpos[:], data.qvel[:] = settled.qpos, settled.qvel
     control = robot.motion if moving else lambda _: robot.rest
     return [
         Stepped(engine.model, data, lambda n: engine.step(data, nstep=n), control),
@@ -95,9 +94,8 @@ def pair(robot: Robot, start: mujoco.MjData, *, moving: bool, law: str) -> list[
 
 def robot_lines(name: str, robot: Robot, *, law: str = "kelvin_voigt") -> Iterator[str]:
     """Time a robot at rest and moving."""
-    start = robot.settled()
     for state in ("at rest", "moving"):
-        ours, theirs = pair(robot, start, moving=state == "moving", law=law)
+        ours, theirs = pair(robot, moving=state == "moving", law=law)
         for each in (ours, theirs):
             each.run(WARM_UP)
         times = compared(ours.run, theirs.run)
@@ -143,7 +141,7 @@ def lone_lines() -> Iterator[str]:
 def linearize_line() -> str:
     """Time derivatives of a step of the GR1 at rest, centred differences."""
     robot = ROBOTS["GR1"]()
-    ours, theirs = pair(robot, robot.settled(), moving=False, law="kelvin_voigt")
+    ours, theirs = pair(robot, moving=False)
     for each in (ours, theirs):
         each.run(WARM_UP)
     engine = dashpot.Engine(robot.model)
@@ -161,7 +159,7 @@ def rollout_line() -> str:
     """Time rollouts of the hand that holds its block, without memory in what comes out."""
     nbatch, nstep = 64, 50
     robot = ROBOTS["Shadow hand with its block"]()
-    ours, theirs = pair(robot, robot.settled(), moving=False, law="kelvin_voigt")
+    ours, theirs = pair(robot, moving=False)
     for each in (ours, theirs):
         each.run(WARM_UP)
     states = []

