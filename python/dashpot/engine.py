@@ -87,7 +87,7 @@ class Engine(ReadableOptions):
     >>> engine = Engine(model)
     >>> data = engine.make_data()
     >>> stats = engine.step(data, nstep=500)
-    >>> engine.contacts(data).force[0, 0].round(2)
+    >>> print(engine.contacts(data).force[0, 0].round(2))
     9.81
     """
 
