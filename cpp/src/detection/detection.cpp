@@ -186,7 +186,7 @@ void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection) {
   const int lost = d->warning[mjWARN_CONTACTFULL].number;
   detection.faces.surplus.clear();
   const ReplacedCollisions collisions(m, detection.takes_faces ? &detection.faces : nullptr,
-                                      nullptr, Found::kAtPresent);
+                                      nullptr);
   call_with_callbacks(mj_collision, m, d);
   if (!add_surplus(d, detection.faces.surplus) || d->warning[mjWARN_CONTACTFULL].number > lost)
     throw_contacts_exceed_memory();
