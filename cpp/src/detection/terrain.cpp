@@ -123,9 +123,8 @@ int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom,
   TerrainContacts found(on_terrain.radius);
   add_own_points(on_terrain, found);
   if (on_terrain.has_round_surfaces()) {
-    const MovedGeom moved_terrain(m, d, terrain, m->opt.timestep, Spin::kOfShape,
-                                  buffers.body_velocity);
-    const MovedGeom moved(m, d, geom, m->opt.timestep, Spin::kOfShape, buffers.body_velocity);
+    const MovedGeom moved_terrain(m, d, terrain, m->opt.timestep);
+    const MovedGeom moved(m, d, geom, m->opt.timestep);
     const Pose end = pose_in(d, terrain, geom);
     add_coming_points(on_terrain, end, found);
     found.merge(end.position - on_terrain.pose.position);
