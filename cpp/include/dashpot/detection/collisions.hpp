@@ -19,8 +19,7 @@
 // is off, by up to 0.8 rad. Here the nearest points stay unless geoms lie flat
 // (detection/face_contacts.hpp) or side by side (detection/side_by_side.hpp).
 //
-// Points on height fields are those of detection/terrain.hpp, those of cylinders that stand flat on
-// planes those of detection/flat_cylinder.hpp.
+// Points on height fields are those of detection/terrain.hpp.
 
 #pragma once
 
