@@ -89,7 +89,6 @@ FaceManifold meet_faces(const mjModel* m, const mjData* d, int geom1, int geom2,
   const double flat = boxes && -side1.normal.dot(side2.normal) > kOfFace ? kFlatCrossing : 0.0;
   FaceManifold faces =
       first ? meet_face(face1, face2, margin, flat) : meet_face(face2, face1, margin, flat);
-  if (flat1 != flat2) keep_flat_edge(std::tan(kFlatEdge), faces);
   if (!first) faces.normal = -faces.normal;
   return faces;
 }

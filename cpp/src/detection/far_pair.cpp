@@ -24,23 +24,6 @@ void to_local(const mjData* d, int geom, const mjtNum* direction, mjtNum* local)
   mju_mulMatTVec3(local, d->geom_xmat + 9 * geom, direction);
 }
 
-// Which of two geoms has the face that they touch on: what has corners, else the ground, else what
-// is touched on a flat end.
-int flatness(int type, const mjtNum* local_normal) {
-  switch (type) {
-    case mjGEOM_PLANE:
-    case mjGEOM_BOX:
-    case mjGEOM_MESH:
-      return 3;
-    case mjGEOM_HFIELD:
-      return 2;
-    case mjGEOM_CYLINDER:
-      return std::abs(local_normal[2]) > kOfFace ? 1 : 0;
-    default:
-      return 0;
-  }
-}
-
 }  // namespace
 
 bool FarPair::find(const mjData* d, const ContactInput& contact) {
@@ -50,11 +33,9 @@ bool FarPair::find(const mjData* d, const ContactInput& contact) {
   mjtNum normal[2][3];
   for (int side = 0; side < 2; ++side)
     to_local(d, motion_.geom(side), contact.frame.data(), normal[side]);
-  on_round_ = runs_along(contact) && touches_round(normal[0], normal[1]);
-  const int flat1 = flatness(motion_.geom_type(0), normal[0]);
-  const int flat2 = flatness(motion_.geom_type(1), normal[1]);
-  side_with_face_ = flat1 == flat2 ? -1 : flat2 > flat1;
-  return on_round_ || side_with_face_ >= 0;
+  if (!runs_along(contact)) return false;
+  on_round_ = touches_round(normal[0], normal[1]);
+  return true;
 }
 
 bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenContact& seen,
@@ -62,7 +43,6 @@ bool FarPair::follows(const mjData* d, const ContactInput& start, const SeenCont
   if (start.continued >= 0 && is_past_end(d, start, seen)) return false;
   if (!is_far_) return true;
   if (on_round_ && touches_round(seen.local_normal[0], seen.local_normal[1])) return true;
-  if (stays_on_face(d, start, seen)) return true;
   return start.gap <= kNear * size_ && runs_along(start) && pairs.is_alone(start, length);
 }
 
@@ -83,15 +63,6 @@ bool FarPair::is_past_end(const mjData* d, const ContactInput& start,
   if (has_round_side(type) && std::abs(normal[2]) < kSameLine)
     return std::abs(seen.local_normal[side][2] - normal[2]) > kSameLine;
   return has_faces(type) && mju_dot3(normal, seen.local_normal[side]) < kOfFace;
-}
-
-bool FarPair::stays_on_face(const mjData* d, const ContactInput& start,
-                            const SeenContact& seen) const {
-  const int side = side_with_face_;
-  if (side < 0 || std::abs(seen.distance - start.margin - start.gap) > kNear * size_) return false;
-  mjtNum normal[3];
-  to_local(d, motion_.geom(side), start.frame.data(), normal);
-  return mju_dot3(normal, seen.local_normal[side]) > kOfFace;
 }
 
 }  // namespace dashpot::host

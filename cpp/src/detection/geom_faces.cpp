@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/detection/hull_vertices.hpp"
 
 namespace dashpot::host {
 
@@ -22,11 +21,7 @@ constexpr double kAlong = 0.9;
 const CoarseHull& made_hull(const mjModel* m, int mesh, HullFaces& hulls) {
   hulls.of_mesh.resize(m->nmesh);
   std::optional<CoarseHull>& hull = hulls.of_mesh[mesh];
-  if (hull) return *hull;
-  const HullVertices given(m, mesh);
-  Eigen::Matrix3Xd vertices(3, given.count());
-  for (int i = 0; i < given.count(); ++i) vertices.col(i) = given.at(i);
-  return hull.emplace(coarse_hull(vertices));
+  return hull ? *hull : hull.emplace(coarse_hull(hull_vertices(m, mesh)));
 }
 
 const std::vector<FlatFace>& faces_of(const mjModel* m, int mesh, FaceBuffers& buffers) {
@@ -70,7 +65,7 @@ bool GeomFace::is_flat(const Vector3d& direction) const {
 
 PlacedFace GeomFace::place(const mjModel_* m, const Vector3d& up) const {
   const mjtNum* const size = m->geom_size + 3 * geom;
-  if (face) return place_face(*face, pose, up);
+  if (face) return place_face(*face, pose);
   if (type == mjGEOM_CYLINDER) return place_cap(size[0], size[1], pose, normal, up);
   return place_box_face(Eigen::Map<const Vector3d>(size), pose, normal);
 }
@@ -107,7 +102,7 @@ std::optional<PlacedFace> flat_face_along(const mjModel_* m, int geom, const Pos
   const FlatFace* const face = face_along(faces_of(m, m->geom_dataid[geom], buffers), local);
   if (!face || face->normal.dot(local) < std::max(face->cosine, std::cos(tilt)))
     return std::nullopt;
-  return place_face(*face, pose, -direction);
+  return place_face(*face, pose);
 }
 
 std::optional<std::array<Vector3d, 2>> edge_through(const mjModel_* m, const mjData_* d, int geom,

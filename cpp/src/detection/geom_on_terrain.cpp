@@ -25,14 +25,6 @@ bool lies_on_side(const mjModel* m, int geom, const Pose& pose, const Vector3d& 
 
 }  // namespace
 
-Pose pose_in(const mjData* d, int frame, int geom) {
-  const Pose outer = unchecked_geom_pose(d, frame), world = unchecked_geom_pose(d, geom);
-  Pose pose;
-  pose.position = outer.rotation.transpose() * (world.position - outer.position);
-  pose.rotation = outer.rotation.transpose() * world.rotation;
-  return pose;
-}
-
 GeomOnTerrain::GeomOnTerrain(const mjModel* m, const mjData* d, int terrain_id, int geom_id,
                              double within, FaceBuffers& face_buffers)
     : model(m),
@@ -44,7 +36,7 @@ GeomOnTerrain::GeomOnTerrain(const mjModel* m, const mjData* d, int terrain_id, 
       terrain(field),
       round(m, id),
       frame(unchecked_geom_pose(d, terrain_id)),
-      pose(pose_in(d, terrain_id, id)),
+      pose(relative_pose(frame, unchecked_geom_pose(d, id))),
       up(terrain.normal_beneath(pose.position)),
       on_side(lies_on_side(m, id, pose, up)) {}
 

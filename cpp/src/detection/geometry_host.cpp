@@ -9,7 +9,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/detection/hull_vertices.hpp"
 #include "dashpot/mujoco/names.hpp"
 #include "dashpot/mujoco/velocities.hpp"
 #include "dashpot/mujoco/welded_parts.hpp"
@@ -21,13 +20,6 @@ namespace {
 // How far the axes of a geom may be from orthonormal: single precision leaves 1e-7. What no
 // kinematics have set is zero.
 constexpr double kOrthonormal = 1e-6;
-
-Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
-  const host::HullVertices hull(model, mesh);
-  Eigen::Matrix3Xd vertices(3, hull.count());
-  for (int i = 0; i < hull.count(); ++i) vertices.col(i) = hull.at(i);
-  return vertices;
-}
 
 // All but its label.
 void set_field(const mjModel* model, int id, HeightField& field) {
@@ -42,6 +34,22 @@ void set_field(const mjModel* model, int id, HeightField& field) {
 }
 
 }  // namespace
+
+host::HullVertices::HullVertices(const mjModel_* m, int mesh)
+    : vertex_(m->mesh_vert + 3 * m->mesh_vertadr[mesh]), count_(m->mesh_vertnum[mesh]) {
+  if (m->mesh_graphadr[mesh] < 0) return;
+  // mesh_graph: numvert, numface, edge address per vertex, mesh vertex per hull vertex, ...
+  const int* const graph = m->mesh_graph + m->mesh_graphadr[mesh];
+  count_ = graph[0];
+  of_hull_ = graph + 2 + count_;
+}
+
+Eigen::Matrix3Xd hull_vertices(const mjModel* model, int mesh) {
+  const host::HullVertices hull(model, mesh);
+  Eigen::Matrix3Xd vertices(3, hull.count());
+  for (int i = 0; i < hull.count(); ++i) vertices.col(i) = hull.at(i);
+  return vertices;
+}
 
 HeightField height_field(const mjModel* model, int id) {
   HeightField field;

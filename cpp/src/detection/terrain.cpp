@@ -8,6 +8,7 @@
 
 #include "dashpot/detection/geom_faces.hpp"
 #include "dashpot/detection/geom_on_terrain.hpp"
+#include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/detection/moved_geom.hpp"
 #include "dashpot/detection/terrain_points.hpp"
 #include "dashpot/geometry/terrain_contacts.hpp"
@@ -111,11 +112,6 @@ int copy_found(const GeomOnTerrain& geom, const TerrainContacts& contacts, mjPre
 
 }  // namespace
 
-bool has_points_on_terrain(int type) {
-  return type == mjGEOM_SPHERE || type == mjGEOM_CAPSULE || type == mjGEOM_ELLIPSOID ||
-         type == mjGEOM_CYLINDER || type == mjGEOM_BOX || type == mjGEOM_MESH;
-}
-
 int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom, double margin,
                            FaceBuffers& buffers, mjPreContact_* contact, int count) {
   if (count == 0) return 0;
@@ -123,10 +119,9 @@ int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom,
   TerrainContacts found(on_terrain.radius);
   add_own_points(on_terrain, found);
   if (on_terrain.has_round_surfaces()) {
-    const MovedGeom moved_terrain(m, d, terrain, m->opt.timestep, Spin::kOfShape,
-                                  buffers.body_velocity);
-    const MovedGeom moved(m, d, geom, m->opt.timestep, Spin::kOfShape, buffers.body_velocity);
-    const Pose end = pose_in(d, terrain, geom);
+    const MovedGeom moved_terrain(m, d, terrain, m->opt.timestep);
+    const MovedGeom moved(m, d, geom, m->opt.timestep);
+    const Pose end = relative_pose(unchecked_geom_pose(d, terrain), unchecked_geom_pose(d, geom));
     add_coming_points(on_terrain, end, found);
     found.merge(end.position - on_terrain.pose.position);
   }

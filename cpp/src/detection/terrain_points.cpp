@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "dashpot/detection/geom_faces.hpp"
-#include "dashpot/detection/hull_vertices.hpp"
+#include "dashpot/detection/geometry_host.hpp"
 #include "dashpot/geometry/terrain_touch.hpp"
 
 namespace dashpot::host {
@@ -34,20 +34,8 @@ void add_round(const GeomOnTerrain& geom, const TerrainTriangle& triangle, const
   if (!found.has_on_plane(triangle, point, surface)) add(geom, triangle, point, found, surface);
 }
 
-// A corner, over the triangle beneath it, and over one beside that rises where the corner comes
-// to it from here.
 void add_corner(const GeomOnTerrain& geom, const Vector3d& point, TerrainContacts& found) {
-  const auto triangle = geom.terrain.beneath(point);
-  if (!triangle) return;
-  add(geom, *triangle, point, found);
-  for (int edge = 0; edge < 3; ++edge) {
-    if (geom.terrain.bend(*triangle, edge) <= kFlatBend) continue;
-    const auto beside = geom.terrain.across(*triangle, edge);
-    const Vector3d foot = point - beside->height_of(point) * beside->normal;
-    const auto beneath = geom.terrain.beneath(foot);
-    if (beneath && (beneath->is_same(*beside) || beneath->is_same(*triangle)))
-      add(geom, *beside, point, found);
-  }
+  if (const auto triangle = geom.terrain.beneath(point)) add(geom, *triangle, point, found);
 }
 
 void add_corners(const GeomOnTerrain& geom, const PlacedFace& face, TerrainContacts& found) {

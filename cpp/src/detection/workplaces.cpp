@@ -79,10 +79,7 @@ void Workplaces::open(mjModel_* m, mjData_* d, FaceBuffers* faces, int workers) 
 Workplaces::Place& Workplaces::place(int worker) {
   Place& place = *places_[worker - 1];
   if (!place.is_open) place.open(*originals_);
-  if (faces_) {
-    place.faces.hulls = faces_->hulls;
-    place.faces.body_velocity = faces_->body_velocity;
-  }
+  if (faces_) place.faces.hulls = faces_->hulls;
   return place;
 }
 

@@ -15,24 +15,12 @@ using Eigen::Vector3d;
 namespace {
 
 Eigen::AlignedBox3d bounding_box(const PlacedShape& placed, double reach) {
-  Eigen::AlignedBox3d box;
-  if (placed.shape.type == ShapeType::kHeightField) {
-    const Eigen::AlignedBox3d local = height_field_box(placed.shape.field);
-    const Vector3d half = placed.pose.rotation.cwiseAbs() * (0.5 * local.sizes());
-    const Vector3d centre = placed.pose.position + placed.pose.rotation * local.center();
-    box.extend(centre - half);
-    box.extend(centre + half);
-    box.min().array() -= reach;
-    box.max().array() += reach;
-    return box;
-  }
-  const double radius = sweep_radius(placed.shape) + reach;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vector3d direction = Vector3d::Unit(axis);
-    box.max()[axis] = core_support(placed.shape, placed.pose, direction)[axis] + radius;
-    box.min()[axis] = core_support(placed.shape, placed.pose, -direction)[axis] - radius;
-  }
-  return box;
+  if (placed.shape.type != ShapeType::kHeightField)
+    return inflated(bounding_box(placed.shape, placed.pose), reach);
+  const Eigen::AlignedBox3d local = height_field_box(placed.shape.field);
+  const Vector3d half = placed.pose.rotation.cwiseAbs() * (0.5 * local.sizes());
+  const Vector3d centre = placed.pose.position + placed.pose.rotation * local.center();
+  return inflated({centre - half, centre + half}, reach);
 }
 
 bool is_field(const PlacedShape& placed) { return placed.shape.type == ShapeType::kHeightField; }

@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -17,9 +16,6 @@ namespace {
 // Fractions of the radius: what may stand out, and from where on a facet sees a point.
 constexpr double kStandsOut = 5e-5;
 constexpr double kSees = 1e-9;
-// Corners that are put in order by distance: a cap of a few of its sides has more of them than
-// there are points of a contact (face_manifold.hpp).
-constexpr int kMostSpread = 256;
 
 class Quickhull {
  public:
@@ -156,23 +152,6 @@ class Quickhull {
   std::vector<Facet> facet_;
 };
 
-// By corner, its place in an order in which each is as far as can be from all before it; beyond the
-// first kMostSpread the order is that of the corners.
-std::vector<int> spread_out(const Matrix3Xd& corners) {
-  const int count = static_cast<int>(corners.cols()), last = std::min(count, kMostSpread);
-  std::vector<int> place(count);
-  std::iota(place.begin(), place.end(), kMostSpread);
-  Eigen::RowVectorXd square =
-      Eigen::RowVectorXd::Constant(count, std::numeric_limits<double>::infinity());
-  for (int next = 0, i = 0; next < last; ++next) {
-    place[i] = next;
-    square = square.cwiseMin((corners.colwise() - corners.col(i)).colwise().squaredNorm());
-    square[i] = -1.0;
-    square.maxCoeff(&i);
-  }
-  return place;
-}
-
 }  // namespace
 
 Vector3d CoarseHull::doubled_area(const HullFacet& of) const {
@@ -210,7 +189,6 @@ CoarseHull coarse_hull(const Matrix3Xd& vertices) {
       corner = corner_of[corner];
     }
   hull.corner = vertices(Eigen::all, given);
-  hull.place = spread_out(hull.corner);
   hull.around_begin.assign(given.size() + 1, 0);
   for (const HullFacet& facet : hull.facet)
     for (int corner : facet.corner) ++hull.around_begin[corner + 1];

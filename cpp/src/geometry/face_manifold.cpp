@@ -13,9 +13,8 @@ namespace {
 
 // Fraction of the reference face's radius within which corners that clipping made are one.
 constexpr double kSameCorner = 1e-7;
-// Fraction of a face's radius below its kept corners at which another one is lower: as much as
-// vertices of one plane may be away from it, so that at rest, tilted by less than a thousandth,
-// none is.
+// Fraction of the radius of a cap by which its lowest point is lower than a fixed one, as much as
+// vertices of one plane may be away from it.
 constexpr double kLower = 1e-4;
 
 // Height of the lowest corner of a face over the plane of another one.
@@ -28,8 +27,8 @@ double separation(const PlacedFace& face, const PlacedFace& other) {
 
 // Corners in a plane, in order, their height over it, and whether edges cross there.
 struct Polygon {
-  std::array<Vector3d, 2 * (kMostCorners + 1)> corner;
-  std::array<bool, 2 * (kMostCorners + 1)> crossing;
+  std::array<Vector3d, 2 * kMostCorners> corner;
+  std::array<bool, 2 * kMostCorners> crossing;
   int count = 0;
   void add(const Vector3d& point, bool crosses) {
     if (count == static_cast<int>(corner.size())) return;
@@ -98,26 +97,12 @@ PlacedFace place_box_face(const Vector3d& half, const Pose& pose, const Vector3d
   return face;
 }
 
-PlacedFace place_face(const FlatFace& face, const Pose& pose, const Vector3d& up) {
+PlacedFace place_face(const FlatFace& face, const Pose& pose) {
   PlacedFace placed;
   placed.normal = pose.rotation * face.normal;
   placed.origin = pose.position + pose.rotation * face.origin;
-  const Vector3d local_up = pose.rotation.transpose() * up;
-  int lower = -1;
-  if (face.kept_count < static_cast<int>(face.corner.size())) {
-    double lowest_kept = std::numeric_limits<double>::infinity(), lowest = lowest_kept;
-    for (size_t i = 0; i < face.corner.size(); ++i) {
-      const double height = local_up.dot(face.corner[i] - face.origin);
-      if (face.kept[i]) lowest_kept = std::min(lowest_kept, height);
-      if (height >= lowest) continue;
-      lowest = height;
-      lower = static_cast<int>(i);
-    }
-    if (lowest >= lowest_kept - kLower * face.radius) lower = -1;
-  }
-  for (size_t i = 0; i < face.corner.size(); ++i)
-    if (face.kept[i] || static_cast<int>(i) == lower)
-      placed.corner[placed.count++] = pose.position + pose.rotation * face.corner[i];
+  for (const Vector3d& corner : face.corner)
+    placed.corner[placed.count++] = pose.position + pose.rotation * corner;
   return placed;
 }
 
@@ -194,17 +179,6 @@ FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, dou
     point.position = reference.origin + corner.x() * x + corner.y() * y + 0.5 * corner.z() * normal;
   }
   return manifold;
-}
-
-void keep_flat_edge(double slope, FaceManifold& manifold) {
-  const auto begin = manifold.point.begin(), end = begin + manifold.count;
-  if (begin == end) return;
-  const FacePoint lowest = *std::min_element(
-      begin, end, [](const FacePoint& a, const FacePoint& b) { return a.distance < b.distance; });
-  const auto is_higher = [&](const FacePoint& point) {
-    return point.distance - lowest.distance > slope * (point.position - lowest.position).norm();
-  };
-  manifold.count = static_cast<int>(std::remove_if(begin, end, is_higher) - begin);
 }
 
 FaceManifold meet_plane(const Vector3d& origin, const Vector3d& normal, const PlacedFace& face,

@@ -96,19 +96,23 @@ double width_of(const std::vector<Corner>& corners) {
   return width;
 }
 
-void keep_corners(const std::vector<Corner>& corners, FlatFace& face) {
-  const int count = static_cast<int>(corners.size());
-  face.kept.assign(count, count <= kMostCorners);
-  for (int k = 0; count > kMostCorners && k < kMostCorners; ++k) {
+// The corners that stand for all.
+std::vector<Corner> kept_of(const std::vector<Corner>& corners) {
+  if (corners.size() <= static_cast<size_t>(kMostCorners)) return corners;
+  std::vector<char> kept(corners.size(), 0);
+  for (int k = 0; k < kMostCorners; ++k) {
     const double angle = 2.0 * M_PI * k / kMostCorners;
     const Vector2d direction(std::cos(angle), std::sin(angle));
     const auto farthest =
         std::max_element(corners.begin(), corners.end(), [&](const Corner& a, const Corner& b) {
           return direction.dot(a.place) < direction.dot(b.place);
         });
-    face.kept[farthest - corners.begin()] = 1;
+    kept[farthest - corners.begin()] = 1;
   }
-  face.kept_count = static_cast<int>(std::count(face.kept.begin(), face.kept.end(), 1));
+  std::vector<Corner> found;
+  for (size_t i = 0; i < corners.size(); ++i)
+    if (kept[i]) found.push_back(corners[i]);
+  return found;
 }
 
 }  // namespace
@@ -169,11 +173,7 @@ std::vector<FlatFace> flat_faces(const CoarseHull& hull) {
     tilt *= 0.5;
     if (width_of(corners) * std::tan(tilt) < kLift * radius) continue;
     face.cosine = std::cos(tilt);
-    for (const Corner& corner : corners) {
-      face.corner.push_back(corner.vertex);
-      face.radius = std::max(face.radius, corner.place.norm());
-    }
-    keep_corners(corners, face);
+    for (const Corner& corner : kept_of(corners)) face.corner.push_back(corner.vertex);
     faces.push_back(std::move(face));
   }
   return faces;

@@ -23,29 +23,6 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // rad, that a window of time allows: turning adds a quarter of the shape's arm to what it sweeps.
 constexpr double kTurnOfWindow = 0.25;
 
-// The pose of a shape seen from the frame of another.
-Pose relative_pose(const Pose& frame, const Pose& pose) {
-  return {frame.rotation.transpose() * (pose.position - frame.position),
-          frame.rotation.transpose() * pose.rotation};
-}
-
-AlignedBox3d bounding_box(const Shape& shape, const Pose& pose) {
-  AlignedBox3d box;
-  const double radius = sweep_radius(shape);
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vector3d direction = Vector3d::Unit(axis);
-    box.max()[axis] = core_support(shape, pose, direction)[axis] + radius;
-    box.min()[axis] = core_support(shape, pose, -direction)[axis] - radius;
-  }
-  return box;
-}
-
-AlignedBox3d inflated(AlignedBox3d box, double by) {
-  box.min().array() -= by;
-  box.max().array() += by;
-  return box;
-}
-
 // Signed distance of two boxes along their common axes: a lower bound for what they hold.
 double box_distance(const AlignedBox3d& box1, const AlignedBox3d& box2) {
   const Vector3d gap = (box1.min() - box2.max()).cwiseMax(box2.min() - box1.max());
@@ -105,6 +82,23 @@ class Directions {
 };
 
 }  // namespace
+
+AlignedBox3d bounding_box(const Shape& shape, const Pose& pose) {
+  AlignedBox3d box;
+  const double radius = sweep_radius(shape);
+  for (int axis = 0; axis < 3; ++axis) {
+    const Vector3d direction = Vector3d::Unit(axis);
+    box.max()[axis] = core_support(shape, pose, direction)[axis] + radius;
+    box.min()[axis] = core_support(shape, pose, -direction)[axis] - radius;
+  }
+  return box;
+}
+
+AlignedBox3d inflated(AlignedBox3d box, double by) {
+  box.min().array() -= by;
+  box.max().array() += by;
+  return box;
+}
 
 AlignedBox3d height_field_box(const HeightField& field) {
   const Prisms prisms(field);

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace dashpot {
 
@@ -28,19 +27,6 @@ bool is_over(const PlacedFace& face, const Vector3d& point) {
     if ((end - begin).cross(point - begin).dot(face.normal) < 0.0) return false;
   }
   return true;
-}
-
-// The place of one of `count` points along a line in an order in which those before any lie evenly:
-// the ends, the middle, the middles of both halves.
-int spread_place(int index, int count) {
-  int low = 0, high = count - 1;
-  if (index == low || index == high) return 0;
-  int place = 1;
-  for (int middle = (low + high) / 2; middle != index; middle = (low + high) / 2) {
-    place = 2 * place + (index > middle);
-    (index < middle ? high : low) = middle;
-  }
-  return place;
 }
 
 }  // namespace
@@ -103,9 +89,7 @@ void ShallowCap::add_corners(const Vector3d& origin, double margin, const Keep& 
     const Vector3d position = pose_.position + pose_.rotation * hull_->corner.col(corner);
     const double distance = -outline_.normal.dot(position - origin);
     if (distance > margin || !is_of_cap(corner)) continue;
-    if (keep(position))
-      point_.push_back(
-          {{position + 0.5 * distance * outline_.normal, distance}, hull_->place[corner]});
+    if (keep(position)) point_.push_back({position + 0.5 * distance * outline_.normal, distance});
     hull_->for_next(corner, [&](int next) {
       if (is_met_[next]) return;
       is_met_[next] = 1;
@@ -187,25 +171,20 @@ const std::vector<Vector3d>& ShallowCap::cross_ridges(const Vector3d& begin, con
   return crossing_;
 }
 
-bool ShallowCap::Point::comes_before(const Point& other) const {
-  const bool touches = at.distance < 0.0, other_touches = other.at.distance < 0.0;
-  if (touches != other_touches) return touches;
-  return touches ? place < other.place : at.distance < other.at.distance;
-}
-
 bool ShallowCap::has_point_over(const Vector3d& place) const {
-  return std::any_of(point_.begin(), point_.end(), [&](const Point& other) {
-    return outline_.normal.cross(other.at.position - place).norm() <= kSamePlace * width_;
+  return std::any_of(point_.begin(), point_.end(), [&](const FacePoint& other) {
+    return outline_.normal.cross(other.position - place).norm() <= kSamePlace * width_;
   });
 }
 
 void ShallowCap::take_points(FaceManifold& manifold) {
   if (point_.size() > kMostPoints) {
-    std::nth_element(point_.begin(), point_.begin() + kMostPoints, point_.end(),
-                     [](const Point& a, const Point& b) { return a.comes_before(b); });
+    std::nth_element(
+        point_.begin(), point_.begin() + kMostPoints, point_.end(),
+        [](const FacePoint& a, const FacePoint& b) { return a.distance < b.distance; });
     point_.resize(kMostPoints);
   }
-  for (const Point& point : point_) manifold.point[manifold.count++] = point.at;
+  for (const FacePoint& point : point_) manifold.point[manifold.count++] = point;
 }
 
 FaceManifold ShallowCap::meet_plane(const Vector3d& origin, double margin) {
@@ -241,24 +220,22 @@ FaceManifold ShallowCap::meet_face(const PlacedFace& face, double margin, const 
     const double distance = height_over(hull_->facet[facet_over(local)], local);
     return FacePoint{place + 0.5 * distance * up, distance};
   };
-  const auto add_over = [&](const Vector3d& over, int place) {
-    if (has_point_over(over)) return;
-    const FacePoint point = point_over(over);
-    if (point.distance <= margin) point_.push_back({point, place});
+  const auto add_over = [&](const Vector3d& place) {
+    if (has_point_over(place)) return;
+    const FacePoint point = point_over(place);
+    if (point.distance <= margin) point_.push_back(point);
   };
-  for (int i = 0; i < outline.count; ++i) add_over(on_face(outline.point[i].position), kFirst);
-  for (int side = 0; side < face.count; ++side) {
-    const std::vector<Vector3d>& crossing =
-        cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin);
-    const int count = static_cast<int>(crossing.size());
-    for (int i = 0; i < count; ++i) add_over(crossing[i], spread_place(i, count));
-  }
+  for (int i = 0; i < outline.count; ++i) add_over(on_face(outline.point[i].position));
+  for (int side = 0; side < face.count; ++side)
+    for (const Vector3d& crossing :
+         cross_ridges(face.corner[side], face.corner[(side + 1) % face.count], margin))
+      add_over(crossing);
   const FacePoint found = point_over(on_face(nearest));
   if (std::all_of(
           point_.begin(), point_.end(),
-          [&](const Point& point) { return found.distance < point.at.distance - tolerance; }) &&
+          [&](const FacePoint& point) { return found.distance < point.distance - tolerance; }) &&
       found.distance <= margin && !has_point_over(found.position))
-    point_.push_back({found, kFirst});
+    point_.push_back(found);
   take_points(manifold);
   return manifold;
 }

@@ -55,6 +55,11 @@ double furthest_from_line(int count, const PointAt& point, const Vector3d& centr
 
 }  // namespace
 
+Pose relative_pose(const Pose& frame, const Pose& pose) {
+  return {frame.rotation.transpose() * (pose.position - frame.position),
+          frame.rotation.transpose() * pose.rotation};
+}
+
 Pose advance(const Pose& pose, const Motion& motion, double time) {
   const double angle = motion.angular.norm() * time;
   const Matrix3d turn =

@@ -9,9 +9,6 @@
 // these points, see face_manifold.hpp; but for the complementarity-free law, which is published
 // with what MuJoCo finds.
 //
-// Capsules, cylinders, boxes and meshes: where geoms move far in a step, points that overlap at its
-// end are contacts too (detection/coming.hpp).
-//
 // Shapes whose nearest points MuJoCo searches for, all but spheres, planes and the pairs of
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model
 // says otherwise, which is what rigid contacts overlap by. It leaves the normal of curved shapes
@@ -22,8 +19,7 @@
 // is off, by up to 0.8 rad. Here the nearest points stay unless geoms lie flat
 // (detection/face_contacts.hpp) or side by side (detection/side_by_side.hpp).
 //
-// Points on height fields are those of detection/terrain.hpp, those of cylinders that stand flat on
-// planes those of detection/flat_cylinder.hpp.
+// Points on height fields are those of detection/terrain.hpp.
 
 #pragma once
 
@@ -36,17 +32,12 @@ namespace dashpot::host {
 struct FaceBuffers;
 class Narrowing;
 
-// Which contacts collisions find: all that may start in the step, or those of the present positions
-// alone, by which velocities do not count.
-enum class Found { kInStep, kAtPresent };
-
 // While it lives, collisions of this thread and model are those; others stay as they are. Contacts
 // that MuJoCo looks for are narrowed where `narrowing` is there. Faces that lie flat give their
 // points where there are buffers for them; what MuJoCo has no room for waits there.
 class ReplacedCollisions {
  public:
-  ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing,
-                     Found found = Found::kInStep);
+  ReplacedCollisions(mjModel_* m, FaceBuffers* faces, Narrowing* narrowing);
   ~ReplacedCollisions();
   ReplacedCollisions(const ReplacedCollisions&) = delete;
   ReplacedCollisions& operator=(const ReplacedCollisions&) = delete;
@@ -58,7 +49,6 @@ class ReplacedCollisions {
   mjModel_* outer_;  // a callback of collision may step another model
   FaceBuffers* outer_faces_;
   Narrowing* outer_narrowing_;
-  Found outer_found_;
 };
 
 // Distance (m) of two convex geoms, or `most` where it is that or more; while collisions are

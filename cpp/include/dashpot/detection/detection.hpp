@@ -57,12 +57,11 @@ void detect(mjModel_* m, mjData_* d, const std::vector<double>& acceleration, De
 // round cup rocked on what it held until that fell. Velocities may not be known yet, and do not
 // count. Throws as detect() does.
 void find_present_contacts(mjModel_* m, mjData_* d, Detection& detection);
-// The same once more in this step, with the reach that detection.buffers now ask for at least, and
-// with the points where `body_velocity` (6 by body, as in cvel) leads in place of the present one.
+// The same as detect() once more in this step, with the reach that detection.buffers now ask for at
+// least.
 void detect_again(mjModel_* m, mjData_* d, const std::vector<double>& acceleration,
-                  const std::vector<double>& body_velocity, Detection& detection,
-                  std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints,
-                  Team& team);
+                  Detection& detection, std::vector<ContactInput>& contacts,
+                  std::vector<ConstraintInput>& constraints, Team& team);
 
 // While it lives, `d` holds kinematics, inertia, contacts and constraint rows, those of contacts as
 // `detection` asks, of the configuration to which smooth motion with `acceleration` (nv) brings it

@@ -1,10 +1,10 @@
 // Pairs of geoms that go on far in a step, and whether a contact in the middle is one of the start.
 //
 // What goes on far may be past an edge by then: a ball that slides off a tile meets its edge in the
-// middle, though it is on the next tile. What is round is still what it was on one face, whose
-// normal it meets; on what is round itself, which has no edges; and over an edge with nothing
-// behind it that the two may touch, too, from where on it falls. All others, and blows, which are
-// over or to come by then, keep the geometry of the start.
+// middle, though it is on the next tile. What is round is still what it was on what is round
+// itself, which has no edges; others are where nothing else touches the two, also over an edge,
+// from where on they fall. All others, and blows, which are over or to come by then, keep the
+// geometry of the start.
 
 #pragma once
 
@@ -32,12 +32,10 @@ class FarPair {
   bool touches_round(const mjtNum* local_normal1, const mjtNum* local_normal2) const;
   // Whether a contact is seen past the end of a surface that another geom continues.
   bool is_past_end(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
-  bool stays_on_face(const mjData* d, const ContactInput& start, const SeenContact& seen) const;
 
   const ContactMotion& motion_;
   bool is_far_ = false, on_round_ = false;
-  int side_with_face_ = -1;  // where they touch, -1 where both or neither have one
-  double size_ = 0.0;        // m, radius about the smaller geom
+  double size_ = 0.0;  // m, radius about the smaller geom
 };
 
 }  // namespace dashpot::host

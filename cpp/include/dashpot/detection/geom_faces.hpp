@@ -34,7 +34,6 @@ struct FaceBuffers {
   std::shared_ptr<HullFaces> hulls = std::make_shared<HullFaces>();
   ShallowCap cap;
   std::vector<SurplusContact> surplus;
-  const double* body_velocity = nullptr;  // see detect_again(); null: the present one
 };
 
 // The face of a geom, a box, a mesh or a cylinder, that looks along a direction.

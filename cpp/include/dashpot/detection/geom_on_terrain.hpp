@@ -17,9 +17,6 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// The pose of a geom in the frame of another one.
-Pose pose_in(const mjData_* d, int frame, int geom);
-
 // All but `frame` in the frame of the field, where the geom is when this is made.
 struct GeomOnTerrain {
   GeomOnTerrain(const mjModel_* m, const mjData_* d, int terrain_id, int geom_id, double within,

@@ -19,9 +19,6 @@ namespace dashpot::host {
 
 struct FaceBuffers;
 
-// Whether geoms of a type touch height fields in such points.
-bool has_points_on_terrain(int type);
-
 // Puts these contacts in place of the `count` (at most mjMAXCONPAIR) that MuJoCo finds of a height
 // field and another geom within `margin` (m); returns how many they are.
 int take_points_on_terrain(const mjModel_* m, mjData_* d, int terrain, int geom, double margin,

@@ -2,7 +2,8 @@
 //
 // They are corners of boxes and meshes, points of the rims of cylinders that stand and the ends of
 // the lowest line of those that lie, the balls at the ends of capsules, the lowest point of an
-// ellipsoid or a ball, over the triangle beneath it, and over those beside that rise from it.
+// ellipsoid or a ball, over the triangle beneath it; of round surfaces over those beside that rise
+// from it, too.
 //
 // What rolls in a groove or a bowl hits the triangle that rises before it. So triangles in which a
 // round surface lies deeper at the end of the step, at the velocities of its start, are touched as

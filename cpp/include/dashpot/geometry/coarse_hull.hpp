@@ -27,9 +27,6 @@ struct CoarseHull {
   Eigen::Matrix3Xd corner;  // m, in its frame
   std::vector<HullFacet> facet;
   std::vector<int> around, around_begin;  // facets at each corner, corner by corner
-  // By corner: its place in an order in which each of the first 256 is as far as can be from all
-  // before it.
-  std::vector<int> place;
 
   // Outward, as long as twice the area of a facet.
   Eigen::Vector3d doubled_area(const HullFacet& of) const;

@@ -3,16 +3,14 @@
 // MuJoCo gives all the points that two faces of boxes share where the axis that separates the boxes
 // farthest is the normal of a face, and a single point where it is the one across two edges. Of
 // boxes tilted against each other by a hair it is: along the normal of a face a corner of the other
-// box is lowest that stands out over the side, with nothing beneath it. What rests on that one
-// point tips over it until the next step finds the other points again, overlapping by then, and a
-// tower rattles for good on what recovery of those overlaps puts in. Of meshes it gives up to four
-// of the points, three on a plane, and other ones from step to step, with the same end.
+// box is lowest that stands out over the side, with nothing beneath it, and a tower rattles for
+// good. Of meshes it gives up to four of the points, other ones from step to step.
 //
-// The points of the faces, all of them, are the better answer, for the crossing is one of them.
-// Seen along the normal n of one face they are the corners of the intersection of both, which sides
-// of the faces that cross are, too; and with z the height of one edge over the other there, their
-// distance is z (n e) along the axis e across both. Of the flat end of a cylinder points of the rim
-// are the corners, of a round side that lies on a face both ends of its lowest line.
+// The points of the faces, all of them, are the better answer. Seen along the normal n of one face
+// they are the corners of the intersection of both, which sides of the faces that cross are, too;
+// and with z the height of one edge over the other there, their distance is z (n e) along the axis
+// e across both. Of the flat end of a cylinder points of the rim are the corners, of a round side
+// that lies on a face both ends of its lowest line.
 
 #pragma once
 
@@ -32,8 +30,7 @@ inline constexpr int kCapCorners = 6;
 struct PlacedFace {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // a point of its plane
-  // In order, counterclockwise seen from outside; one more than kept ones, see place_face.
-  std::array<Eigen::Vector3d, kMostCorners + 1> corner;
+  std::array<Eigen::Vector3d, kMostCorners> corner;  // in order, counterclockwise from outside
   int count = 0;
 };
 
@@ -41,9 +38,8 @@ struct PlacedFace {
 PlacedFace place_box_face(const Eigen::Vector3d& half, const Pose& pose,
                           const Eigen::Vector3d& direction);
 
-// A face of a hull with its kept corners, and the lowest along `up` (world, unit) of the others
-// where it is lower than those.
-PlacedFace place_face(const FlatFace& face, const Pose& pose, const Eigen::Vector3d& up);
+// A face of a hull.
+PlacedFace place_face(const FlatFace& face, const Pose& pose);
 
 // The flat end of a cylinder that looks along `direction` (world): kCapCorners points of its rim,
 // fixed to it but for the lowest one along `up` (world, unit) where it is tilted.
@@ -80,9 +76,6 @@ bool separates_farther(const PlacedFace& first, const PlacedFace& second);
 // between their neighbours: nothing rests on them that these do not bear.
 FaceManifold meet_face(const PlacedFace& reference, const PlacedFace& other, double margin,
                        double flat_crossing = 0.0);
-
-// Leaves of these points those of an edge that lies flat: up to `slope`, seen from the lowest one.
-void keep_flat_edge(double slope, FaceManifold& manifold);
 
 // The corners of a face within `margin` (m) of a plane through `origin`, `normal` out of it.
 FaceManifold meet_plane(const Eigen::Vector3d& origin, const Eigen::Vector3d& normal,

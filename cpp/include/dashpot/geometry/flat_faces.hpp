@@ -26,13 +26,10 @@ inline constexpr double kMostTilt = 0.1415;
 struct FlatFace {
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // outward, in the frame of the hull
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // a point of its plane
-  double radius = 0.0;                               // of the corners about it, m
   double cosine = 1.0;                               // of the tilt up to which it counts
-  std::vector<Eigen::Vector3d> corner;               // counterclockwise seen from outside
-  // Corners that stand for all: the farthest along directions that are fixed in the face, so that
-  // none of them ever gives way to another one.
-  std::vector<char> kept;
-  int kept_count = 0;
+  // Counterclockwise seen from outside. Of many those that are farthest along directions fixed in
+  // the face, so that none of them ever gives way to another one.
+  std::vector<Eigen::Vector3d> corner;
 };
 
 std::vector<FlatFace> flat_faces(const CoarseHull& hull);

@@ -41,15 +41,6 @@ class ShallowCap {
                          double tolerance);
 
  private:
-  // One that meets something, and its place among the corners.
-  struct Point {
-    FacePoint at;
-    int place;
-    // Whether it is the one to keep: if it touches, by its place, else by its distance.
-    bool comes_before(const Point& other) const;
-  };
-  static constexpr int kFirst = -1;
-
   // Adds the corners within `margin` (m) of a plane that `keep` lets in.
   template <typename Keep>
   void add_corners(const Eigen::Vector3d& origin, double margin, const Keep& keep);
@@ -69,7 +60,7 @@ class ShallowCap {
                                                    const Eigen::Vector3d& end, double margin);
   // Whether there is one over a place, seen along `up`.
   bool has_point_over(const Eigen::Vector3d& place) const;
-  // The points found; of more than there is room for those that touch, farthest apart.
+  // The points found; of more than there is room for the deepest.
   void take_points(FaceManifold& manifold);
 
   const CoarseHull* hull_ = nullptr;
@@ -83,7 +74,7 @@ class ShallowCap {
   std::vector<int> corner_;  // met in a walk
   std::vector<char> is_met_;
   std::vector<Eigen::Vector3d> crossing_;
-  std::vector<Point> point_;
+  std::vector<FacePoint> point_;
 };
 
 }  // namespace dashpot

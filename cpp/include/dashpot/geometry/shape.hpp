@@ -60,6 +60,9 @@ struct Pose {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  // columns: the shape's axes in the world
 };
 
+// A pose as seen from the frame of another one.
+Pose relative_pose(const Pose& frame, const Pose& pose);
+
 // Rigid motion: `centre` follows a parabola, at first at `linear`, the body turns about it at the
 // constant world vector `angular`.
 struct Motion {

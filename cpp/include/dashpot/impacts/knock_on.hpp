@@ -37,9 +37,6 @@ class KnockOn {
                      const std::vector<ContactInput>& contacts, const std::vector<double>& end_gap,
                      const std::vector<host::NarrowedPair>& narrowed, host::ReachBuffers& reach);
 
-  // Spatial velocities of that motion, 6 by body, as in cvel.
-  const std::vector<double>& body_velocity() const { return body_velocity_; }
-
  private:
   // A narrowed pair whose geoms went farther against each other than they were looked for.
   struct Astray {

@@ -63,72 +63,36 @@ struct alignas(32) Lanes {
 
 [[gnu::always_inline]] static inline Lanes operator-(const Lanes& a) { return {-a.low, -a.high}; }
 
-[[gnu::always_inline]] static inline Lanes operator+(const Lanes& a, const Lanes& b) {
-  return {a.low + b.low, a.high + b.high};
-}
-
-[[gnu::always_inline]] static inline Lanes operator-(const Lanes& a, const Lanes& b) {
-  return {a.low - b.low, a.high - b.high};
-}
-
-[[gnu::always_inline]] static inline Lanes operator*(const Lanes& a, const Lanes& b) {
-  return {a.low * b.low, a.high * b.high};
-}
-
-[[gnu::always_inline]] static inline Lanes operator/(const Lanes& a, const Lanes& b) {
-  return {a.low / b.low, a.high / b.high};
-}
-
-[[gnu::always_inline]] static inline Lanes& operator+=(Lanes& a, const Lanes& b) {
-  return a = a + b;
-}
-
-[[gnu::always_inline]] static inline Lanes& operator-=(Lanes& a, const Lanes& b) {
-  return a = a - b;
-}
-
-[[gnu::always_inline]] static inline Lanes& operator*=(Lanes& a, const Lanes& b) {
-  return a = a * b;
-}
-
-[[gnu::always_inline]] static inline LaneMask operator<(const Lanes& a, const Lanes& b) {
-  return {a.low < b.low, a.high < b.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask operator<=(const Lanes& a, const Lanes& b) {
-  return {a.low <= b.low, a.high <= b.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask operator>(const Lanes& a, const Lanes& b) {
-  return b < a;
-}
-
-[[gnu::always_inline]] static inline LaneMask operator>=(const Lanes& a, const Lanes& b) {
-  return b <= a;
-}
-
-[[gnu::always_inline]] static inline LaneMask operator==(const Lanes& a, const Lanes& b) {
-  return {a.low == b.low, a.high == b.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask operator!=(const Lanes& a, const Lanes& b) {
-  return {a.low != b.low, a.high != b.high};
-}
+// Operators of both halves, and those that assign.
+#define DASHPOT_BY_HALVES(Result, Operand, op)                                                  \
+  [[gnu::always_inline]] static inline Result operator op(const Operand& a, const Operand& b) { \
+    return {a.low op b.low, a.high op b.high};                                                  \
+  }
+#define DASHPOT_ASSIGN(Operand, op)                                                            \
+  [[gnu::always_inline]] static inline Operand& operator op##=(Operand& a, const Operand& b) { \
+    return a = a op b;                                                                         \
+  }
+DASHPOT_BY_HALVES(Lanes, Lanes, +)
+DASHPOT_BY_HALVES(Lanes, Lanes, -)
+DASHPOT_BY_HALVES(Lanes, Lanes, *)
+DASHPOT_BY_HALVES(Lanes, Lanes, /)
+DASHPOT_BY_HALVES(LaneMask, Lanes, <)
+DASHPOT_BY_HALVES(LaneMask, Lanes, <=)
+DASHPOT_BY_HALVES(LaneMask, Lanes, >)
+DASHPOT_BY_HALVES(LaneMask, Lanes, >=)
+DASHPOT_BY_HALVES(LaneMask, Lanes, ==)
+DASHPOT_BY_HALVES(LaneMask, Lanes, !=)
+DASHPOT_BY_HALVES(LaneMask, LaneMask, &)
+DASHPOT_BY_HALVES(LaneMask, LaneMask, |)
+DASHPOT_ASSIGN(Lanes, +)
+DASHPOT_ASSIGN(Lanes, -)
+DASHPOT_ASSIGN(Lanes, *)
+DASHPOT_ASSIGN(LaneMask, |)
+#undef DASHPOT_BY_HALVES
+#undef DASHPOT_ASSIGN
 
 [[gnu::always_inline]] static inline LaneMask operator~(const LaneMask& a) {
   return {~a.low, ~a.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask operator&(const LaneMask& a, const LaneMask& b) {
-  return {a.low & b.low, a.high & b.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask operator|(const LaneMask& a, const LaneMask& b) {
-  return {a.low | b.low, a.high | b.high};
-}
-
-[[gnu::always_inline]] static inline LaneMask& operator|=(LaneMask& a, const LaneMask& b) {
-  return a = a | b;
 }
 
 [[gnu::always_inline]] static inline HalfLanes select_half(const HalfMask& mask, const HalfLanes& a,
