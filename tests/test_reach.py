@@ -73,6 +73,39 @@ def test_reach_leaves_the_model_as_it_was():
     assert engine.model.geom_gap.tolist() == before[1].tolist()
 
 
+def test_a_contact_that_no_joint_can_close_is_left_out():
+    """A sled on a rail beside a wall is within reach of it at speed, but moves along it."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><option gravity="0 0 0" timestep="0.01"/><worldbody>
+        <geom type="plane" size="9 9 1"/>
+        <body pos="0 0 .1001"><joint type="slide" axis="1 0 0"/>
+        <geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = 1.0
+    stats = engine.step(data)
+    assert data.maxuse_con > 0  # MuJoCo has found them
+    assert stats.contacts == stats.islands == 0
+    assert data.qpos[0] == pytest.approx(0.01, rel=1e-15)
+
+
+@pytest.mark.parametrize(("tilt", "contacts"), [(0.0, 0), (0.01, 4)])
+def test_a_link_that_turns_beside_another_is_left_out_if_its_joint_keeps_it_apart(tilt, contacts):
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option gravity="0 0 0" timestep="0.01" cone="elliptic"/><worldbody>
+        <geom type="box" size=".1 .1 .1"/>
+        <body pos="0 0 .2001"><joint axis="{tilt} 0 1" damping="0"/>
+        <geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+    )
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    data.qvel[0] = 0.5
+    stats = engine.step(data)
+    assert data.maxuse_con == 4  # MuJoCo has found them
+    assert stats.contacts == contacts
+
+
 @pytest.mark.parametrize(("speed", "gap"), [(100.0, 1e-3), (60.0, 5e-4)])
 def test_a_cam_that_comes_around_within_a_step_meets_the_wall(speed, gap):
     """Its contact moves along the wall at first, and closes with the turn, 0.6 and 1 rad."""

@@ -19,6 +19,29 @@ namespace {
 
 constexpr int kContactsAtOnce = 64;  // by a thread
 
+// Whether a single joint moves two geoms that are apart against each other and keeps their contact
+// as it is, along a line across its normal or about it, like links that face each other across the
+// axis between them: it cannot be loaded.
+bool keeps_its_gap(const mjModel* m, const mjData* d, const ContactInput& input) {
+  if (input.gap < 0.0 || input.is_of_flex()) return false;
+  const int dof1 = last_dof(m, m->geom_bodyid[input.geom[0]]),
+            dof2 = last_dof(m, m->geom_bodyid[input.geom[1]]);
+  const auto follows = [&](int dof, int parent) {
+    return dof >= 0 && m->dof_parentid[dof] == parent;
+  };
+  if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
+  const int dof = follows(dof1, dof2) ? dof1 : dof2;
+  const mjtNum *axis = d->cdof + 6 * dof, *normal = input.frame.data(),
+               *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
+  mjtNum arm[3], velocity[3], off_axis[3];
+  mju_cross(off_axis, normal, axis);
+  if (mju_norm3(off_axis) > kDirection * mju_norm3(axis)) return false;
+  mju_sub3(arm, input.position.data(), centre);
+  mju_cross(velocity, axis, arm);
+  mju_addTo3(velocity, axis + 3);
+  return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
+}
+
 // How fast (m/s) any place on a cylinder may come nearer to a plane, whatever spins about its axis.
 double closing_of_shape(const mjModel* m, const mjData* d, int plane, int cylinder,
                         const mjtNum* normal, const double* body_velocity) {
@@ -123,6 +146,7 @@ void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
   detection.may_be_loaded.resize(d->ncon);
   team.for_each(d->ncon, kContactsAtOnce, [&](int i) {
     detection.may_be_loaded[i] = read_contact(m, d, i, contacts[i]) &&
+                                 !keeps_its_gap(m, d, contacts[i]) &&
                                  !only_spin_brings_near(m, d, detection.buffers, contacts[i]);
   });
   int kept = 0;
