@@ -30,10 +30,10 @@ bool FarPair::find(const mjData* d, const ContactInput& contact) {
   size_ = motion_.size();
   is_far_ = motion_.geom_type(0) != mjGEOM_PLANE && motion_.way() > kFarWay * size_;
   if (!is_far_) return true;
+  if (!runs_along(contact)) return false;
   mjtNum normal[2][3];
   for (int side = 0; side < 2; ++side)
     to_local(d, motion_.geom(side), contact.frame.data(), normal[side]);
-  if (!runs_along(contact)) return false;
   on_round_ = touches_round(normal[0], normal[1]);
   return true;
 }

@@ -12,6 +12,9 @@ using When = ContactMotion::When;
 
 // Turn in a step (rad) up to which a pair is at rest, as kStillWay is for its way.
 constexpr double kStillTurn = 1e-5;
+// Fraction of its radius by which a ball on a plane comes closer in a step up to which its arm, all
+// that changes there, is the same.
+constexpr double kSameArm = 1e-3;
 // Fraction of the step within which a gap or an overlap that closes at its present rate is gone
 // early.
 constexpr double kEarly = 0.25;
@@ -42,7 +45,7 @@ bool TurningPair::moves() {
   if (!motion_.find(*first_, step_)) return false;
   const bool on_plane = motion_.geom_type(0) == mjGEOM_PLANE;
   size_ = motion_.size();
-  if (on_plane && motion_.is_free_ball(1)) return false;
+  if (on_plane && motion_.is_free_ball(1) && !changes_arm()) return false;
   at_rest_ =
       !step_.any_motion && motion_.turn() <= kStillTurn && motion_.way() <= kStillWay * size_;
   if (at_rest_) return false;
@@ -66,6 +69,12 @@ bool TurningPair::moves() {
 bool TurningPair::are_soft_balls() const {
   return motion_.geom_type(0) == mjGEOM_SPHERE && motion_.geom_type(1) == mjGEOM_SPHERE &&
          hits_.is_soft(*first_);
+}
+
+// Whether a ball comes or goes in a step that does not hold all of its hit.
+bool TurningPair::changes_arm() const {
+  return step_.length * std::abs(motion_.gap_rate(*first_)) > kSameArm * size_ &&
+         hits_.frequency(*first_) == 0.0;
 }
 
 // Whether a blow begins or ends early in the step, by how fast the gap changes.

@@ -13,10 +13,8 @@
 // capsules and boxes: a search ends with a tolerance on the distance, a micrometre unless a model
 // says otherwise, which is what rigid contacts overlap by. It leaves the normal of curved shapes
 // open by some 0.003 rad, that of a cylinder along an edge by 0.5. Here it goes on to a thousandth
-// of that, in small geoms to 1e-8 of the half width; but with capsules, whose segment inside is
-// apart from what they touch, to 1e-4 of it. Then MuJoCo clips faces against each other for more
-// points, which need not be those that touch: of capsules on hulls of 60 corners every third normal
-// is off, by up to 0.8 rad. Here the nearest points stay unless geoms lie flat
+// of that. Then MuJoCo clips faces against each other for more points, which need not be those that
+// touch. Here the nearest points stay unless geoms lie flat
 // (detection/face_contacts.hpp) or side by side (detection/side_by_side.hpp).
 //
 // Points on height fields are those of detection/terrain.hpp.

@@ -1,8 +1,7 @@
 // Contacts of ellipsoids where a closed form or Newton's method gives them.
 //
-// A search for the nearest points ends with a tolerance on their distance, of 1e-9 m and of the
-// sizes of both geoms: its root is left of the normal, and by a slope of that the point moves along
-// the surface. What rocks on a wide plate lost a fifth of its energy in 5 s by such a scatter.
+// A search for the nearest points ends with a tolerance on their distance: its root is left of the
+// normal, and what rocks on a wide plate loses energy by such a scatter.
 
 #pragma once
 

@@ -3,8 +3,7 @@
 // Contacts are found ahead, as far as bodies go in the step by any path: of a corner that falls on
 // one tile of a floor those with the tiles beside it, too. Other pairs matter to a hit only if
 // their gap closes at the rate that it has, before the hit is at its deepest, or from another side:
-// what comes later from the same side is met by a body that has turned back. A light body between
-// two heavy ones is pressed for as long as those come together.
+// what comes later from the same side is met by a body that has turned back.
 //
 // A hit that goes on from the last step has what its spring is compressed by in memory: at its
 // deepest it has no rate to tell it by.

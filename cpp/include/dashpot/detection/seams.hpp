@@ -2,9 +2,7 @@
 //
 // A body that slides from one tile of a floor to the next is pressed into the first a hair's
 // breadth deeper than the edge of the second begins, and detection ahead finds its front about to
-// run into the second one's side; so it does of what falls onto a tile beside its edge, or passes
-// low over it. MuJoCo looks once they overlap, by far the least along the normal of the floor, and
-// lets it pass, but for what falls. So where a geom's body touches something along the normal m
+// run into the second one's side. So where a geom's body touches something along the normal m
 // (into it), s deep or -s above it, or may in the step, a contact of the geom with another one that
 // has a face along m, or lies beneath the plane of what it touches, as the next of a row of
 // capsules that are a rail, is left out, unless its normal is m, while both overlap along m by no

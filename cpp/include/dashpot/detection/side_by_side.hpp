@@ -7,10 +7,10 @@
 //     g(x) = g_0 + m (x - x_0) + theta^2 (x - x_0)^2 / (2 d) ,   m = 0 between their ends,
 //
 // and a tilt by alpha takes the nearest point x_0 by alpha d / theta^2 along them: from end to end
-// in a step. What is pressed there rocks for good, on what recovery puts in. But a contact is as
-// long as what it may sag by: to where the last term is a tolerance. Two points at the ends of
-// that, with the gap g_0 + m (x - x_0), stand for it. An edge is an axis without a radius. Of edges
-// that cross the gap grows by theta |x - x_0|: the nearest point stays where it is.
+// in a step, so that what is pressed there rocks for good. But a contact is as long as what it may
+// sag by: to where the last term is a tolerance. Two points at the ends of that, with the gap g_0 +
+// m (x - x_0), stand for it. An edge is an axis without a radius. Of edges that cross the gap grows
+// by theta |x - x_0|: the nearest point stays where it is.
 
 #pragma once
 

@@ -21,15 +21,10 @@
 // more than the rates of the middle lead it. With what T changed by since the last step this goes
 // along with the rates (RowData::drift); gap and overlap are then of fourth order.
 //
-// What goes on far in the step may be past an edge by the middle (detection/far_pair.hpp).
-//
 // That holds for forces that last. What is hit, or flies off, in a fraction of the step is frozen
 // where the force of that has its centre (hit.hpp), or it would do work on the turn before or
 // after. That is known of two bodies that hit each other alone (detection/pair_hits.hpp). Of others
-// a blow between round ones that begins or ends early keeps the geometry of the start. Round bodies
-// that fly have the normal of their impact (impacts/flight_contacts.hpp), and a hit of SI stiffness
-// turns them on as long as its spring swings: it is taken on to the centre of its force, its gap
-// closing when it did.
+// a blow between round ones that begins or ends early keeps the geometry of the start.
 //
 // What is apart at the start and comes on is frozen where it is met: the plane through the nearest
 // point of an edge ahead rises before what passes over it. As gaps of convex geoms that pass close

@@ -43,6 +43,7 @@ class TurningPair {
  private:
   double middle() const { return 0.5 * step_.length; }
   bool are_soft_balls() const;
+  bool changes_arm() const;
   bool parts_early() const;
   ContactInput* seen_at(FaceBuffers& faces, const ContactInput& contact, double time);
   const ContactInput* in_its_time(FaceBuffers& faces, ContactInput& contact);

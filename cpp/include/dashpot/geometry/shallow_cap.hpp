@@ -5,10 +5,8 @@
 // (flat_faces.hpp), and what is pressed against them overlaps them all. Against a face or a plane
 // they count like one, but for their heights. What both share has a corner of the surface of the
 // hull in each corner of that, in each corner of the face and where ridges cross its sides: these
-// are the points. Of a selection, the nearest, the deepest, MuJoCo's three on a plane, some come as
-// others go by a hair of turn, and what rests on them rocks for good on what recovers of overlaps
-// that no spring has taken up. So that there is room for all, also of fine meshes, their hull is a
-// coarse one.
+// are the points. Of a selection some come as others go by a hair of turn, and what rests on them
+// rocks for good. So that there is room for all, also of fine meshes, their hull is a coarse one.
 
 #pragma once
 
