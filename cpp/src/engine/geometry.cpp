@@ -64,7 +64,6 @@ void Stepper::Impl::freeze_turning_contacts(mjData_* d) {
 
 void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomPair>& apart,
                                              host::MocapMotion& mocap) {
-  const std::vector<ContactInput> start = contacts;
   const std::vector<ConstraintInput> start_constraints = constraints;
   mocap.show(0.5 * clock.length);
   host::MiddleGeometry middle(model, d, motion.smooth_acceleration(), detection, contacts,
@@ -77,7 +76,7 @@ void Stepper::Impl::build_rows_in_the_middle(mjData_* d, const std::vector<GeomP
   motion.freeze_at_middle(d, clock.length, data, team);
   row_turns.forget();
   build_rows(d);
-  give_back_way(rows, data, clock.length, start, start_constraints, contacts, constraints);
+  give_back_way(rows, data, clock.length, start_constraints, contacts, constraints);
   mocap.show(0.0);
   middle.leave();
 }
