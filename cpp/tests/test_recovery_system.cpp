@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "dashpot/islands/islands.hpp"
-#include "dashpot/microsteps/recovery_system.hpp"
+#include "dashpot/microsteps/position_recovery.hpp"
 #include "dashpot/rows/mass_weighted.hpp"
 
 namespace {

@@ -17,6 +17,8 @@ namespace {
 // within one step, at most.
 constexpr int kMostKnockOns = 16;
 
+constexpr int kTreesAtOnce = 64;  // by a thread
+
 }  // namespace
 
 // Solves the rows of the longest part that they hold for.
@@ -95,10 +97,10 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
     return std::find(touched.begin(), touched.end(), 1) != touched.end();
   };
   for (int turn = 0; turn < kMostKnockOns && any_touched(); ++turn) {
-    mean_motion.find(solved_part(), team);
-    if (!knock_on.comes_to_more(model, d, mean_motion.velocity(), clock.length, contacts,
-                                mean_motion.end_gap(), detection.narrowing.pairs(),
-                                detection.buffers))
+    find_mean_velocity();
+    find_end_gaps();
+    if (!knock_on.comes_to_more(model, d, mean_velocity, clock.length, contacts, end_gap,
+                                detection.narrowing.pairs(), detection.buffers))
       return;
     const size_t known = contacts.size() + constraints.size();
     motion.find_smooth_motion(d, clock.length, false, data, team);
@@ -113,6 +115,31 @@ void Stepper::Impl::follow_knock_on(mjData_* d, host::MocapMotion& mocap) {
     mocap.drive(contacts);
     solve(d, mocap);
     if (contacts.size() + constraints.size() == known) return;
+  }
+}
+
+// Trees that rows moved have the mean velocity of their micro-steps, all others that of the smooth
+// motion.
+void Stepper::Impl::find_mean_velocity() {
+  mean_velocity = motion.start_velocity();
+  for (size_t i = 0; i < mean_velocity.size(); ++i)
+    mean_velocity[i] += 0.5 * clock.length * motion.smooth_acceleration()[i];
+  team.for_each(motion.tree_count(), kTreesAtOnce, [&](int index) {
+    const Tree& tree = motion.trees().tree[index];
+    double* mean = mean_velocity.data() + tree.dof_begin;
+    if (!on_trees.touched[index]) return;
+    motion.to_generalized(index, data.total_displacement.data() + tree.begin, mean);
+    for (int i = 0; i < tree.dof_count; ++i) mean[i] /= clock.length;
+  });
+}
+
+// A gap at the end of the step is where the surfaces are, not what the spring is compressed by: the
+// two differ by the unstressed offset.
+void Stepper::Impl::find_end_gaps() {
+  end_gap.resize(contacts.size());
+  for (size_t i = 0; i < rows.group.size(); ++i) {
+    const RowGroup& c = rows.group[i];
+    if (c.kind == RowKind::kContact) end_gap[c.input] = data.deformation[c.row] - data.offset[i];
   }
 }
 

@@ -33,7 +33,6 @@
 #include "dashpot/rows/step_view.hpp"
 #include "dashpot/threads/pace.hpp"
 #include "dashpot/threads/team.hpp"
-#include "mean_motion.hpp"
 #include "row_plan.hpp"
 #include "sleeping_trees.hpp"
 #include "solved_part.hpp"
@@ -69,6 +68,8 @@ struct Stepper::Impl {
   bool is_rough(const host::StepParts& parts) const;
   void cut_at_impact(mjData_* d, host::StepParts& parts);
   void follow_knock_on(mjData_* d, host::MocapMotion& mocap);
+  void find_mean_velocity();
+  void find_end_gaps();
 
   // What sleeps.
   bool wake_reached(mjData_* d, const host::MocapMotion& mocap);
@@ -131,7 +132,7 @@ struct Stepper::Impl {
   Part part;
   FlightContacts flights;
   KnockOn knock_on;
-  MeanMotion mean_motion;
+  std::vector<double> mean_velocity, end_gap;  // (nv); by contact, m
   host::Detection detection;
   const host::FindContacts find_contacts = [this](mjModel_* m, mjData_* d) {
     host::find_present_contacts(m, d, detection);

@@ -5,7 +5,6 @@
 
 #include "dashpot/law/solref.hpp"
 #include "dashpot/mujoco/properties.hpp"
-#include "dashpot/rows/mass_weighted.hpp"
 
 namespace dashpot {
 
@@ -21,13 +20,6 @@ bool follows_solref(const RowGroup& c, const GroupMaterial& given) {
 
 double dot(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-// The side of a group that is over a tree, -1 for the ground.
-int side_of(const RowGroup& c, int tree) {
-  for (int side = 0; side < 2; ++side)
-    if (tree >= 0 && c.tree[side] == tree) return side;
-  return -1;
 }
 
 // By what has the inverse mass `loading`.
@@ -47,10 +39,9 @@ void press(const ContactInput& input, const Rows& rows, const RowGroup& c, doubl
 
 // On the body of one of a contact's geoms, by the other's.
 PressedBetween::Push PressedBetween::push_of(const mjModel_* model, const ContactInput& input,
-                                             int group, int side) {
+                                             int side) {
   const double sign = side == 0 ? -1.0 : 1.0;
   return {host::moved_body(model, input.geom[side]),
-          group,
           input.tree[1 - side],
           {sign * input.frame[0], sign * input.frame[1], sign * input.frame[2]}};
 }
@@ -75,11 +66,10 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
                                          const std::vector<ContactInput>& contacts,
                                          const Rows& rows) {
   pushes_.clear();
-  for (size_t i = 0; i < rows.group.size(); ++i) {
-    const RowGroup& c = rows.group[i];
+  for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kContact || contacts[c.input].gap >= 0.0) continue;
     for (int side = 0; side < 2; ++side) {
-      const Push push = push_of(model, contacts[c.input], static_cast<int>(i), side);
+      const Push push = push_of(model, contacts[c.input], side);
       if (push.body >= 0) pushes_.push_back(push);
     }
   }
@@ -95,24 +85,6 @@ void PressedBetween::find_pressed_bodies(const mjModel_* model,
 
 bool PressedBetween::is_pressed(int body) const {
   return body >= 0 && std::binary_search(pressed_.begin(), pressed_.end(), body);
-}
-
-// Of what pushes, with what opposes it and hangs on the same tree: on the body itself, or on
-// another one that is pressed against it.
-double PressedBetween::inverse_mass_behind(const Rows& rows, const Push& push) const {
-  const RowGroup& c = rows.group[push.group];
-  const int side = side_of(c, push.tree);
-  if (side < 0) return 0.0;
-  double opposed = 0.0;
-  if (c.weighted[side].count > 0)
-    for (const Push& other : pushes_)
-      if (other.tree == push.tree && dot(other.direction, push.direction) < kOpposed &&
-          is_pressed(other.body)) {
-        const RowGroup& opposing = rows.group[other.group];
-        opposed = std::min(
-            opposed, shared_inverse_mass(rows, c, side, opposing, side_of(opposing, push.tree)));
-      }
-  return std::max(0.0, rows.tree_inverse_mass[c.row][side] + opposed);
 }
 
 void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>& contacts,
@@ -131,11 +103,13 @@ void PressedBetween::find(const mjModel_* model, const std::vector<ContactInput>
     bool pressed = false;
     double loading = 0.0;  // inverse mass of what loads the contact
     for (int side = 0; side < 2; ++side) {
-      const Push push = push_of(model, input, static_cast<int>(i), side);
+      const Push push = push_of(model, input, side);
       if (!is_pressed(push.body)) continue;
       pressed = true;
       if (!is_pressed(host::moved_body(model, input.geom[1 - side])))
-        loading = inverse_mass_behind(rows, push);
+        loading = c.tree[0] == push.tree   ? rows.tree_inverse_mass[c.row][0]
+                  : c.tree[1] == push.tree ? rows.tree_inverse_mass[c.row][1]
+                                           : 0.0;
     }
     if (pressed) press(input, rows, c, loading, materials[i]);
   }

@@ -19,21 +19,6 @@ double equal_part(double parts, double rest, double whole) {
   return std::min(rest, std::max(rest / std::ceil(parts), whole / kMostTurningParts));
 }
 
-// How many parts a ball or free joint of this angular velocity and acceleration asks for in `rest`.
-double parts_of_spin(double rest, double whole, const double* velocity,
-                     const double* acceleration) {
-  double square = 0.0, along = 0.0, all = 0.0;
-  for (int i = 0; i < 3; ++i) {
-    square += velocity[i] * velocity[i];
-    along += acceleration[i] * velocity[i];
-    all += acceleration[i] * acceleration[i];
-  }
-  const double spin = std::sqrt(square);
-  if (whole * spin <= kFollowedTurn) return 1.0;
-  const double across = std::sqrt(std::max(0.0, all - along * along / square));
-  return whole * across > kSteadyAxis * spin ? rest * spin / kPartTurn : 1.0;
-}
-
 }  // namespace
 
 double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& motion,
@@ -54,10 +39,6 @@ double part_of_smooth_turn(const mjModel_* m, const mjData_* d, TreeMotion& moti
         if (is_far(turn, bend))
           parts = std::max({parts, turn / kPartTurn, std::sqrt(bend / kFollowedBend)});
       }
-      if (host::begins_spin(m, dof))
-        parts = std::max(
-            parts, parts_of_spin(share * rest, share * whole, motion.start_velocity().data() + dof,
-                                 motion.smooth_acceleration().data() + dof));
     }
     if (held && held[index] > 0.0)
       parts = std::max(parts, rest * host::fastest_carried_axis(d, tree) / kPartTurn);

@@ -119,12 +119,6 @@ bool is_rotational(const mjModel* m, int dof) {
   return type != mjJNT_FREE || dof >= m->jnt_dofadr[joint] + 3;
 }
 
-bool begins_spin(const mjModel* m, int dof) {
-  const int joint = m->dof_jntid[dof], type = m->jnt_type[joint],
-            place = dof - m->jnt_dofadr[joint];
-  return (type == mjJNT_BALL && place == 0) || (type == mjJNT_FREE && place == 3);
-}
-
 double contact_radius(const mjModel_* m, const ContactInput& input) {
   double radius = std::numeric_limits<double>::infinity();
   for (int geom : input.geom)

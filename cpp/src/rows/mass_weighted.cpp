@@ -186,21 +186,4 @@ void unweight_motion(const Trees& trees, int tree, double* motion) {
   }
 }
 
-double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,
-                           int side_b) {
-  const MassWeighted &of_a = a.weighted[side_a], &of_b = b.weighted[side_b];
-  const int *column_a = rows.weighted_column.data() + of_a.column,
-            *column_b = rows.weighted_column.data() + of_b.column;
-  double sum = 0.0;
-  for (int i = 0, j = 0; i < of_a.count && j < of_b.count;) {
-    if (column_a[i] == column_b[j])
-      sum += rows.weighted_value[of_a.value + i++] * rows.weighted_value[of_b.value + j++];
-    else if (column_a[i] > column_b[j])  // the lowest of a tree come first
-      ++i;
-    else
-      ++j;
-  }
-  return sum;
-}
-
 }  // namespace dashpot

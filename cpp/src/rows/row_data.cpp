@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "dashpot/rows/energy_ledger.hpp"
+
 namespace dashpot {
 
 namespace {
@@ -104,6 +106,18 @@ EnergyShares elastic_energy(const Rows& rows, const RowData& data, Team& team) {
   EnergyShares energy;
   for (const EnergyShares& term : of_range) energy += term;
   return energy;
+}
+
+void book_rows(const RowData& data, const EnergyShares& before, const EnergyShares& after,
+               EnergyLedger& ledger) {
+  ledger.dissipated_recovery += ledger.elastic - before.sum() - data.recovery_input.sum();
+  ledger.dissipated_normal +=
+      data.recovery_input.normal - data.work.normal - (after.normal - before.normal);
+  ledger.dissipated_friction -= data.work.friction + (after.friction - before.friction);
+  ledger.dissipated_constraint += data.recovery_input.constraint - data.work.constraint -
+                                  (after.constraint - before.constraint);
+  ledger.dissipated_damping -= data.work.damping;
+  ledger.elastic = after.sum();
 }
 
 }  // namespace dashpot

@@ -4,7 +4,7 @@
 // arms and normals are wrong by that angle; frozen where smooth motion brings the bodies in the
 // middle of the part, the errors before and after the middle cancel, and what remains is quadratic
 // in the angle. Gaps are those at the start all the same: what the smooth motion closes up to the
-// middle is given back, or, better, the gap of the same point at the start is taken.
+// middle is given back.
 
 #pragma once
 
@@ -18,13 +18,9 @@
 namespace dashpot {
 
 // Replaces the gaps of contacts and the positions of constraints, whose `rows` were found in the
-// middle of a part of `length` (s), by those at its start, where `start` and `start_constraints`
-// were found. What the smooth motion in `data` closes up to the middle is given back; but a contact
-// takes the gap of its nearest contact of the same pair at the start where each is the other's
-// nearest and the point has moved on one of the two geoms by no more than twice the way that the
-// two geoms have moved along each other there.
+// middle of a part of `length` (s), by those at its start, where `start_constraints` were found:
+// what the smooth motion in `data` closes up to the middle is given back.
 void give_back_way(const Rows& rows, const RowData& data, double length,
-                   const std::vector<ContactInput>& start,
                    const std::vector<ConstraintInput>& start_constraints,
                    std::vector<ContactInput>& contacts, std::vector<ConstraintInput>& constraints);
 

@@ -9,14 +9,7 @@
 // which for a body alone, 1/M = A, is delta of solref.hpp, and for a heavy motion b / R, MuJoCo's
 // own. How heavy the motion is, a contact's own inverse mass w says, the sum of what either side
 // adds, unless a body is pressed between others, as in a gripper: of what presses it, or presses it
-// on against something else, the body itself is no part. Such a side adds nothing to 1/M. Nor is
-// the arm that holds both fingers of a gripper, however light: what moves there are the fingers
-// against each other, by impulses on both sides at once,
-//
-//     1/M = w_f + J_f inv(H) J_o' ,
-//
-// w_f being what the finger's tree adds and J_o the normal row over the same tree of what opposes
-// it, on the body or on others in the same grip: the least of all of them.
+// on against something else, the body itself is no part. Such a side adds nothing to 1/M.
 
 #pragma once
 
@@ -41,17 +34,15 @@ class PressedBetween {
  private:
   // A push on a body by a contact, along a unit vector of the world.
   struct Push {
-    int body;
-    int group, tree;  // of the contact; what pushes
+    int body, tree;  // what is pushed, and what pushes
     std::array<double, 3> direction;
   };
 
-  static Push push_of(const mjModel_* model, const ContactInput& input, int group, int side);
+  static Push push_of(const mjModel_* model, const ContactInput& input, int side);
   static bool any_opposed(const Push* first, const Push* last);
   void find_pressed_bodies(const mjModel_* model, const std::vector<ContactInput>& contacts,
                            const Rows& rows);
   bool is_pressed(int body) const;
-  double inverse_mass_behind(const Rows& rows, const Push& push) const;
 
   std::vector<Push> pushes_;  // sorted by body
   std::vector<int> pressed_;  // bodies that contacts push against each other, sorted

@@ -18,12 +18,6 @@
 //
 // since weight and drives do not turn.
 //
-// Axes of ball and free joints turn with them, and against the axes turns what velocity they have
-// across their spin: integrated to second order, too far by (h w)^3 / 6 in a step. So a step in
-// which such a joint turns by more than kFollowedTurn is taken in parts as soon as its axis of
-// rotation moves by more than kSteadyAxis. That is small since the smooth acceleration lacks what
-// rows do.
-//
 // Of trees that rows hold, what joints hang on carries their axes along, and with them the axes
 // along which weight and contacts cancel. The rows have those of the middle, H and what joints damp
 // those of the start. So a step in which an axis is carried on by more than kPartTurn is taken in
@@ -49,7 +43,6 @@ namespace dashpot {
 inline constexpr double kFollowedTurn = 0.3;   // rad in a step
 inline constexpr double kFollowedBend = 0.02;  // rad
 inline constexpr double kPartTurn = 0.1;       // rad
-inline constexpr double kSteadyAxis = 1e-3;    // rad in a step
 inline constexpr int kMostTurningParts = 64;
 
 // The length (s) of the next part of a step, at most that of the present one, by the smooth motion

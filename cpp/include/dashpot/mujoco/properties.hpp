@@ -35,8 +35,6 @@ double geom_inverse_mass(const mjModel_* m, int geom);
 int last_dof(const mjModel_* m, int body);
 // Whether a degree of freedom turns what it moves.
 bool is_rotational(const mjModel_* m, int dof);
-// Whether a degree of freedom is the first of three by which a ball or free joint turns.
-bool begins_spin(const mjModel_* m, int dof);
 
 // Radius (m) about the smaller geom of a contact; infinite if neither has one.
 double contact_radius(const mjModel_* m, const ContactInput& input);

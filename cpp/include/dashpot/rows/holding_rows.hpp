@@ -31,6 +31,7 @@
 
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <vector>
 
 #include "dashpot/rows/memory.hpp"
@@ -85,8 +86,12 @@ class HoldingRows {
   std::vector<int> count_;
   std::vector<OfTree> held_;
   AlignedDoubles row_;
-  std::vector<double> share_;          // of each combination
-  std::vector<double> rest_, square_;  // of one tree
+  std::vector<double> share_;  // of each combination
+  // Of one tree.
+  std::vector<double> rest_;
+  Eigen::MatrixXd square_;
+  Eigen::LDLT<Eigen::MatrixXd> factors_;
+  Eigen::VectorXd borne_;
 };
 
 }  // namespace dashpot

@@ -14,12 +14,6 @@ void append_mass_weighted(Rows& rows, RowGroup& group, const Trees& trees);
 void weight_by_mass(Rows& rows, const RowGroup& group, int side, const Trees& trees,
                     double* inverse_mass);
 
-// y y' of the first rows of two groups, each over its tree on one side: the rate of the one that an
-// impulse of 1 on the other causes through a tree that both share. 0 where they share none, and
-// where it is a free body.
-double shared_inverse_mass(const Rows& rows, const RowGroup& a, int side_a, const RowGroup& b,
-                           int side_b);
-
 // In place, over the degrees of freedom of a tree whose factor is known: y = j inv(D^1/2 L) of a
 // row j, z = D^1/2 L x of a motion x, for which y z = j x and z'z = x'H x, and x of such a z.
 void weight_row(const Trees& trees, int tree, double* row);
