@@ -15,6 +15,8 @@ namespace {
 
 // Fraction of its w that a row has to have beside those before it: at less it says the same.
 constexpr double kNew = 1e-6;
+// Fraction of a pivot that is rounding.
+constexpr double kRounding = 1e-14;
 
 // Which tree of a group it joins to the ground, if that is no free body, else -1.
 int held_side(const RowGroup& c, const Trees& trees) {
@@ -171,19 +173,37 @@ void HoldingRows::add_borne(int tree, double scale, std::vector<double>& impulse
 
 // p = -inv(W) C x with C' inv(W) C x = borne, W = diag(w), by Cholesky.
 void HoldingRows::share_borne(const OfTree& held, double scale, std::vector<double>& impulse) {
-  const auto coefficients_of = [&](const Sum& sum) {
-    return Eigen::Map<const Eigen::VectorXd>(held.coefficients.data() + sum.first, sum.count);
-  };
-  const auto n = static_cast<Eigen::Index>(held.borne.size());
-  square_.setZero(n, n);
+  const int n = static_cast<int>(held.borne.size());
+  square_.assign(n * n, 0.0);
   for (const Sum& sum : held.sums) {
-    const auto c = coefficients_of(sum);
-    square_.topLeftCorner(sum.count, sum.count).noalias() += c * c.transpose() / sum.inverse_mass;
+    const double* coefficient = held.coefficients.data() + sum.first;
+    for (int i = 0; i < sum.count; ++i) {
+      const double weighted = coefficient[i] / sum.inverse_mass;
+      for (int k = 0; k <= i; ++k) square_[i * n + k] += weighted * coefficient[k];
+    }
   }
-  factors_.compute(square_);
-  borne_ = factors_.solve(Eigen::Map<const Eigen::VectorXd>(held.borne.data(), n));
-  for (const Sum& sum : held.sums)
-    impulse[sum.row] -= scale * coefficients_of(sum).dot(borne_.head(sum.count)) / sum.inverse_mass;
+  rest_ = held.borne;
+  for (int i = 0; i < n; ++i) {
+    double* row = square_.data() + i * n;
+    for (int k = 0; k <= i; ++k) {
+      const double* other = square_.data() + k * n;
+      double left = row[k];
+      for (int c = 0; c < k; ++c) left -= row[c] * other[c];
+      row[k] = k < i ? left / other[k] : std::sqrt(std::max(left, kRounding * row[i]));
+    }
+    for (int c = 0; c < i; ++c) rest_[i] -= row[c] * rest_[c];
+    rest_[i] /= row[i];
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    rest_[i] /= square_[i * n + i];
+    for (int c = 0; c < i; ++c) rest_[c] -= square_[i * n + c] * rest_[i];
+  }
+  for (const Sum& sum : held.sums) {
+    const double* coefficient = held.coefficients.data() + sum.first;
+    double p = 0.0;
+    for (int c = 0; c < sum.count; ++c) p += coefficient[c] * rest_[c];
+    impulse[sum.row] -= scale * p / sum.inverse_mass;
+  }
 }
 
 void HoldingRows::remove(int tree, int n, double* x, double* share) const {

@@ -31,7 +31,6 @@
 
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <vector>
 
 #include "dashpot/rows/memory.hpp"
@@ -86,12 +85,8 @@ class HoldingRows {
   std::vector<int> count_;
   std::vector<OfTree> held_;
   AlignedDoubles row_;
-  std::vector<double> share_;  // of each combination
-  // Of one tree.
-  std::vector<double> rest_;
-  Eigen::MatrixXd square_;
-  Eigen::LDLT<Eigen::MatrixXd> factors_;
-  Eigen::VectorXd borne_;
+  std::vector<double> share_;          // of each combination
+  std::vector<double> rest_, square_;  // of one tree
 };
 
 }  // namespace dashpot
