@@ -6,6 +6,7 @@ pip install ".[docs]" && sphinx-build -W --keep-going docs build/site
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import re
 import shutil
@@ -41,6 +42,8 @@ nb_execution_mode = "off"  # CI executes the notebooks by themselves
 suppress_warnings = ["mystnb.unknown_mime_type"]
 exclude_patterns = ["_build"]
 
+# Pages are built without suites of environments, too.
+autodoc_mock_imports = [name for name in ("dm_control",) if importlib.util.find_spec(name) is None]
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_google_docstring = False
