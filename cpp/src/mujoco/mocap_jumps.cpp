@@ -36,23 +36,21 @@ bool are_apart(const MocapPose& a, const MocapPose& b, double length, double ang
   return mju_norm3(offset(a, b).data()) > length || mju_norm3(turn(a, b).data()) > angle;
 }
 
+// An acceleration grows steadily where it grew as much in the step before, but for this part of the
+// larger growth; where it does not, it is at most so many times that of the step before.
+constexpr double kSteadyGrowth = 0.5, kMostGrowth = 2.0;
+
+double norm(const MocapVector& v) { return mju_norm3(v.data()); }
+MocapVector times(double factor, const MocapVector& v) {
+  return {factor * v[0], factor * v[1], factor * v[2]};
+}
+MocapVector difference(const MocapVector& from, const MocapVector& to) {
+  return {to[0] - from[0], to[1] - from[1], to[2] - from[2]};
+}
+
 // How far a way goes (m), with what it turns points a tenth of a metre away by.
 double size_of(const mjModel* m, const MocapVector& way, const MocapVector& angle) {
   return std::max(mju_norm3(way.data()), kArm * metre(m) * mju_norm3(angle.data()));
-}
-
-// The sum of the squared violations (m^2, rad^2) of what a mocap body in a pose holds.
-double violation(const mjModel* m, mjData* d, size_t index, MocapPlaces& places,
-                 const MocapPose& pose) {
-  places.put(index, pose);
-  d->ncon = 0;
-  d->parena = 0;  // as in MocapMotion::find_constraints
-  mj_fwdKinematics(m, d);
-  mj_makeConstraint(m, d);
-  double sum = 0.0;
-  for (int row = 0; row < d->ne; ++row)
-    if (holds(m, d->efc_id[row], static_cast<int>(index))) sum += d->efc_pos[row] * d->efc_pos[row];
-  return sum;
 }
 
 }  // namespace
@@ -103,20 +101,32 @@ void tell(const mjModel* m, double time, const MocapPose& command, bool follows,
   }
 }
 
-// It is one unless what it holds has been taken along: no farther from the new pose than from the
-// old one.
-void settle_jump(const mjModel* m, mjData* d, size_t index, MocapPlaces& places,
-                 RememberedMocap& now) {
-  const double there = violation(m, d, index, places, now.command);
-  if (!(there > violation(m, d, index, places, now.pose))) now = at_rest(now.command);
+void settle(const mjModel* m, mjData* d, size_t index, MocapPlaces& places, RememberedMocap& now) {
+  places.put(index, now.command);
+  mj_fwdKinematics(m, d);
+  const MocapPose met = pose_where_met(m, d, static_cast<int>(index), now.command);
+  if (are_apart(met, now.command, kApart * metre(m), kApartTurn))
+    now.pose = met;
+  else
+    now = at_rest(now.command);
 }
 
-void settle_start(const mjModel* m, mjData* d, size_t index, MocapPlaces& places,
-                  RememberedMocap& now) {
-  const double apart = violation(m, d, index, places, now.command);
-  const MocapPose met = pose_where_met(m, d, static_cast<int>(index), now.command);
-  const bool far = are_apart(met, now.command, kApart * metre(m), kApartTurn);
-  if (far && violation(m, d, index, places, met) < apart) now.pose = met;
+MocapVector accelerate(const MocapVector& velocity, double between, MeanRate& mean) {
+  const MeanRate before = mean;
+  mean.velocity = velocity;
+  mean.change = times(1.0 / between, difference(before.velocity, velocity));
+  const MocapVector growth = difference(before.change, mean.change);
+  // What sets out had no acceleration that could grow.
+  const bool sets_out = norm(before.change) + norm(before.growth) < kSteadyGrowth * norm(growth);
+  mean.growth = sets_out ? MocapVector{} : growth;
+  MocapVector ahead = mean.change;
+  mju_addToScl3(ahead.data(), growth.data(), 0.5);
+  if (norm(difference(before.growth, growth)) <=
+      kSteadyGrowth * std::max(norm(growth), norm(before.growth)))
+    return ahead;
+  const double along = mju_dot3(ahead.data(), before.change.data());
+  if (along <= 0.0) return {};
+  return times(std::min(1.0, kMostGrowth * along / mju_dot3(ahead.data(), ahead.data())), ahead);
 }
 
 }  // namespace dashpot::host

@@ -8,7 +8,6 @@
 
 #include "dashpot/mujoco/constraint_memory.hpp"
 #include "dashpot/mujoco/constraints.hpp"
-#include "dashpot/mujoco/mocap_acceleration.hpp"
 #include "dashpot/mujoco/mocap_jumps.hpp"
 #include "dashpot/mujoco/properties.hpp"
 #include "dashpot/mujoco/sleep.hpp"
@@ -85,10 +84,9 @@ MocapMotion::MocapMotion(const mjModel_* m, mjData_* d, bool moves, double time_
     const bool knows = moves && is_known(body.now);
     const bool far = knows && is_far(m, body.now.command, command);
     const bool may_follow = moves && time_constant > 0.0 && holds_anything(m, d, index);
-    body.jumps = far && may_follow;
-    body.starts = !knows && may_follow;
-    if (far && !body.jumps) buffers.jumped.push_back(buffers.id[i]);
-    if (!knows || (far && !body.jumps)) body.now = at_rest(command);
+    body.settles = (far || !knows) && may_follow;
+    if (far && !may_follow) buffers.jumped.push_back(buffers.id[i]);
+    if (!knows || (far && !may_follow)) body.now = at_rest(command);
     if (body.now.command != command) tell(m, d->time, command, may_follow, time_constant, body.now);
   }
 }
@@ -114,9 +112,8 @@ void MocapMotion::begin(double length) {
   searched_ = length_ = length;
   for (size_t i : buffers_.active) {
     MocapBody& body = buffers_.body[i];
-    if (body.jumps) settle_jump(model_, data_, i, places_, body.now);
-    if (body.starts) settle_start(model_, data_, i, places_, body.now);
-    body.jumps = body.starts = false;
+    if (body.settles) settle(model_, data_, i, places_, body.now);
+    body.settles = false;
   }
   for (size_t i : buffers_.active) {
     find_mean_velocity(length, buffers_.body[i]);

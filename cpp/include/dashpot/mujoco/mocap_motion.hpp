@@ -16,7 +16,7 @@
 // moves as MuJoCo's does. T = 0 has every body arrive at the end of the step.
 //
 // Within a step its velocity is linear about the mean v_n, with the acceleration a_n of
-// mocap_acceleration.hpp.
+// mocap_jumps.hpp.
 //
 // Contacts see a_n along the gap and of sliding, as an acceleration of their surfaces
 // (ContactInput::surface_acceleration) about v_n. Spin and rolling of contacts, equalities and
@@ -41,9 +41,8 @@ namespace dashpot::host {
 
 struct MocapBody {
   RememberedMocap now{};
-  bool rests = false;   // is where it is told to be, and was before
-  bool jumps = false;   // far, and nobody has looked yet whether that is a motion
-  bool starts = false;  // nothing is remembered, and nobody has looked yet where what it holds is
+  bool rests = false;    // is where it is told to be, and was before
+  bool settles = false;  // jumped or begins, and nobody has looked yet where what it holds is
   // Mean velocity during the part, and the acceleration within it; world.
   MocapVector velocity{}, angular{};
   MocapVector acceleration{}, angular_acceleration{};
