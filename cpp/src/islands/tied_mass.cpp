@@ -1,5 +1,6 @@
 #include "dashpot/islands/tied_mass.hpp"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
@@ -118,7 +119,12 @@ void TiedMass::push(const Scene& scene, const Rows& rows) {
   clear(scene, force_);
   for (int index : hit_)
     scatter(rows, rows.group[index], 1, &scene.compression[index], force_.data());
-  respond(scene);
+  respond(scene, force_, pushed_);
+  clear(scene, response_);
+  for (int tree : scene.island.tree) {
+    const Tree& t = scene.trees.tree[tree];
+    std::copy_n(pushed_.begin() + t.begin, t.count, response_.begin() + t.begin);
+  }
 }
 
 // Zero over the ground and the trees of the island.
@@ -132,17 +138,18 @@ void TiedMass::clear(const Scene& scene, AlignedDoubles& values) const {
 }
 
 // response = inv(H) force, over the trees of the island.
-void TiedMass::respond(const Scene& scene) {
+void TiedMass::respond(const Scene& scene, const AlignedDoubles& force,
+                       AlignedDoubles& response) const {
   const Trees& trees = scene.trees;
-  clear(scene, response_);
+  clear(scene, response);
   for (int tree : scene.island.tree) {
     const Tree& t = trees.tree[tree];
     if (!trees.sparse[tree]) {
-      add_response(trees, tree, force_.data() + t.begin, response_.data() + t.begin);
+      add_response(trees, tree, force.data() + t.begin, response.data() + t.begin);
       continue;
     }
-    std::copy_n(force_.begin() + t.begin, t.count, response_.begin() + t.begin);
-    solve_inertia(trees, tree, trees.factor.data() + t.inverse, response_.data() + t.begin);
+    std::copy_n(force.begin() + t.begin, t.count, response.begin() + t.begin);
+    solve_inertia(trees, tree, trees.factor.data() + t.inverse, response.data() + t.begin);
   }
 }
 
@@ -157,6 +164,7 @@ double TiedMass::work_of_push(const Scene& scene) const {
 
 // Finds what the push changes velocities by where rows hold; false if that is beyond rounding.
 bool TiedMass::hold(const Scene& scene, const Rows& rows) {
+  if (held_.size() <= kFewHeld) return hold_with_few(scene, rows);
   if (held_ != factored_) {
     held_row_.clear();
     for (int index : held_)
@@ -169,6 +177,34 @@ bool TiedMass::hold(const Scene& scene, const Rows& rows) {
   }
   if (factored_.empty()) return false;
   inertia_.solve(force_.data(), response_.data());
+  return true;
+}
+
+bool TiedMass::hold_with_few(const Scene& scene, const Rows& rows) {
+  const int count = static_cast<int>(held_.size());
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kFewHeld, kFewHeld> mass(count, count);
+  Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kFewHeld, 1> impulse(count);
+  for (int i = 0; i < count; ++i) {
+    const RowGroup& c = rows.group[held_[i]];
+    const double unit = 1.0;
+    clear(scene, row_force_);
+    scatter(rows, c, 1, &unit, row_force_.data());
+    respond(scene, row_force_, row_response_[i]);
+    for (int j = 0; j <= i; ++j)
+      mass(i, j) = mass(j, i) = first_rate(rows, rows.group[held_[j]], row_response_[i]);
+    mass(i, i) *= 1.0 + kCompliance;
+    impulse[i] = first_rate(rows, c, pushed_);
+  }
+  const auto factors = mass.llt();
+  if (factors.info() != Eigen::Success) return false;
+  factors.solveInPlace(impulse);
+  for (int tree : scene.island.tree) {
+    const Tree& t = scene.trees.tree[tree];
+    for (int k = t.begin; k < t.begin + t.count; ++k) {
+      response_[k] = pushed_[k];
+      for (int i = 0; i < count; ++i) response_[k] -= impulse[i] * row_response_[i][k];
+    }
+  }
   return true;
 }
 

@@ -7,10 +7,12 @@
 //
 //     w = f' inv(H) f,      w_tied = f' inv(H + E' inv(R) E) f
 //
-// with next to no compliance R (rows/held_inertia.hpp).
+// with next to no compliance R: by factors (rows/held_inertia.hpp) or, where few rows hold, by
+// their own inverse masses E inv(H) E' + R.
 
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "dashpot/islands/group_material.hpp"
@@ -47,16 +49,20 @@ class TiedMass {
   double tied(const Scene& scene, const Rows& rows, double speed);
   void push(const Scene& scene, const Rows& rows);
   void clear(const Scene& scene, AlignedDoubles& values) const;
-  void respond(const Scene& scene);
+  void respond(const Scene& scene, const AlignedDoubles& force, AlignedDoubles& response) const;
   double work_of_push(const Scene& scene) const;
   bool hold(const Scene& scene, const Rows& rows);
+  bool hold_with_few(const Scene& scene, const Rows& rows);
+
+  static constexpr int kFewHeld = 8;
 
   std::vector<int> equality_, limit_;  // groups that hold, or may
   std::vector<int> hit_, held_;        // groups of a hit, and those that hold it
   std::vector<int> factored_;          // held_ of which the factors of the island are
   std::vector<HeldRow> held_row_;
   HeldInertia inertia_;
-  AlignedDoubles force_, response_;
+  AlignedDoubles force_, response_, pushed_, row_force_;
+  std::array<AlignedDoubles, kFewHeld> row_response_;  // of held_
 };
 
 }  // namespace dashpot
