@@ -5,8 +5,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "dashpot/detection/geom_on_terrain.hpp"
 #include "dashpot/detection/geometry_host.hpp"
-#include "dashpot/detection/round_surfaces.hpp"
 #include "dashpot/geometry/ellipsoids.hpp"
 
 namespace dashpot::host {

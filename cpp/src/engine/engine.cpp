@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "dashpot/detection/possible_rows.hpp"
+#include "dashpot/detection/pair_filters.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/features.hpp"

@@ -5,7 +5,6 @@
 #include <Eigen/Core>
 #include <optional>
 
-#include "dashpot/detection/round_surfaces.hpp"
 #include "dashpot/geometry/face_manifold.hpp"
 #include "dashpot/geometry/shape.hpp"
 #include "dashpot/geometry/terrain.hpp"
@@ -16,6 +15,29 @@ struct mjData_;
 namespace dashpot::host {
 
 struct FaceBuffers;
+
+// The round surfaces with which geoms touch terrain: a ball's, an ellipsoid's, those of the ends of
+// a capsule.
+class RoundSurfaces {
+ public:
+  RoundSurfaces(const mjModel_* m, int geom);
+
+  int count() const { return count_; }  // 0 of geoms that touch with corners and rims
+  // The lowest points of a surface, by the unit normal along which they are, where the geom is in
+  // `pose`; both in the frame of that. Refers to the surfaces and the pose.
+  auto lowest(int surface, const Pose& pose) const {
+    return [this, surface, &pose](const Eigen::Vector3d& normal) {
+      return lowest_along(normal, surface, pose);
+    };
+  }
+
+ private:
+  Eigen::Vector3d lowest_along(const Eigen::Vector3d& normal, int surface, const Pose& pose) const;
+
+  Eigen::Vector3d half_;  // half-axes, m
+  double half_length_ = 0.0;
+  int count_ = 0;
+};
 
 // All but `frame` in the frame of the field, where the geom is when this is made.
 struct GeomOnTerrain {
