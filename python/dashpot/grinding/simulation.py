@@ -1,0 +1,192 @@
+"""Passes of a tool, simulated: forces, places and speeds where it touches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import dashpot
+from dashpot.engine import Engine
+from dashpot.grinding.cell import Cell
+from dashpot.grinding.cell_model import CONTACT_WIDTH
+from dashpot.grinding.motion import Command, Motion
+
+__all__ = ["Pass", "Simulator"]
+
+Array = NDArray[np.float64]
+
+# Steps after a step's start at which servos of the integrator `discrete` act: found with an arm in
+# free motion, whose tip then is where it is at short steps. With the others they act at the start.
+_LEAD, _LEAD_OF_MUJOCO = 1.5, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """What happened in a pass, by step: forces are means over the step.
+
+    Attributes
+    ----------
+    time
+        (n,) starts of the steps, s.
+    force
+        (n, points) normal force of each point of the tool, N.
+    friction
+        (n, points) size of the friction force, N.
+    place
+        (n, points, 3) where it touches, world, m; NaN where it does not.
+    normal
+        (n, points, 3) outward normal of the workpiece there.
+    slide
+        (n, points) sliding speed, m/s, with what the tool spins; 0 where it does not touch.
+    angles, speeds
+        (n, joints) of the arm after the step, rad and rad/s.
+    tip
+        (n, 3) place of the tip at the start of the step, m.
+    """
+
+    time: Array
+    force: Array
+    friction: Array
+    place: Array
+    normal: Array
+    slide: Array
+    angles: Array
+    speeds: Array
+    tip: Array
+
+    @property
+    def timestep(self) -> float:
+        """Length of a step, s."""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def total(self) -> Array:
+        """(n,) normal force of all points together, N."""
+        return np.asarray(self.force.sum(axis=1))
+
+
+class Simulator:
+    """Runs passes of a cell along a path, many at once.
+
+    Parameters
+    ----------
+    motion
+        The cell, the path, and set points along it.
+    timestep
+        Of the simulation, s. None: the cell's.
+    nthread
+        Threads that share the passes. None: one per core.
+    """
+
+    def __init__(
+        self, motion: Motion, *, timestep: float | None = None, nthread: int | None = None
+    ) -> None:
+        self.motion = motion
+        self.cell: Cell = motion.cell
+        self.timestep = self.cell.timestep if timestep is None else timestep
+        self.engine: Engine = self.cell.engine()
+        self.engine.model.opt.timestep = self.timestep
+        self._nthread = nthread
+
+    def run(self, commands: Sequence[Command], *, mujoco_model: mujoco.MjModel | None = None
+            ) -> list[Pass]:
+        """Simulate passes; with a model, by MuJoCo's own step."""
+        steps = max(math.ceil(c.law.duration / self.timestep - 1e-9) for c in commands)
+        starts = np.stack([self._start(command) for command in commands])
+        discrete = self.engine.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_DISCRETE)
+        lead = (_LEAD if mujoco_model is None else _LEAD_OF_MUJOCO) if discrete else 0.0
+        controls = np.stack([self.controls(command, steps, lead) for command in commands])
+        if mujoco_model is None:
+            states, sensors = dashpot.rollout(
+                self.engine, starts, controls, nthread=self._nthread
+            )
+        else:
+            states, sensors = _stepped(mujoco_model, starts, controls, self.timestep)
+        found = []
+        for command, state, sensed in zip(commands, states, sensors, strict=True):
+            count = math.ceil(command.law.duration / self.timestep - 1e-9)
+            found.append(self._read(state[:count], sensed[:count]))
+        return found
+
+    def controls(self, command: Command, steps: int, lead: float) -> Array:
+        """Return (steps, nu) controls: means over a step's length of the set points that are held.
+
+        They are means around the time, `lead` steps after the start of a step, at which the
+        integrator has servos compare them with the angles.
+        """
+        parts = self.cell.parts
+        times = self.timestep * np.arange(steps + 1)
+        controls = np.zeros((steps, parts.model.nu))
+        period = self.cell.control.period
+        ticks = period * np.arange(math.ceil(times[-1] / period - 1e-9) + 1)
+        held = self.motion.set_points(command, ticks)
+        integral = np.concatenate([np.zeros((1, held.shape[1])), np.cumsum(period * held, axis=0)])
+        edges = np.append(ticks, ticks[-1] + period)
+        around = times + (lead - 0.5) * self.timestep
+        at = np.stack([np.interp(around, edges, column) for column in integral.T], axis=1)
+        # Before the start the first one is held.
+        at += np.minimum(around, 0.0)[:, None] * held[0]
+        controls[:, parts.actuators] = np.diff(at, axis=0) / self.timestep
+        if self.cell.imbalance is not None:
+            controls[:, parts.turning] = self.cell.imbalance.mean_forces(times)
+        return controls
+
+    def _start(self, command: Command) -> Array:
+        model = self.engine.model
+        state = np.zeros(1 + model.nq + model.nv)
+        state[1 : 1 + model.nq] = self.motion.start(float(command.offset[0]))
+        return state
+
+    def _read(self, state: Array, sensed: Array) -> Pass:
+        parts, tool = self.cell.parts, self.cell.tool
+        width = len(parts.points) * parts.slots * CONTACT_WIDTH
+        contact = sensed[:, :width].reshape(len(sensed), len(parts.points), parts.slots, -1)
+        tip, axis = sensed[:, width : width + 3], sensed[:, width + 3 : width + 6]
+        load = contact[..., 1]
+        force = load.sum(axis=2)
+        share = load / np.where(force > 0, force, 1.0)[:, :, None]
+        # Of several facets the mean by load, or of all where none bears any.
+        touches = (contact[..., 0] > 0).any(axis=2)
+
+        def mean(first: int) -> Array:
+            return np.asarray(np.einsum("tps,tpsc->tpc", share, contact[..., first : first + 3]))
+
+        place, normal, tangent, velocity = mean(4), mean(7), mean(10), mean(13)
+        bears = force > 0
+        second = np.cross(normal, tangent)
+        moved = velocity[..., 1:2] * tangent + velocity[..., 2:3] * second
+        arm = place - tip[:, None]
+        spun = 2 * math.pi * tool.spin * np.cross(axis[:, None], arm)
+        spun -= np.sum(spun * normal, axis=2, keepdims=True) * normal
+        slide = np.linalg.norm(moved + spun, axis=2)
+        sideways = np.linalg.norm(contact[..., 2:4].sum(axis=2), axis=2)
+        model = self.engine.model
+        return Pass(
+            time=self.timestep * np.arange(len(state)),
+            force=force,
+            friction=sideways,
+            place=np.where((touches & bears)[..., None], place, np.nan),
+            normal=normal,
+            slide=np.where(bears, slide, 0.0),
+            angles=state[:, 1 + parts.joints],
+            speeds=state[:, 1 + model.nq + parts.joints],
+            tip=tip,
+        )
+
+
+def _stepped(
+    model: mujoco.MjModel, starts: Array, controls: Array, timestep: float
+) -> tuple[Array, Array]:
+    """Return states and sensors of MuJoCo's own rollouts, as `dashpot.rollout` returns them."""
+    from mujoco import rollout
+
+    model.opt.timestep = timestep
+    full = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    starts = np.pad(starts, ((0, 0), (0, full - starts.shape[1])))
+    states, sensors = rollout.rollout(model, mujoco.MjData(model), starts, controls)
+    return np.asarray(states), np.asarray(sensors)
