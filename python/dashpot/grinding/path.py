@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +41,8 @@ class Path:
         (3, n, joints) joint angles, rad, for the tip at these depths.
     run_in
         Length at either end on which the tool comes down and lifts, m, and which is not judged.
+    laid
+        How `on_surface` was called, to lay the path again on a surface that has receded.
     """
 
     points: Array
@@ -50,6 +53,7 @@ class Path:
     offsets: Array
     angles: Array
     run_in: float
+    laid: Mapping[str, Any]
 
     @classmethod
     def on_surface(
@@ -91,6 +95,16 @@ class Path:
         ValueError
             Naming the point: off the part, out of reach, or a jump of a joint.
         """
+        given = {
+            "curve": curve,
+            "spacing": spacing,
+            "direction": direction,
+            "run_in": run_in,
+            "tilt": tilt,
+            "lead": lead,
+            "clearance": clearance,
+            "depth": depth,
+        }
         plane = finite_array("path: curve", curve)
         if plane.ndim != 2 or plane.shape[1] not in (2, 3) or len(plane) < 2:
             raise ValueError(f"path: curve must be (n, 2) or (n, 3), n >= 2, got {plane.shape}")
@@ -137,20 +151,29 @@ class Path:
             offsets,
             np.stack(angles),
             float(run_in),
+            given,
         )
+
+    def again(self, cell: Cell) -> Path:
+        """Return the path laid anew, as on a workpiece that was ground."""
+        return Path.on_surface(cell, **self.laid)
+
+    def judged_points(self, spacing: float) -> tuple[Array, Array]:
+        """Return points (m, 3) and normals of the judged part, at most `spacing` m apart."""
+        first, last = self.run_in, self.length - self.run_in
+        if last <= first:
+            raise ValueError(f"path: {self.length:.3g} m are all run-in of {self.run_in:.3g} m")
+        way = np.linspace(first, last, max(2, math.ceil((last - first) / spacing) + 1))
+        at, up = (
+            np.stack([np.interp(way, self.distance, axis) for axis in values.T], axis=1)
+            for values in (self.points, self.normals)
+        )
+        return at, up / np.linalg.norm(up, axis=1, keepdims=True)
 
     @property
     def length(self) -> float:
         """Of all the path, m."""
         return float(self.distance[-1])
-
-    @property
-    def judged(self) -> NDArray[np.bool_]:
-        """(n,) which points are ground to a depth, all but those of the run-in."""
-        ends = (self.distance >= self.run_in - 1e-9) & (
-            self.distance <= self.length - self.run_in + 1e-9
-        )
-        return np.asarray(ends)
 
     def __len__(self) -> int:
         return len(self.points)

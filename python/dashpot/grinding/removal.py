@@ -61,21 +61,40 @@ def depth_along(
     -------
     (n,) depth, m.
     """
-    place, volume = _touches(found, preston)
-    depth = np.zeros(len(points))
+    owner = np.zeros(len(found.time), dtype=np.intp)
+    whole = depth_by_step(
+        found, points, normals, owner, 1, preston=preston, footprint=footprint
+    )
+    return np.asarray(whole[:, 0])
+
+
+def depth_by_step(
+    found: Pass,
+    points: Array,
+    normals: Array,
+    owner: NDArray[np.intp],
+    count: int,
+    *,
+    preston: float,
+    footprint: float,
+) -> Array:
+    """Return the depth (n, count) at points by groups of steps.
+
+    `owner` (steps,) names the group of each step, from 0; the rest is as of `depth_along`.
+    """
+    place, volume, step = _touches(found, preston)
+    grouped = np.zeros((len(place), count))
+    grouped[np.arange(len(place)), owner[step]] = volume
+    depth = np.zeros((len(points), count))
     chunk = max(1, _MOST_DISTANCES // max(1, len(place)))
+    size = np.sum(place**2, axis=1)
     for first in range(0, len(points), chunk):
-        chosen = slice(first, first + chunk)
+        at, up = points[first : first + chunk], normals[first : first + chunk]
         # Apart along the surface alone: a place lies between two surfaces that overlap.
-        along = np.sum(points[chosen] * normals[chosen], axis=1)[:, None] - normals[chosen] @ place.T
-        square = (
-            np.sum(points[chosen] ** 2, axis=1)[:, None]
-            + np.sum(place**2, axis=1)
-            - 2 * points[chosen] @ place.T
-            - along**2
-        )
-        depth[chosen] = np.maximum(1 - square / footprint**2, 0.0) @ volume
-    return depth * 2 / (math.pi * footprint**2)
+        away = np.sum(at * up, axis=1)[:, None] - up @ place.T
+        square = np.sum(at**2, axis=1)[:, None] + size - 2 * at @ place.T - away**2
+        depth[first : first + chunk] = np.maximum(1 - square / footprint**2, 0.0) @ grouped
+    return np.asarray(depth * 2 / (math.pi * footprint**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +194,7 @@ class DepthMap:
 
         What a patch has beyond the edge of the part or the map is not removed from it.
         """
-        place, volume = _touches(found, preston)
+        place, volume, _ = _touches(found, preston)
         flat = place @ self.axes[:2].T
         depth, area = self.depth.copy(), self.area
         nodes = np.where(area[..., None] > 0, self.points, np.inf)
@@ -218,9 +237,9 @@ class DepthMap:
         return work.with_heights(work.heights - self.depth / lean)
 
 
-def _touches(found: Pass, preston: float) -> tuple[Array, Array]:
-    """Return where points touch (m, 3), and the volume (m,) that each removes in its step, m^3."""
+def _touches(found: Pass, preston: float) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return where points touch (m, 3), the volume (m,) removed there, m^3, and the step."""
     positive_number("preston", preston)
     bears = (found.force > 0) & np.isfinite(found.place[..., 0])
     volume = preston * found.timestep * (found.force * found.slide)[bears]
-    return found.place[bears], volume
+    return found.place[bears], volume, np.nonzero(bears)[0]

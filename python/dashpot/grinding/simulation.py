@@ -76,7 +76,9 @@ class Simulator:
     Parameters
     ----------
     motion
-        The cell, the path, and set points along it.
+        The path, and set points along it, of the cell as the controller knows it.
+    cell
+        The cell as it is. None: the same.
     timestep
         Of the simulation, s. None: the cell's.
     nthread
@@ -84,10 +86,15 @@ class Simulator:
     """
 
     def __init__(
-        self, motion: Motion, *, timestep: float | None = None, nthread: int | None = None
+        self,
+        motion: Motion,
+        *,
+        cell: Cell | None = None,
+        timestep: float | None = None,
+        nthread: int | None = None,
     ) -> None:
         self.motion = motion
-        self.cell: Cell = motion.cell
+        self.cell = motion.cell if cell is None else cell
         self.timestep = self.cell.timestep if timestep is None else timestep
         self.engine: Engine = self.cell.engine()
         self.engine.model.opt.timestep = self.timestep
