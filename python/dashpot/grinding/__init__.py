@@ -21,9 +21,11 @@ from dashpot.grinding.control import Control
 from dashpot.grinding.curves import line, raster
 from dashpot.grinding.path import Path
 from dashpot.grinding.plan import Plan, PlannedPass, plan
+from dashpot.grinding.press import PressLog, record_press
 from dashpot.grinding.removal import DepthMap, depth_along, removed_volume
 from dashpot.grinding.simulation import Pass
 from dashpot.grinding.tools import BallNose, Disc, Imbalance, OwnTool, Spindle, Tool
+from dashpot.grinding.trial import PressFit, press_trial
 from dashpot.grinding.work import Work
 
 __all__ = [
@@ -41,12 +43,16 @@ __all__ = [
     "Path",
     "Plan",
     "PlannedPass",
+    "PressFit",
+    "PressLog",
     "Spindle",
     "Tool",
     "Work",
     "depth_along",
     "line",
     "plan",
+    "press_trial",
     "raster",
+    "record_press",
     "removed_volume",
 ]

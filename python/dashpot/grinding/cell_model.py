@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 _TOOL = "tool_"
 SPINDLE = _TOOL + "spindle"
 SITE = _TOOL + TIP
+LOAD = "load"
+_WIDE = 10.0  # m, of the zone in which contacts count for the load: all
+REFERENCE = "impedance_reference"
 # A height field may have a contact with each of several facets under one ball.
 _FACETS = 12
 _FIELDS = ("FOUND", "FORCE", "POS", "NORMAL", "TANGENT", "LINVEL")
@@ -193,8 +196,10 @@ def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
                 **servo,
             )
         return
-    # Springs between the tip and a site that stays in the world, one per direction of motion.
-    spec.worldbody.add_site(name="reference", pos=[0, 0, 0])
+    # Springs between the tip and a site in the world, one per direction of motion. The site is
+    # turned as the tip is at home, far from half a turn, where rotation vectors jump.
+    pose = _home_pose(cell, spec, joints)
+    spec.worldbody.add_site(name=REFERENCE, pos=pose[0], quat=pose[1])
     for body in spec.bodies[1:]:
         body.gravcomp = 1
     for axis in range(6):
@@ -205,12 +210,24 @@ def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
             name=f"impedance{axis}",
             trntype=mujoco.mjtTrn.mjTRN_SITE,
             target=SITE,
-            refsite="reference",
+            refsite=REFERENCE,
             gear=[float(i == axis) for i in range(6)],
             gainprm=_ten(stiff),
             biasprm=_ten(0, -stiff, -damped),
             **servo,
         )
+
+
+def _home_pose(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> tuple[Array, Array]:
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    if cell.arm.home is not None:
+        data.qpos[[int(model.joint(joint).qposadr[0]) for joint in joints]] = cell.arm.home
+    mujoco.mj_kinematics(model, data)
+    site = data.site(SITE)
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, site.xmat)
+    return np.array(site.xpos), quaternion
 
 
 def _add_imbalance(cell: Cell, spec: mujoco.MjSpec) -> list[str]:
@@ -249,6 +266,15 @@ def _add_sensors(spec: mujoco.MjSpec, points: list[str], slots: int) -> None:
         ("axis", mujoco.mjtSensor.mjSENS_FRAMEZAXIS),
     ):
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=SITE)
+    # What a load cell under the tool reads: the normal force of all its points.
+    body = spec.body(_TOOL + BODY)
+    body.add_site(name=LOAD, size=[_WIDE, 0, 0], rgba=[0, 0, 0, 0], group=5)
+    spec.add_sensor(
+        name=LOAD,
+        type=mujoco.mjtSensor.mjSENS_TOUCH,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=LOAD,
+    )
 
 
 def _ten(*numbers: float) -> list[float]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from dashpot.grinding.plan import Plan
 
-__all__ = ["Check", "Checks", "check_plan", "mujoco_models", "replay"]
+__all__ = ["Check", "Checks", "check_in", "check_plan", "mujoco_models", "replay"]
 
 Array = NDArray[np.float64]
 
@@ -70,9 +70,10 @@ class Check:
 
     @property
     def mean_force(self) -> float:
-        """Mean normal force while it touches, N."""
-        loads = np.concatenate([each.total for each in self.passes])
-        return float(loads[loads > 0].mean()) if (loads > 0).any() else 0.0
+        """Mean normal force from the first touch of each pass to its last, N."""
+        loads = [each.total for each in self.passes if (each.total > 0).any()]
+        cut = [load[np.flatnonzero(load)[0] : np.flatnonzero(load)[-1] + 1] for load in loads]
+        return float(np.concatenate(cut).mean()) if cut else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +224,11 @@ def mujoco_models(cell: Cell) -> dict[str, mujoco.MjModel]:
                 model.geom_priority[point] = 1
         models[name] = model
     return models
+
+
+def check_in(plan: Plan, cell: Cell, name: str, *, timestep: float) -> Check:
+    """Return what the set points of a plan do in a cell that may differ."""
+    return _row(plan, name, replay(plan, cell, timestep=timestep))
 
 
 def _row(plan: Plan, name: str, passes: tuple[Pass, ...]) -> Check:

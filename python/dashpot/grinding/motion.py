@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from dashpot.grinding.cell import Cell
+from dashpot.grinding.cell_model import REFERENCE
 from dashpot.grinding.path import Path
 from dashpot.grinding.time_law import TimeLaw
 
@@ -38,6 +39,13 @@ class Command:
     law: TimeLaw
     offset: Array
     force: Array | None = None
+
+    def wanted(self, times: Array) -> Array:
+        """Return the force expected at times (n,), N."""
+        if self.force is None:
+            return np.zeros(len(times))
+        way, _, _ = self.law.at(times)
+        return np.interp(way, self.law.distance, self.force)
 
 
 class Motion:
@@ -81,10 +89,10 @@ class Motion:
             qpos[dof] = -data.qfrc_bias[dof] / self.cell.spindle.stiffness
         return qpos
 
-    def set_points(self, command: Command, times: Array) -> Array:
-        """Return (n, actuators) set points at times (n,), s."""
+    def set_points(self, command: Command, times: Array, *, lower: float = 0.0) -> Array:
+        """Return (n, actuators) set points at times (n,), s, for a tip that is `lower` m lower."""
         way, speed, rate = command.law.at(times)
-        offset = np.interp(way, command.law.distance, command.offset)
+        offset = lower + np.interp(way, command.law.distance, command.offset)
         slope = np.interp(way, command.law.distance, np.gradient(command.offset,
                                                                  command.law.distance))
         expected = np.zeros(len(way))
@@ -110,7 +118,8 @@ class Motion:
         )
         torque = self._torque(way)
         if self.cell.control.kind == "impedance":
-            held = np.c_[-force[:, None] * torque[:, 5], np.zeros((len(way), 3))]
+            turning = np.zeros((len(way), 3))
+            held = np.concatenate([-force[:, None] * torque[:, 5], turning], axis=1)
         else:
             held = (
                 torque[:, 0] * rate[:, None]
@@ -175,7 +184,9 @@ class Motion:
             )
             for row, value in enumerate(rows):
                 result[index, row, : len(joints)] = value[: len(joints)]
-            result[index, 5, :3] = push
+            if self.cell.control.kind == "impedance":
+                # In the frame in which its springs act.
+                result[index, 5, :3] = data.site(REFERENCE).xmat.reshape(3, 3).T @ push
         if self.cell.control.kind != "impedance":
             return result[:, :, : len(joints)]
         return result[:, :, :3]

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 # Steps after a step's start at which servos of the integrator `discrete` act: found with an arm in
 # free motion, whose tip then is where it is at short steps. With the others they act at the start.
 _LEAD, _LEAD_OF_MUJOCO = 1.5, 1.0
+_SMALL = 1e-3  # m, a change of the offset within which set points are linear in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,8 @@ class Simulator:
         """Simulate passes; with a model, by MuJoCo's own step."""
         steps = max(math.ceil(c.law.duration / self.timestep - 1e-9) for c in commands)
         starts = np.stack([self._start(command) for command in commands])
+        if self.cell.control.kind == "force":
+            return self._run_by_force(commands, starts, steps, mujoco_model)
         discrete = self.engine.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_DISCRETE)
         lead = (_LEAD if mujoco_model is None else _LEAD_OF_MUJOCO) if discrete else 0.0
         controls = np.stack([self.controls(command, steps, lead) for command in commands])
@@ -114,6 +117,61 @@ class Simulator:
             )
         else:
             states, sensors = _stepped(mujoco_model, starts, controls, self.timestep)
+        return self._read_all(commands, states, sensors)
+
+    def _run_by_force(
+        self,
+        commands: Sequence[Command],
+        starts: Array,
+        steps: int,
+        mujoco_model: mujoco.MjModel | None,
+    ) -> list[Pass]:
+        """Simulate passes whose offset follows the force, read and corrected once a period."""
+        control, parts = self.cell.control, self.cell.parts
+        stride = max(1, round(control.period / self.timestep))
+        states, sensors = [], []
+        present = starts
+        correction, read = np.zeros(len(commands)), np.zeros(len(commands))
+        times = self.timestep * np.arange(steps + 1)
+        ticks = times[:-1:stride]
+        wanted = np.stack([command.wanted(ticks) for command in commands])
+        told = np.stack([self.motion.set_points(command, ticks) for command in commands])
+        lower = np.stack(
+            [self.motion.set_points(command, ticks, lower=_SMALL) for command in commands]
+        )
+        slope = (lower - told) / _SMALL
+        turning = None if self.cell.imbalance is None else self.cell.imbalance.mean_forces(times)
+        for tick in range(len(ticks)):
+            first = tick * stride
+            count = min(stride, steps - first)
+            # Before it touches, and where nothing is wanted, the offset is the plan's.
+            follows = (wanted[:, tick] > 0) & (read > 0)
+            missing = np.where(follows, wanted[:, tick] - read, 0.0)
+            correction += control.gain * count * self.timestep * missing
+            held = np.zeros((len(commands), count, parts.model.nu))
+            sent = told[:, tick] + correction[:, None] * slope[:, tick]
+            held[:, :, parts.actuators] = sent[:, None]
+            if turning is not None:
+                held[:, :, parts.turning] = turning[first : first + count]
+            if mujoco_model is None:
+                last = np.empty((len(commands), _state_size(self.engine.model, _INTEGRATION)))
+                chunk, sensed = dashpot.rollout(
+                    self.engine, present, held, nthread=self._nthread, final_state=last
+                )
+                present = last
+            else:
+                chunk, sensed = _stepped(mujoco_model, present, held, self.timestep)
+                present = chunk[:, -1]
+            states.append(chunk)
+            sensors.append(sensed)
+            loads = sensed[:, :, 1 : self._contact_width : CONTACT_WIDTH]
+            read = loads.sum(axis=2).mean(axis=1)
+        joined = np.concatenate(states, axis=1), np.concatenate(sensors, axis=1)
+        return self._read_all(commands, *joined)
+
+    def _read_all(
+        self, commands: Sequence[Command], states: Array, sensors: Array
+    ) -> list[Pass]:
         found = []
         for command, state, sensed in zip(commands, states, sensors, strict=True):
             count = math.ceil(command.law.duration / self.timestep - 1e-9)
@@ -143,6 +201,11 @@ class Simulator:
             controls[:, parts.turning] = self.cell.imbalance.mean_forces(times)
         return controls
 
+    @property
+    def _contact_width(self) -> int:
+        """Numbers of the sensors of contacts, which come first."""
+        return len(self.cell.parts.points) * self.cell.parts.slots * CONTACT_WIDTH
+
     def _start(self, command: Command) -> Array:
         model = self.engine.model
         state = np.zeros(1 + model.nq + model.nv)
@@ -151,7 +214,7 @@ class Simulator:
 
     def _read(self, state: Array, sensed: Array) -> Pass:
         parts, tool = self.cell.parts, self.cell.tool
-        width = len(parts.points) * parts.slots * CONTACT_WIDTH
+        width = self._contact_width
         contact = sensed[:, :width].reshape(len(sensed), len(parts.points), parts.slots, -1)
         tip, axis = sensed[:, width : width + 3], sensed[:, width + 3 : width + 6]
         load = contact[..., 1]
@@ -186,6 +249,13 @@ class Simulator:
         )
 
 
+_INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+def _state_size(model: mujoco.MjModel, kind: mujoco.mjtState) -> int:
+    return int(mujoco.mj_stateSize(model, kind))
+
+
 def _stepped(
     model: mujoco.MjModel, starts: Array, controls: Array, timestep: float
 ) -> tuple[Array, Array]:
@@ -193,7 +263,7 @@ def _stepped(
     from mujoco import rollout
 
     model.opt.timestep = timestep
-    full = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    full = _state_size(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     starts = np.pad(starts, ((0, 0), (0, full - starts.shape[1])))
     states, sensors = rollout.rollout(model, mujoco.MjData(model), starts, controls)
     return np.asarray(states), np.asarray(sensors)
