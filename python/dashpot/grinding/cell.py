@@ -156,6 +156,11 @@ class Cell:
         """The same without compliant spindle: joints of the arm alone, for its kinematics."""
         return self.parts if self.spindle is None else build(replace(self, spindle=None))
 
+    @cached_property
+    def shown(self) -> CellModel:
+        """The same with the shapes of the arm, for pictures."""
+        return build(self, visual=True)
+
     def material(self) -> Material:
         """Material of a touching point: its share of stiffness and damping."""
         share = 1.0 / len(self.parts.points)
@@ -178,9 +183,7 @@ class Cell:
         if self.arm.home is None:
             return np.zeros(count)
         if len(self.arm.home) != count:
-            raise ValueError(
-                f"arm: home has {len(self.arm.home)} angles, the arm {count} joints"
-            )
+            raise ValueError(f"arm: home has {len(self.arm.home)} angles, the arm {count} joints")
         return np.array(self.arm.home)
 
     def work_point(self) -> Array:

@@ -78,8 +78,11 @@ class CellModel:
         return [self.model.joint(int(j)).name or f"joint {j}" for j in self.joints]
 
 
-def build(cell: Cell) -> CellModel:
-    """Return the compiled model of a cell; ValueError names what its files lack."""
+def build(cell: Cell, *, visual: bool = False) -> CellModel:
+    """Return the compiled model of a cell; ValueError names what its files lack.
+
+    Without `visual` the arm has no shapes: nothing touches them, and models are copied often.
+    """
     name = os.fspath(cell.arm.file)
     spec = mujoco.MjSpec.from_file(name)
     sites = {site.name: site for site in spec.sites}
@@ -89,8 +92,8 @@ def build(cell: Cell) -> CellModel:
         )
     for key in list(spec.keys):
         spec.delete(key)
-    for geom in spec.geoms:
-        geom.contype = geom.conaffinity = 0
+    if not visual:
+        _strip(spec)
     arm_joints = [joint.name for joint in spec.joints]
     if "" in arm_joints:
         raise ValueError(f"arm {name!r} has joints without names")
@@ -112,6 +115,19 @@ def build(cell: Cell) -> CellModel:
     spec.option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{cell.integrator.upper()}")
     model = spec.compile()
     return _described(cell, model, arm_joints, points, turning, slots)
+
+
+def _strip(spec: mujoco.MjSpec) -> None:
+    """Delete shapes that no inertia comes from, and the meshes that they leave unused."""
+    for body in spec.bodies:
+        if body.explicitinertial or body.name == "world":
+            for geom in list(body.geoms):
+                spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms}
+    for mesh in list(spec.meshes):
+        # A mesh without a name is called after its file.
+        if not used & {mesh.name, mesh.file, mesh.file.rsplit(".", 1)[0]}:
+            spec.delete(mesh)
 
 
 def _described(

@@ -144,9 +144,7 @@ def check_plan(
         f"stiffness x {stiffness:.3g}": cell.with_changes(stiffness=cell.stiffness * stiffness),
         f"stiffness / {stiffness:.3g}": cell.with_changes(stiffness=cell.stiffness / stiffness),
     }
-    rows = [
-        _row(plan, f"plan, {1e3 * cell.timestep:g} ms", replay(plan, cell, nthread=nthread))
-    ]
+    rows = [_row(plan, f"plan, {1e3 * cell.timestep:g} ms", replay(plan, cell, nthread=nthread))]
     for name, each in changed.items():
         passes = replay(plan, each, timestep=timestep, nthread=nthread)
         rows.append(_row(plan, f"{name}, {1e3 * timestep:g} ms", passes))

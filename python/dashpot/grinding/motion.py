@@ -19,6 +19,10 @@ __all__ = ["Command", "Motion"]
 
 Array = NDArray[np.float64]
 
+# Of the integrator `discrete`: found with an arm in free motion, whose tip then is where it is at
+# short steps.
+_OF_DISCRETE, _OF_MUJOCO = 1.0, 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Command:
@@ -93,8 +97,9 @@ class Motion:
         """Return (n, actuators) set points at times (n,), s, for a tip that is `lower` m lower."""
         way, speed, rate = command.law.at(times)
         offset = lower + np.interp(way, command.law.distance, command.offset)
-        slope = np.interp(way, command.law.distance, np.gradient(command.offset,
-                                                                 command.law.distance))
+        slope = np.interp(
+            way, command.law.distance, np.gradient(command.offset, command.law.distance)
+        )
         expected = np.zeros(len(way))
         if command.force is not None and self.cell.control.feeds_force:
             expected = np.interp(way, command.law.distance, command.force)
@@ -129,6 +134,13 @@ class Motion:
                 - torque[:, 4] * force[:, None]
             )
         return np.asarray(position + (self._damping * velocity + held) / self._stiffness)
+
+    def path_speeds(self, command: Command, times: Array) -> Array:
+        """Return (n, actuators) speeds of the set points along the path, at times (n,), s."""
+        way, speed, _ = command.law.at(times)
+        offset = np.interp(way, command.law.distance, command.offset)
+        levels = self._pose if self.cell.control.kind == "impedance" else self._angles
+        return np.asarray(self._level(levels, way, offset, derivative=1) * speed[:, None])
 
     def joint_speeds(self, command: Command) -> Array:
         """Return (n, joints) speeds of the joints at the nodes of a command, rad/s."""
@@ -213,6 +225,39 @@ class Motion:
             mujoco.mj_fwdPosition(parts.model, data)
             poses[index] = data.actuator_length[parts.actuators]
         return poses
+
+
+def held_means(held: Array, period: float, times: Array, timestep: float) -> Array:
+    """Return (n, k) means over steps of set points that are held for a period each.
+
+    Parameters
+    ----------
+    held
+        (m, k) set points from 0, one per period; the last one is held on.
+    period, timestep
+        s.
+    times
+        (n,) starts of the steps, s, from 0.
+    """
+    edges = period * np.arange(len(held) + 1)
+    integral = np.concatenate([np.zeros((1, held.shape[1])), np.cumsum(period * held, axis=0)])
+
+    def until(time: Array) -> Array:
+        inside = np.stack([np.interp(time, edges, column) for column in integral.T], axis=1)
+        return np.asarray(inside + np.maximum(time - edges[-1], 0.0)[:, None] * held[-1])
+
+    return (until(times + timestep) - until(times)) / timestep
+
+
+def servo_lead(cell: Cell, *, of_mujoco: bool = False) -> float:
+    """Return where in a step servos find the angles that they compare with set points.
+
+    In steps after the middle of the step. Set points are means over the step; what a servo sees
+    too early or too late of an even motion is added to them.
+    """
+    if cell.integrator != "discrete":
+        return -0.5
+    return _OF_MUJOCO if of_mujoco else _OF_DISCRETE
 
 
 def _parabola(nodes: Array, at: Array, *, slope: bool = False) -> list[Array]:

@@ -183,9 +183,7 @@ class Path:
         return f"Path({len(self)} points, {self.length:.4g} m)"
 
 
-def _laid(
-    surface: Surface, curve: Array, direction: Array, spacing: float
-) -> tuple[Array, Array]:
+def _laid(surface: Surface, curve: Array, direction: Array, spacing: float) -> tuple[Array, Array]:
     """Return points of the surface at an even spacing under a curve, and normals there."""
     fine = resampled(curve, spacing / 4)
     points, _ = surface.meet(fine, direction)

@@ -13,9 +13,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+import dashpot
 from dashpot.checks import finite_array, number, positive_number
 from dashpot.grinding.cell import Cell
-from dashpot.grinding.motion import Motion
+from dashpot.grinding.cell_model import LOAD
+from dashpot.grinding.motion import Motion, held_means
 from dashpot.grinding.path import Path
 
 __all__ = ["PressLog", "press_motion", "record_press"]
@@ -178,16 +180,28 @@ def press_motion(cell: Cell, log_point: Array, direction: Array, depth: float) -
     return Motion(cell, path)
 
 
-def press_controls(motion: Motion, position: Array, spacing: float) -> Array:
-    """Return (n - 1, nu) set points that send the tip to positions (n,), held in between."""
+def press_controls(motion: Motion, log_time: Array, position: Array, times: Array) -> Array:
+    """Return (n, nu) controls for steps that begin at even times (n,), s.
+
+    The controller sends the tip to `position` (m,) at `log_time` (m,), straight on in between.
+    """
     cell = motion.cell
-    count = len(position) - 1
-    nothing = np.zeros(count)
-    middle = np.full(count, motion.path.length / 2)
-    slope = np.diff(position) / spacing
-    sent = motion.set_points_at(middle, nothing, nothing, position[:-1], slope, nothing)
-    controls = np.zeros((count, cell.parts.model.nu))
-    controls[:, cell.parts.actuators] = sent
+    period, timestep = cell.control.period, float(times[1] - times[0])
+    first = log_time[0]
+    ticks = first + period * np.arange(math.ceil((times[-1] - first) / period) + 2)
+    nothing = np.zeros(len(ticks))
+    middle = np.full(len(ticks), motion.path.length / 2)
+    slope = np.gradient(position, log_time)
+    sent = motion.set_points_at(
+        middle,
+        nothing,
+        nothing,
+        np.interp(ticks, log_time, position),
+        np.interp(ticks, log_time, slope),
+        nothing,
+    )
+    controls = np.zeros((len(times), cell.parts.model.nu))
+    controls[:, cell.parts.actuators] = held_means(sent, period, times - first, timestep)
     return controls
 
 
@@ -208,7 +222,7 @@ def record_press(
     duration: float = 0.6,
     rate: float = 500.0,
     sampling: Literal["instant", "mean"] = "mean",
-    noise: float = 0.1,
+    noise: float = 0.5,
     seed: int = 0,
     timestep: float = 1e-4,
     direction: ArrayLike = (0.0, 0.0, -1.0),
@@ -246,22 +260,19 @@ def record_press(
     place = finite_array("press: point", point)
     ray = finite_array("press: direction", direction)
     motion = press_motion(cell, place, ray, 1.2 * depth)
-    controls = press_controls(motion, position, period)
     engine = cell.engine()
     steps = max(1, math.ceil(period / timestep - 1e-9))
     engine.model.opt.timestep = period / steps
     data = engine.make_data()
     data.qpos[:] = press_start(motion, float(position[0]))
-    load = engine.model.sensor("load").adr[0]
-    force = np.zeros(frames)
-    for frame, control in enumerate(controls, start=1):
-        data.ctrl[:] = control
-        readings = np.empty(steps)
-        for step in range(steps):
-            engine.step(data)
-            readings[step] = data.sensordata[load]
-        force[frame] = readings.mean() if sampling == "mean" else readings[-1]
+    load = engine.model.sensor(LOAD).adr[0]
+    time = period * np.arange(frames)
+    within = engine.model.opt.timestep * np.arange(steps * (frames - 1))
+    controls = press_controls(motion, time, position, within)
+    state = np.concatenate([[0.0], data.qpos, data.qvel])
+    _, sensed = dashpot.rollout(engine, state, controls, nthread=1)
+    readings = sensed[0, :, load].reshape(frames - 1, steps)
+    read = readings.mean(axis=1) if sampling == "mean" else readings[:, -1]
+    force = np.r_[0.0, read]
     force += noise * np.random.default_rng(seed).standard_normal(frames)
-    return PressLog.of(
-        period * np.arange(frames), force, position, place, direction=ray, sampling="auto"
-    )
+    return PressLog.of(time, force, position, place, direction=ray, sampling="auto")

@@ -107,7 +107,9 @@ class Problem:
         self.rollouts = 0
         self._tick = tick
         self._width = (
-            2 * cell.tool.radius if isinstance(cell.tool, Disc) else track_width(cell.tool.footprint)
+            2 * cell.tool.radius
+            if isinstance(cell.tool, Disc)
+            else track_width(cell.tool.footprint)
         )
         self.time_weight = 1.0
         self._make_profiles()
@@ -133,7 +135,9 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Lower and upper bounds of the unknowns."""
         feeds, forces = self.profiles.feeds, self.profiles.forces
-        smallest = max(_SMALLEST_SHARE, self.target.feed[0] / float(self.profiles.largest_feed.max()))
+        smallest = max(
+            _SMALLEST_SHARE, self.target.feed[0] / float(self.profiles.largest_feed.max())
+        )
         lower = np.r_[np.full(feeds, min(smallest, 0.99)), np.zeros(forces)]
         return lower, np.r_[np.ones(feeds), np.full(forces, 1.2 * self.target.max_force)]
 
@@ -266,7 +270,8 @@ class Problem:
         profiles, target = self.profiles, self.target
         nominal = float(np.max(profiles.force(trial.unknowns)))
         change = np.r_[
-            np.full(profiles.feeds, -_FEED_CHANGE), np.full(profiles.forces, _FORCE_CHANGE * nominal)
+            np.full(profiles.feeds, -_FEED_CHANGE),
+            np.full(profiles.forces, _FORCE_CHANGE * nominal),
         ]
         groups = [
             np.arange(first, profiles.feeds, _APART_FEEDS)

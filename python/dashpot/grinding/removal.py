@@ -62,9 +62,7 @@ def depth_along(
     (n,) depth, m.
     """
     owner = np.zeros(len(found.time), dtype=np.intp)
-    whole = depth_by_step(
-        found, points, normals, owner, 1, preston=preston, footprint=footprint
-    )
+    whole = depth_by_step(found, points, normals, owner, 1, preston=preston, footprint=footprint)
     return np.asarray(whole[:, 0])
 
 
@@ -171,9 +169,7 @@ class DepthMap:
         origins = across[..., None] * axes[0] + along[..., None] * axes[1]
         points, normals = Surface(work).meet(origins.reshape(-1, 3), axes[2])
         shape = (len(v), len(u), 3)
-        return cls(
-            u, v, axes, points.reshape(shape), normals.reshape(shape), np.zeros(shape[:2])
-        )
+        return cls(u, v, axes, points.reshape(shape), normals.reshape(shape), np.zeros(shape[:2]))
 
     @property
     def area(self) -> Array:
@@ -198,11 +194,13 @@ class DepthMap:
         flat = place @ self.axes[:2].T
         depth, area = self.depth.copy(), self.area
         nodes = np.where(area[..., None] > 0, self.points, np.inf)
-        first = np.searchsorted(self.u, flat[:, 0] - footprint), np.searchsorted(
-            self.v, flat[:, 1] - footprint
+        first = (
+            np.searchsorted(self.u, flat[:, 0] - footprint),
+            np.searchsorted(self.v, flat[:, 1] - footprint),
         )
-        last = np.searchsorted(self.u, flat[:, 0] + footprint), np.searchsorted(
-            self.v, flat[:, 1] + footprint
+        last = (
+            np.searchsorted(self.u, flat[:, 0] + footprint),
+            np.searchsorted(self.v, flat[:, 1] + footprint),
         )
         for index in range(len(place)):
             window = (

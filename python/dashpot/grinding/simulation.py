@@ -14,15 +14,12 @@ import dashpot
 from dashpot.engine import Engine
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.cell_model import CONTACT_WIDTH
-from dashpot.grinding.motion import Command, Motion
+from dashpot.grinding.motion import Command, Motion, held_means, servo_lead
 
 __all__ = ["Pass", "Simulator"]
 
 Array = NDArray[np.float64]
 
-# Steps after a step's start at which servos of the integrator `discrete` act: found with an arm in
-# free motion, whose tip then is where it is at short steps. With the others they act at the start.
-_LEAD, _LEAD_OF_MUJOCO = 1.5, 1.0
 _SMALL = 1e-3  # m, a change of the offset within which set points are linear in it
 
 
@@ -101,20 +98,18 @@ class Simulator:
         self.engine.model.opt.timestep = self.timestep
         self._nthread = nthread
 
-    def run(self, commands: Sequence[Command], *, mujoco_model: mujoco.MjModel | None = None
-            ) -> list[Pass]:
+    def run(
+        self, commands: Sequence[Command], *, mujoco_model: mujoco.MjModel | None = None
+    ) -> list[Pass]:
         """Simulate passes; with a model, by MuJoCo's own step."""
         steps = max(math.ceil(c.law.duration / self.timestep - 1e-9) for c in commands)
         starts = np.stack([self._start(command) for command in commands])
         if self.cell.control.kind == "force":
             return self._run_by_force(commands, starts, steps, mujoco_model)
-        discrete = self.engine.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_DISCRETE)
-        lead = (_LEAD if mujoco_model is None else _LEAD_OF_MUJOCO) if discrete else 0.0
+        lead = servo_lead(self.cell, of_mujoco=mujoco_model is not None)
         controls = np.stack([self.controls(command, steps, lead) for command in commands])
         if mujoco_model is None:
-            states, sensors = dashpot.rollout(
-                self.engine, starts, controls, nthread=self._nthread
-            )
+            states, sensors = dashpot.rollout(self.engine, starts, controls, nthread=self._nthread)
         else:
             states, sensors = _stepped(mujoco_model, starts, controls, self.timestep)
         return self._read_all(commands, states, sensors)
@@ -140,6 +135,8 @@ class Simulator:
             [self.motion.set_points(command, ticks, lower=_SMALL) for command in commands]
         )
         slope = (lower - told) / _SMALL
+        lead = servo_lead(self.cell, of_mujoco=mujoco_model is not None)
+        told += np.stack([self._ahead(command, ticks, lead) for command in commands])
         turning = None if self.cell.imbalance is None else self.cell.imbalance.mean_forces(times)
         for tick in range(len(ticks)):
             first = tick * stride
@@ -169,9 +166,7 @@ class Simulator:
         joined = np.concatenate(states, axis=1), np.concatenate(sensors, axis=1)
         return self._read_all(commands, *joined)
 
-    def _read_all(
-        self, commands: Sequence[Command], states: Array, sensors: Array
-    ) -> list[Pass]:
+    def _read_all(self, commands: Sequence[Command], states: Array, sensors: Array) -> list[Pass]:
         found = []
         for command, state, sensed in zip(commands, states, sensors, strict=True):
             count = math.ceil(command.law.duration / self.timestep - 1e-9)
@@ -179,10 +174,9 @@ class Simulator:
         return found
 
     def controls(self, command: Command, steps: int, lead: float) -> Array:
-        """Return (steps, nu) controls: means over a step's length of the set points that are held.
+        """Return (steps, nu) controls: means over steps of the set points that are held.
 
-        They are means around the time, `lead` steps after the start of a step, at which the
-        integrator has servos compare them with the angles.
+        `lead` is that of `dashpot.grinding.motion.servo_lead`.
         """
         parts = self.cell.parts
         times = self.timestep * np.arange(steps + 1)
@@ -190,16 +184,17 @@ class Simulator:
         period = self.cell.control.period
         ticks = period * np.arange(math.ceil(times[-1] / period - 1e-9) + 1)
         held = self.motion.set_points(command, ticks)
-        integral = np.concatenate([np.zeros((1, held.shape[1])), np.cumsum(period * held, axis=0)])
-        edges = np.append(ticks, ticks[-1] + period)
-        around = times + (lead - 0.5) * self.timestep
-        at = np.stack([np.interp(around, edges, column) for column in integral.T], axis=1)
-        # Before the start the first one is held.
-        at += np.minimum(around, 0.0)[:, None] * held[0]
-        controls[:, parts.actuators] = np.diff(at, axis=0) / self.timestep
+        controls[:, parts.actuators] = held_means(
+            held, period, times[:-1], self.timestep
+        ) + self._ahead(command, times[:-1], lead)
         if self.cell.imbalance is not None:
             controls[:, parts.turning] = self.cell.imbalance.mean_forces(times)
         return controls
+
+    def _ahead(self, command: Command, times: Array, lead: float) -> Array:
+        """Return what makes up for where in steps from `times` on servos find the angles."""
+        middle = times + 0.5 * self.timestep
+        return lead * self.timestep * self.motion.path_speeds(command, middle)
 
     @property
     def _contact_width(self) -> int:

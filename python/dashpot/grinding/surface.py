@@ -74,8 +74,9 @@ class Surface:
         along_y, along_x = np.gradient(self._work.heights, y, x)
         slopes = RegularGridInterpolator((y, x), np.stack([along_x, along_y], axis=-1))
         found = np.isfinite(points[:, 0])
-        at = np.stack([np.clip(points[found, 1], y[0], y[-1]),
-                       np.clip(points[found, 0], x[0], x[-1])], axis=1)
+        at = np.stack(
+            [np.clip(points[found, 1], y[0], y[-1]), np.clip(points[found, 0], x[0], x[-1])], axis=1
+        )
         slope = slopes(at)
         smooth = np.stack([-slope[:, 0], -slope[:, 1], np.ones(len(at))], axis=1)
         result = normals.copy()

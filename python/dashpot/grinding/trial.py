@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.calibrate import Fit, Parameter, Problem, Trajectory, fit
 from dashpot.checks import positive_number
+from dashpot.engine import Engine
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.cell_model import LOAD
 from dashpot.grinding.press import PressLog, press_controls, press_motion, press_start
@@ -28,6 +30,7 @@ Sampling = Literal["instant", "mean"]
 _TOLD = 9.2
 _WIDE = 20.0
 _HEIGHT = 2e-3  # m
+_STEP = 2.5e-4  # s, the longest of the simulation
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +108,7 @@ def press_trial(
     cell: Cell,
     log: PressLog,
     *,
-    noise: float = 0.1,
+    noise: float = 0.5,
     height: bool = True,
     nthread: int | None = None,
     progress: bool = False,
@@ -136,9 +139,7 @@ def press_trial(
     """
     log.check_stiffness(cell)
     positive_number("press_trial: noise", noise)
-    ways: tuple[Sampling, ...] = (
-        ("instant", "mean") if log.sampling == "auto" else (log.sampling,)
-    )
+    ways: tuple[Sampling, ...] = ("instant", "mean") if log.sampling == "auto" else (log.sampling,)
     motion = press_motion(cell, log.point, log.direction, float(log.position.max()))
     fits = {}
     for way in ways:
@@ -177,9 +178,7 @@ def _problem(
         Parameter.pair(
             pairs, "stiffness", start=stiffness, bounds=(stiffness / _WIDE, stiffness * _WIDE)
         ),
-        Parameter.pair(
-            pairs, "damping", start=damping, bounds=(damping / _WIDE, damping * _WIDE)
-        ),
+        Parameter.pair(pairs, "damping", start=damping, bounds=(damping / _WIDE, damping * _WIDE)),
     ]
     if height:
         parameters.append(
@@ -193,12 +192,18 @@ def _problem(
             )
         )
     return Problem(
-        cell.engine(),
+        _engine(cell),
         parameters,
         [_trajectory(cell, log, motion, way)],
         sensor_sigma={LOAD: noise},
         noise="estimate",
     )
+
+
+def _engine(cell: Cell) -> Engine:
+    engine = cell.engine()
+    engine.model.opt.timestep = min(_STEP, cell.timestep)
+    return engine
 
 
 @dataclass(frozen=True)
@@ -219,24 +224,20 @@ class _Raised:
 
 
 def _trajectory(cell: Cell, log: PressLog, motion: Any, way: Sampling) -> Trajectory:
-    """Return the log on a grid at least as fine as the controller's set points."""
-    parts = max(1, round(log.spacing / cell.control.period))
-    count = (len(log.time) - 1) * parts + 1
-    time = np.linspace(log.time[0], log.time[-1], count)
-    position = np.interp(time, log.time, log.position)
-    force = np.full(count, np.nan)
-    force[::parts] = log.force
-    if way == "mean":
-        force[0] = np.nan
-    spacing = float(time[1] - time[0])
+    """Return the log on the grid of the simulation's steps, the readings at their own times."""
+    parts = max(1, math.ceil(log.spacing / min(_STEP, cell.timestep) - 1e-9))
+    time = np.linspace(log.time[0], log.time[-1], (len(log.time) - 1) * parts + 1)
+    # A mean over the time before the first reading is of what was not simulated.
+    first = 1 if way == "mean" else 0
     return Trajectory.of_sensors(
         "press",
         time,
-        {LOAD: force},
-        initial_qpos=press_start(motion, float(position[0])),
+        {LOAD: log.force[first:]},
+        initial_qpos=press_start(motion, float(log.position[0])),
         initial_qvel=np.zeros(cell.parts.model.nv),
-        control=press_controls(motion, position, spacing),
+        control=press_controls(motion, log.time, log.position, time[:-1]),
         sampling={LOAD: way},
+        sensor_times={LOAD: log.time[first:]},
     )
 
 
