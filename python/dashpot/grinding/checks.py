@@ -92,7 +92,7 @@ class Checks:
     def cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return the header and the rows as text."""
         header = ("", "mean depth um", "std %", "largest %", "mean force N", "peak force N")
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (
                 row.name,
                 f"{1e6 * row.mean_depth:.2f}",

@@ -1,4 +1,4 @@
-"""Inverse kinematics of a path, by mink: joint limits, no jumps, and which point is out of reach."""
+"""Inverse kinematics of a path, by mink: joint limits, no jumps, what is out of reach."""
 
 from __future__ import annotations
 

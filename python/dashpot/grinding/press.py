@@ -266,8 +266,8 @@ def record_press(
     data = engine.make_data()
     data.qpos[:] = press_start(motion, float(position[0]))
     load = engine.model.sensor(LOAD).adr[0]
-    time = period * np.arange(frames)
-    within = engine.model.opt.timestep * np.arange(steps * (frames - 1))
+    time = np.asarray(period * np.arange(frames), dtype=np.float64)
+    within = np.asarray(period / steps * np.arange(steps * (frames - 1)), dtype=np.float64)
     controls = press_controls(motion, time, position, within)
     state = np.concatenate([[0.0], data.qpos, data.qvel])
     _, sensed = dashpot.rollout(engine, state, controls, nthread=1)

@@ -170,9 +170,9 @@ class Problem:
         if (least > allowed).any():
             worst = int(least.argmax())
             raise ValueError(
-                f"depth {target.depth:g} m needs {least[worst]:.3g} N at path point {worst} even at "
-                f"the smallest feed, {target.feed[0]:g} m/s; max_force {target.max_force:g} N leaves "
-                f"{allowed:.3g} N: plan more passes, or a slower feed"
+                f"depth {target.depth:g} m needs {least[worst]:.3g} N at path point {worst} even "
+                f"at the smallest feed, {target.feed[0]:g} m/s; max_force {target.max_force:g} N "
+                f"leaves {allowed:.3g} N: plan more passes, or a slower feed"
             )
         if (upper < lower).any():
             slow = int((upper - lower).argmin())
@@ -287,12 +287,12 @@ class Problem:
             candidates.append(varied)
         slopes = np.zeros((len(self.points), self.size))
         centres = profiles.centres
-        for group, varied in zip(groups, self.evaluate(candidates), strict=True):
+        for group, other in zip(groups, self.evaluate(candidates), strict=True):
             # What changes near a place is due to the member of the group that acts there.
             edges = 0.5 * (centres[group][1:] + centres[group][:-1]) + self._lag(group)
             by_member = [
                 self._depth(each.found, self._owner(each, edges), len(group))
-                for each in (varied, trial)
+                for each in (other, trial)
             ]
             slopes[:, group] = (by_member[0] - by_member[1]) / change[group] / target.depth
         return self._rows(trial, slopes, change)

@@ -178,7 +178,7 @@ class DepthMap:
         for spacing in (du, dv):  # nodes at the edge stand for half
             spacing[[0, -1]] /= 2
         lean = np.abs(self.normals @ self.axes[2])
-        return np.nan_to_num(np.outer(dv, du) / lean)
+        return np.asarray(np.nan_to_num(np.outer(dv, du) / lean))
 
     @property
     def volume(self) -> float:

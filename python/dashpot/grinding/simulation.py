@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -93,7 +93,7 @@ class Simulator:
     ) -> None:
         self.motion = motion
         self.cell = motion.cell if cell is None else cell
-        self.timestep = self.cell.timestep if timestep is None else timestep
+        self.timestep = float(self.cell.timestep if timestep is None else timestep)
         self.engine: Engine = self.cell.engine()
         self.engine.model.opt.timestep = self.timestep
         self._nthread = nthread
@@ -127,7 +127,7 @@ class Simulator:
         states, sensors = [], []
         present = starts
         correction, read = np.zeros(len(commands)), np.zeros(len(commands))
-        times = self.timestep * np.arange(steps + 1)
+        times = np.asarray(self.timestep * np.arange(steps + 1), dtype=np.float64)
         ticks = times[:-1:stride]
         wanted = np.stack([command.wanted(ticks) for command in commands])
         told = np.stack([self.motion.set_points(command, ticks) for command in commands])
@@ -179,7 +179,7 @@ class Simulator:
         `lead` is that of `dashpot.grinding.motion.servo_lead`.
         """
         parts = self.cell.parts
-        times = self.timestep * np.arange(steps + 1)
+        times = np.asarray(self.timestep * np.arange(steps + 1), dtype=np.float64)
         controls = np.zeros((steps, parts.model.nu))
         period = self.cell.control.period
         ticks = period * np.arange(math.ceil(times[-1] / period - 1e-9) + 1)
@@ -232,7 +232,7 @@ class Simulator:
         sideways = np.linalg.norm(contact[..., 2:4].sum(axis=2), axis=2)
         model = self.engine.model
         return Pass(
-            time=self.timestep * np.arange(len(state)),
+            time=np.asarray(self.timestep * np.arange(len(state)), dtype=np.float64),
             force=force,
             friction=sideways,
             place=np.where((touches & bears)[..., None], place, np.nan),

@@ -73,7 +73,7 @@ class PressFit:
         from dashpot.grinding.plan import plan as make_plan
 
         target = plan.target
-        given = {
+        given: dict[str, Any] = {
             "preston": target.preston,
             "max_force": target.max_force,
             "feed": target.feed,
