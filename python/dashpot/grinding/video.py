@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import warnings
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +61,9 @@ def _rendered(planned: PlannedPass, chosen: NDArray[np.intp]) -> list[NDArray[np
     """Return pictures of the cell, rendered."""
     parts = planned.cell.shown
     data = mujoco.MjData(parts.model)
-    renderer = mujoco.Renderer(parts.model, *_SIZE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a GL that finds no display
+        renderer = mujoco.Renderer(parts.model, *_SIZE)
     try:
         camera = mujoco.MjvCamera()
         middle = planned.path.points.mean(axis=0)
