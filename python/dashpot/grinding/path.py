@@ -63,7 +63,7 @@ class Path:
         spacing: float = 0.005,
         *,
         direction: ArrayLike = (0.0, 0.0, -1.0),
-        run_in: float = 0.02,
+        run_in: float | None = None,
         tilt: float = 0.0,
         lead: float = 0.0,
         clearance: float = 0.005,
@@ -84,7 +84,7 @@ class Path:
             Of the rays, world.
         run_in
             Length, m, >= 0, by which the curve is continued at both ends: there the tool comes
-            down and lifts. It has to be on the part.
+            down and lifts. It has to be on the part. None: 20 mm, and what a tool is wide.
         tilt, lead
             Angles of the tool against the normal, rad, across and along the way.
         clearance, depth
@@ -95,6 +95,8 @@ class Path:
         ValueError
             Naming the point: off the part, out of reach, or a jump of a joint.
         """
+        if run_in is None:
+            run_in = 0.02 + (reach(cell) + cell.tool.footprint if reach(cell) else 0.0)
         given = {
             "curve": curve,
             "spacing": spacing,
@@ -205,6 +207,13 @@ def _check_met(points: Array, curve: Array) -> None:
             f"path is off the part at ({where}) m, {missed.size} of {len(curve)} points "
             "(its run-in counts)"
         )
+
+
+def reach(cell: Cell) -> float:
+    """Return how far from its axis a tool presses, m."""
+    from dashpot.grinding.tools import Disc
+
+    return cell.tool.radius if isinstance(cell.tool, Disc) else 0.0
 
 
 def _tip_shift(cell: Cell, normals: Array, into: Array) -> Array:

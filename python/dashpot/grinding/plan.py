@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 from dashpot.checks import number, positive_count, positive_number, thread_count
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.motion import Command
-from dashpot.grinding.path import Path
+from dashpot.grinding.path import Path, reach
 from dashpot.grinding.problem import Problem, Target, Trial
 from dashpot.grinding.profile import Profiles
 from dashpot.grinding.progress import rollout_bar
@@ -415,10 +415,3 @@ def receded(cell: Cell, path: Path, found: Pass, preston: float) -> tuple[Cell, 
     )
     new = cell.with_changes(work=worn.receded(cell.part))
     return new, path.again(new)
-
-
-def reach(cell: Cell) -> float:
-    """Return how far from the path a tool's points touch, m."""
-    from dashpot.grinding.tools import Disc
-
-    return cell.tool.radius if isinstance(cell.tool, Disc) else 0.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.motion import Command, Motion
-from dashpot.grinding.path import Path
+from dashpot.grinding.path import Path, reach
 from dashpot.grinding.profile import Profiles
 from dashpot.grinding.removal import depth_by_step, track_width
 from dashpot.grinding.simulation import Pass, Simulator
@@ -27,8 +27,10 @@ _APART_FEEDS, _APART_FORCES = 6, 10
 _FEED_CHANGE = 0.02
 _FORCE_CHANGE = 0.01
 _SMALLEST_SHARE = 0.1
-_PEAK_WEIGHT, _LOAD_WEIGHT, _MARGIN = 3.0, 100.0, 0.7
+_PEAK_WEIGHT, _LOAD_WEIGHT, _MARGIN = 3.0, 100.0, 0.5
+_BEND_WEIGHT = 0.3
 _HOVER = 1e-3  # m
+_LEAST_LANDING = 0.005  # m
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,14 @@ class Problem:
         tick: Callable[[int], None] = lambda count: None,
     ) -> None:
         self.cell, self.path, self.target = cell, path, target
+        # By the first place that is judged, all of the tool has to be down.
+        self._landing = path.run_in - reach(cell) - cell.tool.footprint
+        if self._landing < _LEAST_LANDING:
+            needed = reach(cell) + cell.tool.footprint + _LEAST_LANDING
+            raise ValueError(
+                f"path: run_in is {path.run_in:g} m; the tool needs {needed:.3g} m to come down "
+                "before all of it is where depth is judged"
+            )
         self.motion = Motion(cell, path)
         self.simulator = Simulator(self.motion, nthread=nthread)
         self.points, self.normals = path.judged_points(cell.tool.footprint / 2)
@@ -120,9 +130,10 @@ class Problem:
             self.path,
             self._largest_feed(),
             feed_spacing=max(0.03, self.path.length / 100),
-            force_spacing=max(0.008, self.path.length / 400),
+            force_spacing=max(0.008, 0.8 * reach(self.cell), self.path.length / 400),
             acceleration=self.target.acceleration,
             hover=_HOVER,
+            landing=self._landing,
         )
         self.best_time = self.profiles.law(np.ones(self.size)).duration
 
@@ -207,8 +218,8 @@ class Problem:
         way = profiles.way
         feed = np.interp(path.distance, way, law.speed)
         force = np.interp(way, path.distance, self.needed_force(np.maximum(feed, 1e-3)))
-        edge = np.minimum(way, path.length - way) / max(path.run_in, 1e-6)
-        rise = np.clip((edge - 0.2) / 0.5, 0.0, 1.0)
+        edge = np.minimum(way, path.length - way) / self._landing
+        rise = np.clip((edge - 0.2) / 0.8, 0.0, 1.0)
         lower, upper = self.bounds
         return np.clip(profiles.fitted(share, force * rise**2 * (3 - 2 * rise)), lower, upper)
 
@@ -262,8 +273,26 @@ class Problem:
                 _PEAK_WEIGHT * beyond / target.largest,
                 [self.time_weight * trial.command.law.duration / self.best_time],
                 [_LOAD_WEIGHT * load],
+                self._bends @ trial.unknowns,
             ]
         )
+
+    @property
+    def _bends(self) -> Array:
+        """Return how uneven neighbouring forces are, as rows over the unknowns: a faint weight.
+
+        Depth says little of forces closer together than the patch; the run-in is left out.
+        """
+        profiles, path = self.profiles, self.path
+        second = np.diff(np.eye(profiles.forces), 2, axis=0)
+        centres = profiles.centres[profiles.feeds :][1:-1]
+        inner = (centres > 1.5 * path.run_in) & (centres < path.length - 1.5 * path.run_in)
+        weight = _BEND_WEIGHT / max(float(self.needed_force(self._slow()).mean()), 1e-9)
+        rows = weight * inner[:, None] * second
+        return np.concatenate([np.zeros((len(rows), profiles.feeds)), rows], axis=1)
+
+    def _slow(self) -> Array:
+        return np.full(len(self.path), 0.5 * sum(self.target.feed))
 
     def derivative(self, trial: Trial) -> Array:
         """Return the derivatives (residuals, unknowns), by one batch of rollouts."""
@@ -328,5 +357,6 @@ class Problem:
                 peak[:, None] * slopes,
                 [self.time_weight * time / self.best_time],
                 [load],
+                self._bends,
             ]
         )

@@ -64,12 +64,14 @@ class Profiles:
         force_spacing: float,
         acceleration: float,
         hover: float,
+        landing: float,
     ) -> Profiles:
-        """Return the profiles of a path; `largest_feed` is that at the path's points."""
+        """Return the profiles of a path.
+
+        `largest_feed` (m/s) is that at the path's points; the tool comes down over `landing` m.
+        """
         way = np.linspace(0.0, path.length, max(9, round(path.length / _NODES) + 1))
         spindle = 0.0 if cell.spindle is None else 1.0 / cell.spindle.stiffness
-        # Two thirds of the run-in to come down.
-        landing = max(path.run_in * 2 / 3, 1e-6)
         left = np.clip(1 - np.minimum(way, path.length - way) / landing, 0.0, 1.0)
         return cls(
             way,
