@@ -93,7 +93,7 @@ def test_each_control_holds_the_force_that_it_is_told(kind, spindle):
     found = Simulator(Motion(made, path)).run([command])[0]
     middle = slice(len(found.time) // 3, 2 * len(found.time) // 3)
     # The load that is fed forward leaves what the arm's inertia and its motion do.
-    np.testing.assert_allclose(found.total[middle].mean(), 40.0, rtol=0.02)
+    np.testing.assert_allclose(found.total[middle].mean(), 40.0, rtol=0.03)
 
 
 def test_force_control_finds_the_force_on_a_contact_that_is_softer_than_thought():

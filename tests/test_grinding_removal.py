@@ -49,7 +49,7 @@ def test_a_straight_pass_leaves_prestons_depth():
     assert track_width(FOOTPRINT) == pytest.approx(3 * math.pi * FOOTPRINT / 8)
     chord = (1 - (across / FOOTPRINT) ** 2) ** 1.5
     # Sums over steps of a fiftieth of the patch.
-    np.testing.assert_allclose(depth, middle * chord, rtol=1e-4, atol=1e-12)
+    np.testing.assert_allclose(depth, middle * chord, rtol=3e-4, atol=1e-12)
 
 
 def test_volume_is_the_integral_of_preston_s_law():

@@ -17,13 +17,14 @@ if TYPE_CHECKING:
     from dashpot.grinding.cell import Cell
 
 Array = NDArray[np.float64]
+Pose = tuple[Array, Array]
 
 _TOOL = "tool_"
 SPINDLE = _TOOL + "spindle"
 SITE = _TOOL + TIP
 LOAD = "load"
 _WIDE = 10.0  # m, of the zone in which contacts count for the load: all
-REFERENCE = "impedance_reference"
+REFERENCE, LED = "impedance_reference", "impedance_tip"
 # A height field may have a contact with each of several facets under one ball.
 _FACETS = 12
 _FIELDS = ("FOUND", "FORCE", "POS", "NORMAL", "TANGENT", "LINVEL")
@@ -99,7 +100,7 @@ def build(cell: Cell, *, visual: bool = False) -> CellModel:
         raise ValueError(f"arm {name!r} has joints without names")
     _add_tool(cell, spec, sites[cell.arm.flange])
     cell.part.add_to(spec)
-    _control(cell, spec, arm_joints)
+    _control(cell, spec, arm_joints, sites[cell.arm.flange])
     turning = _add_imbalance(cell, spec)
     slots = _FACETS if cell.part.kind in ("height_field", "mesh", "mjcf") else 1
     points = [geom.name for geom in spec.geoms if geom.name.startswith(_TOOL + "point")]
@@ -187,7 +188,7 @@ def _add_tool(cell: Cell, spec: mujoco.MjSpec, flange: Any) -> None:
     spec.attach(tool, prefix=_TOOL, site=flange)
 
 
-def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
+def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str], flange: Any) -> None:
     """Put the actuators of the chosen control in the place of the arm's, where it has its own."""
     control = cell.control
     own = control.kind != "impedance" and control.stiffness is None
@@ -214,8 +215,10 @@ def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
         return
     # Springs between the tip and a site in the world, one per direction of motion. The site is
     # turned as the tip is at home, far from half a turn, where rotation vectors jump.
-    pose = _home_pose(cell, spec, joints)
+    # They pull where the tip is while a compliant spindle is at rest.
+    pose, local = _tip_at_home(cell, spec, joints)
     spec.worldbody.add_site(name=REFERENCE, pos=pose[0], quat=pose[1])
+    flange.parent.add_site(name=LED, pos=local[0], quat=local[1])
     for body in spec.bodies[1:]:
         body.gravcomp = 1
     for axis in range(6):
@@ -225,7 +228,7 @@ def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
         spec.add_actuator(
             name=f"impedance{axis}",
             trntype=mujoco.mjtTrn.mjTRN_SITE,
-            target=SITE,
+            target=LED,
             refsite=REFERENCE,
             gear=[float(i == axis) for i in range(6)],
             gainprm=_ten(stiff),
@@ -234,16 +237,21 @@ def _control(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> None:
         )
 
 
-def _home_pose(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> tuple[Array, Array]:
+def _tip_at_home(cell: Cell, spec: mujoco.MjSpec, joints: list[str]) -> tuple[Pose, Pose]:
+    """Return the pose of the tip at home, in the world and in the body that has the flange."""
     model = spec.compile()
     data = mujoco.MjData(model)
     if cell.arm.home is not None:
         data.qpos[[int(model.joint(joint).qposadr[0]) for joint in joints]] = cell.arm.home
     mujoco.mj_kinematics(model, data)
-    site = data.site(SITE)
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, site.xmat)
-    return np.array(site.xpos), quaternion
+    tip, body = data.site(SITE), int(model.site(cell.arm.flange).bodyid[0])
+    world, turn, inverse, local = (np.zeros(4) for _ in range(4))
+    mujoco.mju_mat2Quat(world, tip.xmat)
+    mujoco.mju_mat2Quat(turn, data.xmat[body])
+    mujoco.mju_negQuat(inverse, turn)
+    mujoco.mju_mulQuat(local, inverse, world)
+    place = data.xmat[body].reshape(3, 3).T @ (tip.xpos - data.xpos[body])
+    return (np.array(tip.xpos), world), (np.asarray(place), local)
 
 
 def _add_imbalance(cell: Cell, spec: mujoco.MjSpec) -> list[str]:

@@ -90,7 +90,8 @@ class Motion:
             data.qpos[:] = qpos
             mujoco.mj_forward(parts.model, data)
             dof = parts.spindle
-            qpos[dof] = -data.qfrc_bias[dof] / self.cell.spindle.stiffness
+            weight = data.qfrc_passive[dof] - data.qfrc_bias[dof]
+            qpos[dof] = weight / self.cell.spindle.stiffness
         return qpos
 
     def set_points(self, command: Command, times: Array, *, lower: float = 0.0) -> Array:
