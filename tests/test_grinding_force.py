@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from grinding_scenes import CYLINDER, TABLE, TILT, cell, steady
 from dashpot import grinding
 from dashpot.grinding.checks import mujoco_models
 from dashpot.grinding.motion import Motion
 from dashpot.grinding.simulation import Simulator
+from grinding_scenes import CYLINDER, TABLE, TILT, cell, steady
 
 FINE = 1e-4
 

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from grinding_scenes import CYLINDER, TABLE, TILT, ball_on_cylinder, cell
 from dashpot import grinding
 from dashpot.grinding.curves import resampled
+from grinding_scenes import CYLINDER, TABLE, TILT, ball_on_cylinder, cell
 
 
 def test_points_are_on_the_cylinder_and_normals_are_radial():

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from grinding_scenes import PRESTON, TABLE, TILT, cell, steady
 from dashpot import grinding
 from dashpot.grinding.motion import Motion
 from dashpot.grinding.plan import receded
 from dashpot.grinding.removal import track_width
 from dashpot.grinding.simulation import Simulator
+from grinding_scenes import PRESTON, TABLE, TILT, cell, steady
 
 FOOTPRINT = 0.005
 
