@@ -45,7 +45,7 @@ def test_what_plans_refuse(options, message):
 def test_a_run_in_that_is_too_short_for_the_tool():
     made = cell(TABLE, tool=grinding.Disc(0.03, spin=20.0))
     path = grinding.Path.on_surface(made, grinding.line((-0.1, 0.5), (0.1, 0.5)), run_in=0.02)
-    with pytest.raises(ValueError, match="run_in is 0.02 m; the tool needs"):
+    with pytest.raises(ValueError, match=r"run_in is 0\.02 m; the tool needs"):
         grinding.plan(made, path, 2e-5, preston=1e-9, max_force=90.0)
 
 
@@ -91,7 +91,7 @@ def test_files_that_lack_what_they_need(tmp_path):
         cell(str(file)).engine()
     with pytest.raises(ValueError, match="must have one body, not 0"):
         cell(TABLE, tool=grinding.OwnTool(file, 0.005)).engine()
-    with pytest.raises(FileNotFoundError, match="no file 'none.xml'"):
+    with pytest.raises(FileNotFoundError, match=r"no file 'none\.xml'"):
         grinding.Work.from_mjcf("none.xml")
 
 

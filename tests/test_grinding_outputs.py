@@ -77,7 +77,7 @@ def test_a_report_needs_nothing_from_outside(tmp_path):
 def test_an_animation_is_drawn_where_no_gl_is(tmp_path):
     image = Image.open(planned().video(tmp_path / "pass.gif", frames=4))
     assert image.n_frames >= 2
-    with pytest.raises(ValueError, match="does not end in .gif"):
+    with pytest.raises(ValueError, match=r"does not end in \.gif"):
         planned().video(tmp_path / "pass.mp4")
 
 
