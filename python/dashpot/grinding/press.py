@@ -272,7 +272,11 @@ def record_press(
     state = np.concatenate([[0.0], data.qpos, data.qvel])
     _, sensed = dashpot.rollout(engine, state, controls, nthread=1)
     readings = sensed[0, :, load].reshape(frames - 1, steps)
-    read = readings.mean(axis=1) if sampling == "mean" else readings[:, -1]
+    if sampling == "mean":
+        read = readings.mean(axis=1)
+    else:  # between the steps before and after
+        after = np.r_[readings[1:, 0], readings[-1, -1]]
+        read = 0.5 * (readings[:, -1] + after)
     force = np.r_[0.0, read]
     force += noise * np.random.default_rng(seed).standard_normal(frames)
     return PressLog.of(time, force, position, place, direction=ray, sampling="auto")
