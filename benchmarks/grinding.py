@@ -257,7 +257,9 @@ def trials() -> Table:
         true = thought.with_changes(stiffness=factor * 2e4, damping=TRUE_DAMPING)
         before = check_in(plan, true, "", timestep=CHECK)
         for reads in ("mean", "instant"):
-            log = grinding.record_press(true, path.points[len(path) // 2], sampling=reads)
+            log = grinding.record_press(
+                true, path.points[len(path) // 2], sampling=reads, seed=len(table.rows)
+            )
             trial = grinding.press_trial(thought, log, nthread=1)
             again = trial.plan_again(plan, nthread=1)
             after = check_in(again, true, "", timestep=CHECK)
