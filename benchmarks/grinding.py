@@ -94,14 +94,14 @@ def force_errors() -> Table:
                 f"{stiffness:g}",
                 *(_error(motion, command, right, step, None) for step in STEPS),
             )
-            for setting in mujoco_models(cell):
-                own = _run(motion, command, FINE, setting)
-                for told, reference in (("its own", own), ("dashpot's", right)):
-                    table.add_row(
-                        f"{setting}, {integrator}, against {told}",
-                        f"{stiffness:g}",
-                        *(_error(motion, command, reference, step, setting) for step in STEPS),
-                    )
+        for setting in mujoco_models(cell):
+            own = _run(motion, command, FINE, setting)
+            for told, reference in (("its own", own), ("dashpot's", right)):
+                table.add_row(
+                    f"{setting}, against {told}",
+                    f"{stiffness:g}",
+                    *(_error(motion, command, reference, step, setting) for step in STEPS),
+                )
     return table
 
 
@@ -120,32 +120,44 @@ def _error(motion: Motion, command: Command, right: Array, step: float, name: st
 
 def sliding_stiffness() -> Table:
     """Return force over compression, over the stiffness, while a ball slides on a table."""
-    table = Table(title="Force over compression while sliding, over the stiffness")
-    for column in ("engine", *(f"{k:g} N/m" for k in STIFFNESSES)):
+    table = Table(title="Force over compression while sliding on a table, over the stiffness")
+    for column in (
+        "engine",
+        *(f"{k:g} N/m, {how}" for how in ("at the feed", "spinning") for k in STIFFNESSES),
+    ):
         table.add_column(column)
     rows: dict[str, list[str]] = {}
     work = grinding.Work.primitive("box", (0.3, 0.2, 0.05), (0, 0.5, 0.1))
-    for stiffness in STIFFNESSES:
-        cell = sliding_cell(stiffness, "implicitfast", work).with_changes(
-            imbalance=None, damping=0.0
-        )
-        path = grinding.Path.on_surface(cell, grinding.line((-0.15, 0.5), (0.15, 0.5)))
-        motion, command = Motion(cell, path), steady(path, stiffness)
-        for step in (1e-3, 2e-3):
-            for setting in (None, *mujoco_models(cell)):
-                model = None if setting is None else mujoco_models(cell)[setting]
-                found = Simulator(motion, timestep=step, nthread=1).run(
-                    [command], mujoco_model=model
-                )[0]
-                overlap = 2 * (0.15 - found.place[:, 0, 2])
-                middle = slice(len(overlap) // 3, 2 * len(overlap) // 3)
-                mean = 0.5 * (overlap[:-1] + overlap[1:])[middle]
-                ratio = np.nanmean(found.total[:-1][middle]) / np.nanmean(mean) / stiffness
-                name = f"{setting or 'dashpot'}, {1e3 * step:g} ms"
-                rows.setdefault(name, []).append(f"{ratio:.4f}")
-    for name, cells in rows.items():
+    for spin in (0.0, 47.0):
+        for stiffness in STIFFNESSES:
+            cell = sliding_cell(stiffness, "implicitfast", work).with_changes(
+                imbalance=None, tool=grinding.BallNose(0.02, spin=spin)
+            )
+            path = grinding.Path.on_surface(
+                cell, grinding.line((-0.15, 0.5), (0.15, 0.5)), tilt=math.radians(20)
+            )
+            motion, command = Motion(cell, path), steady(path, stiffness)
+            for step in (2.5e-4, 1e-3, 2e-3):
+                for setting in (None, *mujoco_models(cell)):
+                    name = f"{setting or 'dashpot'}, {1e3 * step:g} ms"
+                    ratio = _stiffness_ratio(motion, command, step, setting)
+                    rows.setdefault(name, []).append(f"{ratio:.4f}")
+    for name, cells in sorted(rows.items()):
         table.add_row(name, *cells)
     return table
+
+
+def _stiffness_ratio(motion: Motion, command: Command, step: float, setting: str | None) -> float:
+    """Return mean force over mean overlap, over the stiffness, in the middle of a pass."""
+    cell = motion.cell
+    model = None if setting is None else mujoco_models(cell)[setting]
+    simulator = Simulator(motion, timestep=step, nthread=1)
+    found = simulator.run([command], mujoco_model=model)[0]
+    # Over the top of the table, at 0.15 m.
+    overlap = np.nan_to_num(2 * (0.15 - found.place[:, 0, 2]))
+    middle = slice(len(overlap) // 3, 2 * len(overlap) // 3)
+    mean = 0.5 * (overlap[:-1] + overlap[1:])[middle]
+    return float(found.total[:-1][middle].mean() / mean.mean() / cell.stiffness)
 
 
 def grinding_cell(stiffness: float = 2e4, timestep: float = 2e-3) -> grinding.Cell:

@@ -199,7 +199,8 @@ def mujoco_models(cell: Cell) -> dict[str, mujoco.MjModel]:
 
     A row of MuJoCo at rest, of impedance d, bears ``s / ((1 - d) A)`` newtons per metre with the
     direct ``solref`` (-s, -c), where A is its estimate of the inverse mass. Both fitted settings
-    have s and c such that this is the cell's stiffness, and its damping, exactly.
+    have s and c such that this is the cell's stiffness, and its damping, exactly. All step with
+    ``implicitfast``, at which they are closest to it.
     """
     pristine = cell.parts.model
     models = {}
@@ -209,6 +210,7 @@ def mujoco_models(cell: Cell) -> dict[str, mujoco.MjModel]:
         ("MuJoCo, impedance 0.5", 0.5),
     ):
         model = copy.deepcopy(pristine)
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         touching = [*cell.parts.points, cell.parts.work]
         model.geom_friction[touching, 0] = cell.friction
         if impedance is not None:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 # Of the integrator `discrete`: found with an arm in free motion, whose tip then is where it is at
 # short steps.
-_OF_DISCRETE, _OF_MUJOCO = 1.0, 0.5
+_OF_DISCRETE = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,11 +254,9 @@ def servo_lead(cell: Cell, *, of_mujoco: bool = False) -> float:
     """Return where in a step servos find the angles that they compare with set points.
 
     In steps after the middle of the step. Set points are means over the step; what a servo sees
-    too early or too late of an even motion is added to them.
+    too early or too late of an even motion is added to them. MuJoCo steps with ``implicitfast``.
     """
-    if cell.integrator != "discrete":
-        return -0.5
-    return _OF_MUJOCO if of_mujoco else _OF_DISCRETE
+    return _OF_DISCRETE if cell.integrator == "discrete" and not of_mujoco else -0.5
 
 
 def _parabola(nodes: Array, at: Array, *, slope: bool = False) -> list[Array]:
