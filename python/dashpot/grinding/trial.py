@@ -30,7 +30,7 @@ Sampling = Literal["instant", "mean"]
 _TOLD = 9.2
 _WIDE = 20.0
 _HEIGHT = 2e-3  # m
-_STEP = 2.5e-4  # s, the longest of the simulation
+_STEP = 5e-4  # s, the longest of the simulation
 
 
 @dataclass(frozen=True, eq=False)
