@@ -76,7 +76,7 @@ def test_noise_is_estimated_where_it_is_asked_for(folder, capsys):
 
 def test_lines_of_python_in_the_readme_do_the_same_as_its_command(folder, monkeypatch, capsys):
     readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
-    _, lines = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    _, lines, *_ = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
     (words,) = re.findall(r"```bash\ndashpot (calibrate .*?)```", readme, re.DOTALL)
     monkeypatch.chdir(folder)
     exec(compile(lines, "README.md", "exec"), {})

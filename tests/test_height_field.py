@@ -223,3 +223,43 @@ def test_contacts_filtered_by_height_field():
     weight = engine.model.body_mass[engine.model.body("box").id] * 9.81
     # Forces point along normals that are all vertical on a flat field, and have settled.
     assert abs(between.force[:, 0].sum()) == pytest.approx(weight, rel=1e-3)
+
+
+def test_a_soft_ball_that_slides_over_gentle_edges_that_stand_out_has_one_contact():
+    """A hill of facets of 2 mm, at 0.07 degrees to each other; the ball is pressed in by 2.5 mm.
+
+    Above an edge neither facet has the ball's lowest point along its own normal over itself.
+    """
+    x = np.linspace(-0.15, 0.15, 151)
+    heights = 0.02 - 0.3 * np.broadcast_to(x**2, (151, 151))
+    lowest, span = heights.min(), np.ptp(heights)
+    spec = mujoco.MjSpec()
+    spec.add_hfield(
+        name="hill",
+        nrow=151,
+        ncol=151,
+        size=[0.15, 0.15, span, 0.02],
+        userdata=list(((heights - lowest) / span).ravel()),
+    )
+    field = mujoco.mjtGeom.mjGEOM_HFIELD
+    spec.worldbody.add_geom(name="hill", type=field, hfieldname="hill", pos=[0, 0, lowest])
+    body = spec.worldbody.add_body(pos=[-0.03, 0.0007, 0.0])
+    for axis in ([1, 0, 0], [0, 0, 1]):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    body.add_geom(name="ball", size=[0.02, 0, 0], mass=5)
+    spec.option.timestep = 1e-3
+    engine = dashpot.Engine(spec.compile())
+    spring = dashpot.Material(2e4, damping=300.0, friction=0.0)
+    engine.set_pair_material("ball", "hill", spring)
+    data = engine.make_data()
+    sag = 5 * 9.81 / 2e4
+    data.qpos[1] = 0.02 - 0.3 * 0.03**2 + 0.02 - sag
+    data.qvel[:] = 0.1, 0.3 * 2 * 0.03 * 0.1
+    loads = []
+    for _ in range(500):
+        engine.step(data)
+        loads.append(engine.contacts(data).force[:, 0])
+    assert {len(load) for load in loads} == {1}
+    # On its round way over the hill it weighs v^2 times the curvature less.
+    expected = 5 * (9.81 - 0.6 * 0.1**2)
+    np.testing.assert_allclose(np.concatenate(loads[100:]), expected, rtol=0.02)

@@ -82,8 +82,8 @@ def test_method_has_the_constants_of_the_source() -> None:
 
 
 def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    # The other one, of a recording, runs in test_cli_tables.py.
-    example, _ = re.findall(r"```python\n(.*?)```", read("README.md"), re.DOTALL)
+    # The others run in test_cli_tables.py and test_grinding_outputs.py.
+    example, *_ = re.findall(r"```python\n(.*?)```", read("README.md"), re.DOTALL)
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
     printed = capsys.readouterr().out

@@ -54,6 +54,7 @@ __all__ = [
     "data",
     "distance",
     "distances",
+    "grinding",
     "gymnasium",
     "law",
     "linearize",
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
         compare,
         data,
         dm_control,  # noqa: F401
+        grinding,
         gymnasium,
         law,
         myosuite,
@@ -83,6 +85,7 @@ _LAZY = (
     "compare",
     "data",
     "dm_control",
+    "grinding",
     "gymnasium",
     "law",
     "myosuite",

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 
 #include "dashpot/detection/geom_faces.hpp"
@@ -16,20 +17,31 @@ using Eigen::Vector3d;
 
 // Triangles that are tried for the lowest point of a round surface.
 constexpr int kRounds = 3;
+// Cosine of the largest bend at which facets stand for a smooth surface.
+constexpr double kGentleBend = 0.998;
 
 // The triangle over which the lowest point of a convex surface along its normal lies, from that
 // beneath the lowest point along `up` on; `point_along(normal)` (frame of the field) gives these
-// points. Over an edge that stands out there is none.
+// points. Over an edge that stands out by a gentle bend it is the one of the facets about that is
+// least deep, over a sharp one there is none.
 template <typename PointAlong>
 std::optional<TerrainTriangle> triangle_beneath(const Terrain& terrain,
                                                 const PointAlong& point_along, const Vector3d& up) {
   auto triangle = terrain.beneath(point_along(up));
+  auto shallowest = triangle;
+  double height = -std::numeric_limits<double>::infinity();
   for (int round = 0; triangle && round < kRounds; ++round) {
-    const auto beneath = terrain.beneath(point_along(triangle->normal));
+    const Vector3d point = point_along(triangle->normal);
+    if (const double own = triangle->height_of(point); own > height) {
+      shallowest = triangle;
+      height = own;
+    }
+    const auto beneath = terrain.beneath(point);
     if (beneath && beneath->is_same(*triangle)) return triangle;
+    if (beneath && beneath->normal.dot(triangle->normal) < kGentleBend) return std::nullopt;
     triangle = beneath;
   }
-  return std::nullopt;
+  return triangle ? shallowest : std::nullopt;
 }
 
 // Visits a triangle, and all about it over which the lowest point along their own normal lies:

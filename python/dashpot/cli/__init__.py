@@ -1,4 +1,4 @@
-"""The ``dashpot`` command: demo, calibrate, compare, simulate, view and data.
+"""The ``dashpot`` command: demo, calibrate, compare, grind, simulate, view and data.
 
 Exit codes: 0, done; 1, the input or the run failed, said in one line on standard error; 2, the
 command line itself was wrong; 130, interrupted.
@@ -11,9 +11,9 @@ import sys
 from collections.abc import Sequence
 from importlib import metadata
 
-from dashpot.cli import calibrate, compare, data, demo, simulate, view
+from dashpot.cli import calibrate, compare, data, demo, grind, simulate, view
 
-_COMMANDS = (demo, calibrate, compare, simulate, view, data)
+_COMMANDS = (demo, calibrate, compare, grind, simulate, view, data)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
