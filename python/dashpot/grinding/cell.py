@@ -18,7 +18,8 @@ from dashpot.engine import Engine
 from dashpot.grinding.cell_model import CellModel, build
 from dashpot.grinding.control import Control
 from dashpot.grinding.packages import needed
-from dashpot.grinding.tools import Imbalance, Spindle, Tool
+from dashpot.grinding.spindle import Imbalance, Spindle
+from dashpot.grinding.tools import Tool
 from dashpot.grinding.work import Work
 from dashpot.materials import Material
 

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from dashpot.checks import number, positive_count, positive_number, thread_count
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.motion import Command
 from dashpot.grinding.path import Path, reach
-from dashpot.grinding.problem import Problem, Target, Trial
+from dashpot.grinding.problem import Problem, Target
 from dashpot.grinding.profile import Profiles
 from dashpot.grinding.progress import rollout_bar
 from dashpot.grinding.removal import DepthMap, depth_along
+from dashpot.grinding.search import search
 from dashpot.grinding.simulation import Pass
 
 if TYPE_CHECKING:
@@ -31,10 +31,6 @@ if TYPE_CHECKING:
 __all__ = ["Plan", "PlannedPass", "plan"]
 
 Array = NDArray[np.float64]
-
-_ROUNDS = 4
-_EVALUATIONS = 8
-_FASTER = 0.995
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +275,9 @@ def plan(
             problem = Problem(
                 present, laid, goal, before=_removed(done, target), nthread=nthread, tick=tick
             )
-            trial, pass_met = _solved(problem, first)
+            trial, pass_met = search(
+                problem, None if first is None else (first.profiles, first.unknowns)
+            )
             met &= pass_met
             rollouts += problem.rollouts
             done.append(PlannedPass(present, laid, problem.profiles, trial.unknowns, trial.found))
@@ -313,74 +311,6 @@ def _target(
     if not (0 < low < high and math.isfinite(high)):
         raise ValueError(f"plan: feed must be two numbers, 0 < smallest < largest, got {feed!r}")
     return Target(feed=(low, high), **checked)
-
-
-def _solved(problem: Problem, first: PlannedPass | None) -> tuple[Trial, bool]:
-    """Return the best candidate, and whether it is as even as was asked for."""
-    best = problem.start()
-    if first is not None and len(first.unknowns) == problem.size:
-        lower, upper = problem.bounds
-        own, old = problem.profiles, first.profiles
-        # The same forces and feeds: the bound of the feed may be another one now.
-        share = np.minimum(old.feed(first.unknowns) / own.largest_feed, 1.0)
-        unknowns = own.fitted(share, old.force(first.unknowns))
-        warm = problem.evaluate([np.clip(unknowns, lower, upper)])[0]
-        best = min(best, warm, key=lambda each: float(np.abs(each.deviation).max()))
-    for _ in range(2):
-        trial = problem.evaluate([problem.corrected(best)])[0]
-        if np.std(trial.deviation) < np.std(best.deviation):
-            best = trial
-    fastest: Trial | None = None
-    for _ in range(_ROUNDS):
-        trial = _searched(problem, best)
-        if _good(problem, trial):
-            faster = fastest is None or (
-                trial.command.law.duration < _FASTER * fastest.command.law.duration
-            )
-            if not faster:
-                break
-            fastest = best = trial
-            problem.time_weight *= 3.0
-        else:
-            if fastest is not None:
-                break
-            best = trial
-            problem.time_weight /= 4.0
-    return (best, False) if fastest is None else (fastest, True)
-
-
-def _searched(problem: Problem, start: Trial) -> Trial:
-    """Return the end of one search, whose derivative is that at its start."""
-    trials = {start.unknowns.tobytes(): start}
-
-    def trial(unknowns: Array) -> Trial:
-        key = unknowns.tobytes()
-        if key not in trials:
-            trials[key] = problem.evaluate([unknowns])[0]
-        return trials[key]
-
-    derivative = problem.derivative(start)
-    lower, upper = problem.bounds
-    inside = np.clip(start.unknowns, lower + 1e-9, upper - 1e-9)
-    trials.setdefault(inside.tobytes(), start)
-    found = least_squares(
-        lambda unknowns: problem.residuals(trial(unknowns)),
-        inside,
-        jac=lambda unknowns: derivative,
-        bounds=(lower, upper),
-        x_scale="jac",
-        max_nfev=_EVALUATIONS,
-    )
-    return trial(found.x)
-
-
-def _good(problem: Problem, trial: Trial) -> bool:
-    target, deviation = problem.target, trial.deviation
-    return bool(
-        deviation.std() <= target.uniformity
-        and np.abs(deviation).max() <= target.largest
-        and trial.found.total.max() <= target.max_force
-    )
 
 
 def _removed(done: list[PlannedPass], target: Target) -> Callable[[Array, Array], Array]:
