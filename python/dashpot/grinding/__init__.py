@@ -19,8 +19,9 @@ from dashpot.grinding.cell import Arm, Cell
 from dashpot.grinding.checks import Check, Checks
 from dashpot.grinding.control import Control
 from dashpot.grinding.curves import line, raster
+from dashpot.grinding.passes import PlannedPass
 from dashpot.grinding.path import Path
-from dashpot.grinding.plan import Plan, PlannedPass, plan
+from dashpot.grinding.plan import Plan, plan
 from dashpot.grinding.press import PressLog, record_press
 from dashpot.grinding.removal import DepthMap, depth_along, removed_volume
 from dashpot.grinding.simulation import Pass
