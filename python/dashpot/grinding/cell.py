@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -186,9 +185,3 @@ class Cell:
         if len(self.arm.home) != count:
             raise ValueError(f"arm: home has {len(self.arm.home)} angles, the arm {count} joints")
         return np.array(self.arm.home)
-
-    def work_point(self) -> Array:
-        """Return the middle of the workpiece, world, m."""
-        data = mujoco.MjData(self.parts.model)
-        mujoco.mj_kinematics(self.parts.model, data)
-        return np.array(data.geom_xpos[self.parts.work])
