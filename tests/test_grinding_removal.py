@@ -9,7 +9,7 @@ import pytest
 
 from dashpot import grinding
 from dashpot.grinding.motion import Motion
-from dashpot.grinding.plan import receded
+from dashpot.grinding.passes import receded
 from dashpot.grinding.removal import track_width
 from dashpot.grinding.simulation import Simulator
 from grinding_scenes import PRESTON, TABLE, TILT, cell, steady

@@ -19,12 +19,14 @@ from dashpot.grinding.cell import Arm, Cell
 from dashpot.grinding.checks import Check, Checks
 from dashpot.grinding.control import Control
 from dashpot.grinding.curves import line, raster
+from dashpot.grinding.passes import PlannedPass
 from dashpot.grinding.path import Path
-from dashpot.grinding.plan import Plan, PlannedPass, plan
+from dashpot.grinding.plan import Plan, plan
 from dashpot.grinding.press import PressLog, record_press
 from dashpot.grinding.removal import DepthMap, depth_along, removed_volume
 from dashpot.grinding.simulation import Pass
-from dashpot.grinding.tools import BallNose, Disc, Imbalance, OwnTool, Spindle, Tool
+from dashpot.grinding.spindle import Imbalance, Spindle
+from dashpot.grinding.tools import BallNose, Disc, OwnTool, Tool
 from dashpot.grinding.trial import PressFit, press_trial
 from dashpot.grinding.work import Work
 

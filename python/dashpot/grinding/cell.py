@@ -9,7 +9,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +17,8 @@ from dashpot.engine import Engine
 from dashpot.grinding.cell_model import CellModel, build
 from dashpot.grinding.control import Control
 from dashpot.grinding.packages import needed
-from dashpot.grinding.tools import Imbalance, Spindle, Tool
+from dashpot.grinding.spindle import Imbalance, Spindle
+from dashpot.grinding.tools import Tool
 from dashpot.grinding.work import Work
 from dashpot.materials import Material
 
@@ -185,9 +185,3 @@ class Cell:
         if len(self.arm.home) != count:
             raise ValueError(f"arm: home has {len(self.arm.home)} angles, the arm {count} joints")
         return np.array(self.arm.home)
-
-    def work_point(self) -> Array:
-        """Return the middle of the workpiece, world, m."""
-        data = mujoco.MjData(self.parts.model)
-        mujoco.mj_kinematics(self.parts.model, data)
-        return np.array(data.geom_xpos[self.parts.work])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dashpot.checks import positive_number
 from dashpot.grinding.cell import Cell
 from dashpot.grinding.motion import Motion
+from dashpot.grinding.passes import receded
 from dashpot.grinding.removal import depth_along
 from dashpot.grinding.simulation import Pass, Simulator
 from dashpot.tables import table_html, table_text
@@ -179,8 +180,6 @@ def replay(
     nthread
         Threads; None: one per core.
     """
-    from dashpot.grinding.plan import receded
-
     passes: list[Pass] = []
     for planned in plan.passes:
         motion = Motion(planned.cell, planned.path)

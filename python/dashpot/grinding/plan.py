@@ -5,24 +5,21 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from dashpot.checks import number, positive_count, positive_number, thread_count
 from dashpot.grinding.cell import Cell
-from dashpot.grinding.motion import Command
+from dashpot.grinding.passes import PlannedPass, after, removed_by
 from dashpot.grinding.path import Path, reach
-from dashpot.grinding.problem import Problem, Target, Trial
-from dashpot.grinding.profile import Profiles
+from dashpot.grinding.problem import Problem, Target
 from dashpot.grinding.progress import rollout_bar
-from dashpot.grinding.removal import DepthMap, depth_along
-from dashpot.grinding.simulation import Pass
+from dashpot.grinding.removal import DepthMap
+from dashpot.grinding.search import search
 
 if TYPE_CHECKING:
     from dashpot.figures import ShownFigure
@@ -31,43 +28,6 @@ if TYPE_CHECKING:
 __all__ = ["Plan", "PlannedPass", "plan"]
 
 Array = NDArray[np.float64]
-
-_ROUNDS = 4
-_EVALUATIONS = 8
-_FASTER = 0.995
-
-
-@dataclass(frozen=True, eq=False)
-class PlannedPass:
-    """One pass of a plan.
-
-    Attributes
-    ----------
-    cell
-        With the workpiece as it is before the pass.
-    path
-        On that workpiece.
-    profiles, unknowns
-        Feed and force along the path.
-    found
-        What the simulation found.
-    """
-
-    cell: Cell
-    path: Path
-    profiles: Profiles
-    unknowns: Array
-    found: Pass
-
-    @property
-    def command(self) -> Command:
-        """Motion, offset and expected force."""
-        return self.profiles.command(self.unknowns)
-
-    @property
-    def duration(self) -> float:
-        """From rest to rest, s."""
-        return self.command.law.duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,14 +232,21 @@ def plan(
     with rollout_bar(progress) as tick:
         for index in range(count):
             goal = replace(target, depth=target.depth * (index + 1) / count)
-            present, laid = (cell, path) if not done else _next(done[-1], target)
+            present, laid = (cell, path) if not done else after(done[-1], target.preston)
             first = start.passes[min(index, len(start.passes) - 1)] if start else None
             if first is None and done:
                 first = done[-1]
             problem = Problem(
-                present, laid, goal, before=_removed(done, target), nthread=nthread, tick=tick
+                present,
+                laid,
+                goal,
+                before=removed_by(done, target.preston),
+                nthread=nthread,
+                tick=tick,
             )
-            trial, pass_met = _solved(problem, first)
+            trial, pass_met = search(
+                problem, None if first is None else (first.profiles, first.unknowns)
+            )
             met &= pass_met
             rollouts += problem.rollouts
             done.append(PlannedPass(present, laid, problem.profiles, trial.unknowns, trial.found))
@@ -290,7 +257,7 @@ def plan(
         target,
         tuple(done),
         np.linspace(path.run_in, path.length - path.run_in, len(points)),
-        _removed(done, target)(points, normals),
+        removed_by(done, target.preston)(points, normals),
         met,
         rollouts,
         time.perf_counter() - begun,
@@ -313,105 +280,3 @@ def _target(
     if not (0 < low < high and math.isfinite(high)):
         raise ValueError(f"plan: feed must be two numbers, 0 < smallest < largest, got {feed!r}")
     return Target(feed=(low, high), **checked)
-
-
-def _solved(problem: Problem, first: PlannedPass | None) -> tuple[Trial, bool]:
-    """Return the best candidate, and whether it is as even as was asked for."""
-    best = problem.start()
-    if first is not None and len(first.unknowns) == problem.size:
-        lower, upper = problem.bounds
-        own, old = problem.profiles, first.profiles
-        # The same forces and feeds: the bound of the feed may be another one now.
-        share = np.minimum(old.feed(first.unknowns) / own.largest_feed, 1.0)
-        unknowns = own.fitted(share, old.force(first.unknowns))
-        warm = problem.evaluate([np.clip(unknowns, lower, upper)])[0]
-        best = min(best, warm, key=lambda each: float(np.abs(each.deviation).max()))
-    for _ in range(2):
-        trial = problem.evaluate([problem.corrected(best)])[0]
-        if np.std(trial.deviation) < np.std(best.deviation):
-            best = trial
-    fastest: Trial | None = None
-    for _ in range(_ROUNDS):
-        trial = _searched(problem, best)
-        if _good(problem, trial):
-            faster = fastest is None or (
-                trial.command.law.duration < _FASTER * fastest.command.law.duration
-            )
-            if not faster:
-                break
-            fastest = best = trial
-            problem.time_weight *= 3.0
-        else:
-            if fastest is not None:
-                break
-            best = trial
-            problem.time_weight /= 4.0
-    return (best, False) if fastest is None else (fastest, True)
-
-
-def _searched(problem: Problem, start: Trial) -> Trial:
-    """Return the end of one search, whose derivative is that at its start."""
-    trials = {start.unknowns.tobytes(): start}
-
-    def trial(unknowns: Array) -> Trial:
-        key = unknowns.tobytes()
-        if key not in trials:
-            trials[key] = problem.evaluate([unknowns])[0]
-        return trials[key]
-
-    derivative = problem.derivative(start)
-    lower, upper = problem.bounds
-    inside = np.clip(start.unknowns, lower + 1e-9, upper - 1e-9)
-    trials.setdefault(inside.tobytes(), start)
-    found = least_squares(
-        lambda unknowns: problem.residuals(trial(unknowns)),
-        inside,
-        jac=lambda unknowns: derivative,
-        bounds=(lower, upper),
-        x_scale="jac",
-        max_nfev=_EVALUATIONS,
-    )
-    return trial(found.x)
-
-
-def _good(problem: Problem, trial: Trial) -> bool:
-    target, deviation = problem.target, trial.deviation
-    return bool(
-        deviation.std() <= target.uniformity
-        and np.abs(deviation).max() <= target.largest
-        and trial.found.total.max() <= target.max_force
-    )
-
-
-def _removed(done: list[PlannedPass], target: Target) -> Callable[[Array, Array], Array]:
-    """Return what passes removed, as a function of points and normals."""
-
-    def removed(points: Array, normals: Array) -> Array:
-        depth = np.zeros(len(points))
-        for each in done:
-            depth += depth_along(
-                each.found,
-                points,
-                normals,
-                preston=target.preston,
-                footprint=each.cell.tool.footprint,
-            )
-        return depth
-
-    return removed
-
-
-def _next(last: PlannedPass, target: Target) -> tuple[Cell, Path]:
-    """Return the cell and the path after a pass: a height field has receded."""
-    return receded(last.cell, last.path, last.found, target.preston)
-
-
-def receded(cell: Cell, path: Path, found: Pass, preston: float) -> tuple[Cell, Path]:
-    """Return cell and path after a pass; other workpieces than height fields stay as they are."""
-    if cell.part.heights is None:
-        return cell, path
-    worn = DepthMap.of_height_field(cell.part).with_pass(
-        found, preston=preston, footprint=cell.tool.footprint
-    )
-    new = cell.with_changes(work=worn.receded(cell.part))
-    return new, path.again(new)

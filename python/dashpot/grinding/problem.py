@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.grinding.cell import Cell
+from dashpot.grinding.feed_bound import Need, Target
 from dashpot.grinding.motion import Command, Motion
 from dashpot.grinding.path import Path, reach
 from dashpot.grinding.profile import Profiles
@@ -31,35 +32,6 @@ _PEAK_WEIGHT, _LOAD_WEIGHT, _MARGIN = 3.0, 100.0, 0.5
 _BEND_WEIGHT = 0.3
 _HOVER = 1e-3  # m
 _LEAST_LANDING = 0.005  # m
-
-
-@dataclass(frozen=True)
-class Target:
-    """What a pass is to do.
-
-    Attributes
-    ----------
-    depth
-        To remove along the path, m.
-    preston
-        Coefficient, 1/Pa.
-    max_force
-        Largest normal force, N.
-    feed
-        Smallest and largest, m/s.
-    uniformity, largest
-        Standard deviation and largest deviation of the depth that are allowed, of the depth.
-    acceleration
-        Largest along the path, m/s^2.
-    """
-
-    depth: float
-    preston: float
-    max_force: float
-    feed: tuple[float, float]
-    uniformity: float
-    largest: float
-    acceleration: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +87,10 @@ class Problem:
             self.before = before(self.points, self.normals)
         self._left = target.depth - float(self.before.mean())
         self.rollouts = 0
+        footprint = cell.tool.footprint
         self._tick = tick
-        self._width = (
-            2 * cell.tool.radius
-            if isinstance(cell.tool, Disc)
-            else track_width(cell.tool.footprint)
-        )
+        width = 2 * cell.tool.radius if isinstance(cell.tool, Disc) else track_width(footprint)
+        self._need = Need(cell, path, target, self._left, width)
         self.time_weight = 1.0
         self._make_profiles()
 
@@ -128,7 +98,7 @@ class Problem:
         self.profiles = Profiles.of(
             self.cell,
             self.path,
-            self._largest_feed(),
+            self._need.largest_feed(),
             feed_spacing=max(0.03, self.path.length / 100),
             force_spacing=max(0.008, 0.8 * reach(self.cell), self.path.length / 400),
             acceleration=self.target.acceleration,
@@ -152,52 +122,6 @@ class Problem:
         lower = np.r_[np.full(feeds, min(smallest, 0.99)), np.zeros(forces)]
         return lower, np.r_[np.ones(feeds), np.full(forces, 1.2 * self.target.max_force)]
 
-    def slide(self, feed: Array) -> Array:
-        """Return the sliding speed at the path's points for a feed there, m/s."""
-        path, tool = self.path, self.cell.tool
-        axis = path.frames[:, :, 2]
-        arm = -getattr(tool, "radius", 0.0) * path.normals
-        if isinstance(tool, Disc):  # of the outer ring; it only starts the search
-            arm = 0.6 * tool.radius * path.tangents
-        spun = 2 * math.pi * tool.spin * np.cross(axis, arm)
-        spun -= np.sum(spun * path.normals, axis=1, keepdims=True) * path.normals
-        return np.asarray(np.linalg.norm(spun + feed[:, None] * path.tangents, axis=1))
-
-    def needed_force(self, feed: Array) -> Array:
-        """Return the force that removes the depth at a feed, at the path's points, N."""
-        target = self.target
-        slide = np.maximum(self.slide(feed), 1e-9)
-        return np.asarray(self._left * self._width * feed / (target.preston * slide))
-
-    def _largest_feed(self) -> Array:
-        """Return the bound of the feed at the path's points: given, of joints, and of the force."""
-        target, path = self.target, self.path
-        joints = np.abs(np.gradient(path.angles[1], path.distance, axis=0)).max(axis=1)
-        upper = np.minimum(target.feed[1], self.cell.arm.joint_speed / np.maximum(joints, 1e-9))
-        # A tenth is left for what swings.
-        allowed = 0.9 * target.max_force
-        lower = np.full(len(path), target.feed[0])
-        least = self.needed_force(lower)
-        if (least > allowed).any():
-            worst = int(least.argmax())
-            raise ValueError(
-                f"depth {target.depth:g} m needs {least[worst]:.3g} N at path point {worst} even "
-                f"at the smallest feed, {target.feed[0]:g} m/s; max_force {target.max_force:g} N "
-                f"leaves {allowed:.3g} N: plan more passes, or a slower feed"
-            )
-        if (upper < lower).any():
-            slow = int((upper - lower).argmin())
-            raise ValueError(
-                f"path point {slow}: joints allow {upper[slow]:.3g} m/s, less than the smallest "
-                f"feed, {target.feed[0]:g} m/s"
-            )
-        low, high = lower, upper.copy()
-        for _ in range(50):
-            middle = 0.5 * (low + high)
-            fits = self.needed_force(middle) <= allowed
-            low, high = np.where(fits, middle, low), np.where(fits, high, middle)
-        return np.where(self.needed_force(upper) <= allowed, upper, low)
-
     def start(self) -> Trial:
         """Return a first candidate, whose force was corrected by the depth that it leaves."""
         share = np.full(len(self.profiles.way), 0.95)
@@ -207,7 +131,7 @@ class Problem:
         if not worn > 0:
             raise ValueError("plan: the tool does not touch along the path; is it on the part?")
         if abs(worn - 1) > 0.2:
-            self._width /= worn
+            self._need = replace(self._need, width=self._need.width / worn)
             self._make_profiles()
             trial = self.evaluate([self._forced(share)])[0]
         return trial
@@ -217,7 +141,7 @@ class Problem:
         law = profiles.law(profiles.fitted(share, np.zeros_like(share)))
         way = profiles.way
         feed = np.interp(path.distance, way, law.speed)
-        force = np.interp(way, path.distance, self.needed_force(np.maximum(feed, 1e-3)))
+        force = np.interp(way, path.distance, self._need.needed_force(np.maximum(feed, 1e-3)))
         edge = np.minimum(way, path.length - way) / self._landing
         rise = np.clip((edge - 0.2) / 0.8, 0.0, 1.0)
         lower, upper = self.bounds
@@ -287,7 +211,7 @@ class Problem:
         second = np.diff(np.eye(profiles.forces), 2, axis=0)
         centres = profiles.centres[profiles.feeds :][1:-1]
         inner = (centres > 1.5 * path.run_in) & (centres < path.length - 1.5 * path.run_in)
-        weight = _BEND_WEIGHT / max(float(self.needed_force(self._slow()).mean()), 1e-9)
+        weight = _BEND_WEIGHT / max(float(self._need.needed_force(self._slow()).mean()), 1e-9)
         rows = weight * inner[:, None] * second
         return np.concatenate([np.zeros((len(rows), profiles.feeds)), rows], axis=1)
 

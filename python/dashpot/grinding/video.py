@@ -17,7 +17,8 @@ from dashpot.colours import COLOURS
 from dashpot.figures import ShownFigure, clean, picture
 
 if TYPE_CHECKING:
-    from dashpot.grinding.plan import Plan, PlannedPass
+    from dashpot.grinding.passes import PlannedPass
+    from dashpot.grinding.plan import Plan
 
 __all__ = ["write_video"]
 

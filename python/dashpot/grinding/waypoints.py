@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from dashpot.grinding.motion import Motion
 
 if TYPE_CHECKING:
-    from dashpot.grinding.plan import Plan, PlannedPass
+    from dashpot.grinding.passes import PlannedPass
+    from dashpot.grinding.plan import Plan
 
 __all__ = ["waypoints", "write_waypoints"]
 
