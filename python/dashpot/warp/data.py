@@ -1,0 +1,236 @@
+"""Data of many worlds on the device: MuJoCo Warp's, with the law's memory and flags."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import mujoco_warp
+import numpy as np
+import warp as wp
+
+from dashpot.warp.material import Pair
+from dashpot.warp.memory import forget
+from dashpot.warp.model import LawModel, Model, _constraint_rows, _dims
+from dashpot.warp.state import Memory, Rows, Work
+
+__all__ = ["Data", "LawData", "get_data_into", "make_data", "put_data", "reset_data"]
+
+MOST_GROUPS = 1024  # lanes of a block
+
+
+class LawData:
+    """What the law keeps per world. Flags may be read at any time, they wait for the device.
+
+    Attributes
+    ----------
+    groups
+        How many contacts and constraint rows a world may have.
+    """
+
+    rows: Any
+    memory: Any
+    work: Any
+
+    def __init__(self, mjm: mujoco.MjModel, d: Any, nconmax: int) -> None:
+        dims, nworld = _dims(mjm), d.nworld
+        groups = max(1, nconmax + _constraint_rows(mjm))
+        if groups > MOST_GROUPS:
+            raise NotImplementedError(
+                f"dashpot.warp has at most {MOST_GROUPS} contacts and constraint rows in a world, "
+                f"got nconmax = {nconmax} and {_constraint_rows(mjm)} rows of constraints"
+            )
+        self.groups, self.block = groups, _block(groups)
+        self.nconmax = nconmax
+        self.device = d.qpos.device
+        nv, nq = max(1, mjm.nv), max(1, mjm.nq)
+        sizes = mjm.tree_dofnum.astype(np.int64)
+        special = {
+            "count": (nworld,),
+            "steps": (nworld,),
+            "J": (nworld, groups * dims, nv),
+            "Y": (nworld, groups * dims, nv),
+            "A": (nworld, groups * dims, dims, groups),
+            "qpos": (nworld, nq),
+            "rest": (nworld, nq),
+            "qvel": (nworld, nv),
+            "poses": (nworld, 7 * max(1, mjm.nmocap)),
+            "start": (nworld, nv),
+            "force": (nworld, nv),
+            "a": (nworld, nv),
+            "L": (nworld, max(1, int((sizes**2).sum()))),
+            "H": (nworld, max(1, mjm.nC)),
+            "displacement": (nworld, nv),
+            "end": (nworld, nv),
+            "edited": (nworld, max(1, mjm.ntree)),
+            "twist": (nworld, mjm.nbody),
+            "z": (nworld, 6, dims, groups),
+            "bound": (nworld, 3),
+            "clipped": (nworld,),
+            "overflow": (nworld,),
+            "diverged": (nworld,),
+        }
+
+        def make(struct: Any, name_of_force: str) -> Any:
+            instance = struct()
+            for name, kind in struct.cls.__annotations__.items():
+                shape = special.get(name)
+                if name == "force" and name_of_force != "work":
+                    shape = None
+                if shape is None:
+                    shape = (nworld, dims, groups) if kind.ndim == 3 else (nworld, groups)
+                setattr(instance, name, wp.zeros(shape, dtype=kind.dtype, device=self.device))
+            return instance
+
+        self.rows = make(Rows, "rows")
+        self.memory = make(Memory, "memory")
+        self.work = make(Work, "work")
+        self.geom_margin = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
+        self.pair_margin = wp.zeros((nworld, max(1, mjm.npair)), dtype=wp.float32)
+        self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)
+        self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
+        self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
+        self.velocity = wp.zeros((nworld, nv), dtype=wp.float32)
+        self._pair: Any = None
+        self._pair_of: Any = None
+
+    @property
+    def bound(self) -> wp.array:
+        """(nworld, 3) bounds of the coupling: of stiffness, of damping of normals and friction."""
+        return self.work.bound
+
+    @property
+    def clipped(self) -> wp.array:
+        """(nworld,) rows whose given stiffness or damping was lowered, over all steps."""
+        return self.work.clipped
+
+    @property
+    def overflow(self) -> wp.array:
+        """(nworld,) 1 where a world had more contacts or rows than fit."""
+        return self.work.overflow
+
+    @property
+    def diverged(self) -> wp.array:
+        """(nworld,) 1 where a world lost its numbers. It harms no other."""
+        return self.work.diverged
+
+    def pair(self, m: Model, d: Any) -> Any:
+        """Materials and solrefs for kernels, kept until an array is replaced."""
+        law: LawModel = m.dashpot
+        key = (id(law.stiffness), id(law.damping), id(m), id(d.contact.solref))
+        if self._pair_of != key:
+            pair = Pair()
+            for name in (
+                "stiffness",
+                "damping",
+                "form",
+                "tangential_ratio",
+                "tangential_damping",
+            ):
+                setattr(pair, name, getattr(law, name))
+            pair.contact_solref, pair.contact_solimp = d.contact.solref, d.contact.solimp
+            pair.own_solref = law.own[0]
+            pair.own0, pair.own1, pair.own2, pair.own3, pair.own4 = law.own[1:]
+            pair.solref0, pair.solimp0 = m.eq_solref, m.eq_solimp
+            pair.solref1, pair.solimp1 = m.dof_solref, m.dof_solimp
+            pair.solref2, pair.solimp2 = m.tendon_solref_fri, m.tendon_solimp_fri
+            pair.solref3, pair.solimp3 = m.jnt_solref, m.jnt_solimp
+            pair.solref4, pair.solimp4 = m.tendon_solref_lim, m.tendon_solimp_lim
+            self._pair, self._pair_of = pair, key
+        return self._pair
+
+
+class Data(mujoco_warp.Data):  # type: ignore[misc]
+    """MuJoCo Warp's data with the law's part of it, `dashpot`."""
+
+    dashpot: LawData
+
+
+def _block(groups: int) -> int:
+    """Lanes of a block: powers of two on the CPU device, whole warps on a GPU."""
+    least = 8 if wp.get_device().is_cpu else 32
+    return max(least, 1 << (groups - 1).bit_length())
+
+
+def _sizes(mjm: mujoco.MjModel, nconmax: int | None, njmax: int | None) -> tuple[int, int]:
+    """Capacities of a world: what MuJoCo Warp guesses, with room for what comes near."""
+    if nconmax is None:
+        nconmax = 48
+    least = nconmax * _dims(mjm) + _constraint_rows(mjm)
+    return nconmax, max(least, njmax or 0)
+
+
+def make_data(
+    mjm: mujoco.MjModel,
+    nworld: int = 1,
+    nconmax: int | None = None,
+    njmax: int | None = None,
+    **options: Any,
+) -> Data:
+    """Make data of `nworld` worlds at the model's reference positions.
+
+    Parameters
+    ----------
+    mjm
+        The model that `put_model` was given.
+    nworld
+        Number of worlds.
+    nconmax
+        Contacts that a world may have, those that come near within a step included; 48 by default.
+        What does not fit is left out, and flagged in ``d.dashpot.overflow``.
+    njmax
+        As in ``mujoco_warp.make_data``; at least what `nconmax` contacts need.
+    **options
+        Others of ``mujoco_warp.make_data``.
+    """
+    nconmax, njmax = _sizes(mjm, nconmax, njmax)
+    d = mujoco_warp.make_data(mjm, nworld, nconmax=nconmax, njmax=njmax, **options)
+    return _with_memory(mjm, d, nconmax)
+
+
+def put_data(
+    mjm: mujoco.MjModel,
+    mjd: mujoco.MjData,
+    nworld: int = 1,
+    nconmax: int | None = None,
+    njmax: int | None = None,
+    **options: Any,
+) -> Data:
+    """Put data on the device, the same in all worlds; parameters as in `make_data`."""
+    nconmax, njmax = _sizes(mjm, nconmax, njmax)
+    nconmax, njmax = max(nconmax, mjd.ncon), max(njmax, mjd.nefc)
+    d = mujoco_warp.put_data(mjm, mjd, nworld, nconmax=nconmax, njmax=njmax, **options)
+    return _with_memory(mjm, d, nconmax)
+
+
+def _with_memory(mjm: mujoco.MjModel, d: Any, nconmax: int) -> Data:
+    d.__class__ = Data
+    d.dashpot = LawData(mjm, d, nconmax)
+    result: Data = d
+    return result
+
+
+def get_data_into(
+    result: mujoco.MjData, mjm: mujoco.MjModel, d: Data, world_id: int = 0
+) -> None:
+    """Copy one world into MuJoCo's data, as ``mujoco_warp.get_data_into`` does."""
+    mujoco_warp.get_data_into(result, mjm, d, world_id)
+
+
+def reset_data(m: Model, d: Data, reset: wp.array | None = None) -> None:
+    """Reset worlds to the model's reference positions and clear what contacts remember.
+
+    Parameters
+    ----------
+    m, d
+        Model and data.
+    reset
+        (nworld,) bool array of the worlds to reset; all of them without it.
+    """
+    mujoco_warp.reset_data(m, d, reset)
+    mask = reset if reset is not None else wp.zeros(1, dtype=wp.bool)
+    wp.launch(
+        forget,
+        dim=d.nworld,
+        inputs=[mask, reset is not None, m.nq, d.dashpot.memory, d.dashpot.work],
+    )

@@ -1,0 +1,60 @@
+"""What dashpot.warp does not have: refused by name, never ignored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mujoco
+
+from dashpot.materials import Material
+
+__all__ = ["refuse"]
+
+# Description and test of everything that a model may have and this engine has not.
+_MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
+    ("flexes", lambda m: m.nflex > 0),
+    ("signed distance fields", lambda m: bool((m.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any())),
+    ("integrator 'RK4'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4),
+    (
+        "integrator 'implicit' (use 'implicitfast')",
+        lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    ),
+    ("integrator 'discrete'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE),
+    ("the flag 'sleep'", lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)),
+    (
+        "the flag 'override'",
+        lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE),
+    ),
+    ("adhesion of geoms", lambda m: bool(getattr(m, "geom_adhesion", _NONE).any())),
+    (
+        "adhesion actuators (transmission 'body')",
+        lambda m: bool((m.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()),
+    ),
+    ("gaps of geoms or pairs", lambda m: bool((m.geom_gap > 0).any() or (m.pair_gap > 0).any())),
+    ("mocap bodies", lambda m: m.nmocap > 0),
+)
+
+
+class _Nothing:
+    def any(self) -> bool:
+        return False
+
+
+_NONE = _Nothing()
+
+
+def refuse(model: mujoco.MjModel, materials: Mapping[int, Material], law: str) -> None:
+    """Raise NotImplementedError that lists what the model has and this engine has not."""
+    names = [name for name, has in _MISSING if has(model)]
+    for geom, material in materials.items():
+        if material.loaded_friction < 1.0:
+            names.append(f"loaded_friction of the material of geom {model.geom(geom).name or geom!r}")
+        if material.friction is not None and model.npair:
+            if geom in model.pair_geom1 or geom in model.pair_geom2:
+                names.append(
+                    f"friction of the material of geom {model.geom(geom).name or geom!r}, which is "
+                    "in an explicit pair"
+                )
+    if names:
+        raise NotImplementedError("dashpot.warp has no " + "; no ".join(names))
