@@ -412,11 +412,15 @@ def recall(
                         size = wp.length(force) / ks
                         scale = recall_scale(size, ks, ki, wi, speed, credit)
                         credit = scale[1]
+                        # Of the force as it is, for the tangents differ a little in stiffness.
+                        kept = scale[0] * ki / ks
                         for i in range(2):
                             tangent = wp.vec3(frame[1 + i, 0], frame[1 + i, 1], frame[1 + i, 2])
-                            rows.x[world, first + i, g] = (
-                                wp.dot(force, tangent) / ks * scale[0]
-                            )
+                            row = first + i
+                            if rows.k[world, row, g] > 0.0:
+                                rows.x[world, row, g] = (
+                                    wp.dot(force, tangent) / rows.k[world, row, g] * kept
+                                )
                 if rows.dim[world, g] > 3 and stiffnesses[1] > 0.0:
                     before = memory.spin[world, old] / stiffnesses[1]
                     scale = recall_scale(before, stiffnesses[1], rows.k[world, 3, g],
