@@ -126,6 +126,8 @@ class LawData:
                 "form",
                 "tangential_ratio",
                 "tangential_damping",
+                "pair_geoms",
+                "pair_values",
             ):
                 setattr(pair, name, getattr(law, name))
             pair.contact_solref, pair.contact_solimp = d.contact.solref, d.contact.solimp

@@ -44,17 +44,23 @@ class _Nothing:
 _NONE = _Nothing()
 
 
-def refuse(model: mujoco.MjModel, materials: Mapping[int, Material], law: str) -> None:
+def refuse(
+    model: mujoco.MjModel,
+    materials: Mapping[int, Material],
+    pair_materials: Mapping[tuple[int, int], Material],
+) -> None:
     """Raise NotImplementedError that lists what the model has and this engine has not."""
     names = [name for name, has in _MISSING if has(model)]
+    explicit = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
     for geom, material in materials.items():
+        of_geom = f"of the material of geom {model.geom(geom).name or geom!r}"
         if material.loaded_friction < 1.0:
-            names.append(f"loaded_friction of the material of geom {model.geom(geom).name or geom!r}")
-        if material.friction is not None and model.npair:
-            if geom in model.pair_geom1 or geom in model.pair_geom2:
-                names.append(
-                    f"friction of the material of geom {model.geom(geom).name or geom!r}, which is "
-                    "in an explicit pair"
-                )
+            names.append(f"loaded_friction {of_geom}")
+        if material.friction is not None and geom in explicit:
+            names.append(f"friction {of_geom}, which is in an explicit pair")
+    for pair, material in pair_materials.items():
+        if material.friction is not None or material.loaded_friction < 1.0:
+            geoms = " and ".join(model.geom(geom).name or repr(geom) for geom in pair)
+            names.append(f"friction of the material of the pair of geoms {geoms}")
     if names:
         raise NotImplementedError("dashpot.warp has no " + "; no ".join(names))

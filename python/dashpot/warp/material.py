@@ -33,6 +33,8 @@ class Pair:
     form: wp.array(dtype=wp.int32)
     tangential_ratio: wp.array2d(dtype=wp.float32)
     tangential_damping: wp.array2d(dtype=wp.float32)
+    pair_geoms: wp.array(dtype=wp.vec2i)  # pairs that have a material of their own
+    pair_values: wp.array(dtype=vec7)
     own_solref: wp.array(dtype=wp.int32)  # geoms that set solref or solimp
     contact_solref: wp.array(dtype=wp.vec2)
     contact_solimp: wp.array(dtype=vec5)
@@ -65,8 +67,22 @@ def blend(x: float, y: float, share_x: float, share_y: float) -> float:
 
 
 @wp.func
+def pair_index(pair: Pair, key: wp.vec3i) -> int:
+    """Which material of its own a pair of geoms has, -1 for none."""
+    low = wp.min(key[0], key[1])
+    high = wp.max(key[0], key[1])
+    for i in range(pair.pair_geoms.shape[0]):
+        if pair.pair_geoms[i][0] == low and pair.pair_geoms[i][1] == high:
+            return i
+    return -1
+
+
+@wp.func
 def pair_material(pair: Pair, world: int, key: wp.vec3i) -> vec7:
     """Stiffness (0: rigid), ratio, damping (-1: none), added damping, restitution, tangents."""
+    own = pair_index(pair, key)
+    if own >= 0:
+        return pair.pair_values[own]
     a = key[0]
     b = key[1]
     at = world % pair.stiffness.shape[0]
@@ -205,6 +221,8 @@ def solref_rates(pair: Pair, world: int, key: wp.vec3i, source: int, kind: int,
         a = key[0]
         b = key[1]
         if pair.form[a] != int(FROM_MODEL) or pair.form[b] != int(FROM_MODEL):
+            return wp.vec2(0.0, 0.0)
+        if pair_index(pair, key) >= 0:
             return wp.vec2(0.0, 0.0)
         if pair.own_solref[a] == 0 and pair.own_solref[b] == 0:
             return wp.vec2(0.0, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -16,7 +17,7 @@ from dashpot import Engine, Material
 from dashpot.law import restitution_to_damping_ratio
 from dashpot.object_ids import Element
 from dashpot.warp.features import refuse
-from dashpot.warp.material import DAMPING, FROM_MODEL, RATIO, RESTITUTION
+from dashpot.warp.material import DAMPING, FROM_MODEL, RATIO, RESTITUTION, vec7
 
 __all__ = ["LawModel", "Model", "put_model", "set_material"]
 
@@ -48,7 +49,9 @@ class LawModel:
     factor_size: int
     geom_margin: wp.array
     pair_margin: wp.array
+    explicit_pairs: wp.array
     pair_geoms: wp.array
+    pair_values: wp.array
     stiffness: wp.array
     damping: wp.array
     form: wp.array
@@ -69,6 +72,7 @@ def put_model(
     mjm: mujoco.MjModel,
     *,
     materials: Mapping[Element, Material] | None = None,
+    pair_materials: Mapping[tuple[Element, Element], Material] | None = None,
     law: Law = "kelvin_voigt",
     microsteps: int | Literal["auto"] = "auto",
     recovery_speed: Numbers = 0.1,
@@ -86,6 +90,8 @@ def put_model(
         By geom, as `Engine.set_materials` takes them. Others are rigid, or as soft as the model's
         own ``solref`` says where it sets one. Without materials those of the MJCF count, as in
         `Engine`.
+    pair_materials
+        By pair of geoms, as `Engine.set_pair_material` takes them; without friction.
     law
         ``"kelvin_voigt"``, the closed-form law with true stiction, or ``"comfree"``, the
         complementarity-free update of ComFree-Sim (arXiv 2603.12185).
@@ -114,9 +120,9 @@ def put_model(
     """
     if law not in ("kelvin_voigt", "comfree"):
         raise ValueError(f"law must be 'kelvin_voigt' or 'comfree', got {law!r}")
-    given = _materials(mjm, materials)
-    refuse(mjm, given, law)
-    private = mujoco.MjModel.from_binary_path if False else mjm.__copy__()
+    given, pairs = _materials(mjm, materials, pair_materials)
+    refuse(mjm, given, pairs)
+    private = copy.copy(mjm)
     private.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     m = mujoco_warp.put_model(private, batch_sizes)
     m.__class__ = Model
@@ -130,6 +136,7 @@ def put_model(
         constraint_rows=_constraint_rows(mjm),
         **_topology(mjm, m),
         **_material_arrays(mjm, given, m),
+        **_pair_arrays(pairs),
         own=_own_solrefs(mjm),
         materials=given,
         geom_id={mjm.geom(i).name: i for i in range(mjm.ngeom)},
@@ -264,17 +271,20 @@ def _dims(mjm: mujoco.MjModel) -> int:
 
 
 def _materials(
-    mjm: mujoco.MjModel, materials: Mapping[Element, Material] | None
-) -> dict[int, Material]:
-    """Materials by geom id, checked as `Engine` does."""
+    mjm: mujoco.MjModel,
+    materials: Mapping[Element, Material] | None,
+    pair_materials: Mapping[tuple[Element, Element], Material] | None,
+) -> tuple[dict[int, Material], dict[tuple[int, int], Material]]:
+    """Materials by geom id and by pair, checked as `Engine` does."""
     engine = Engine(mjm)
-    if materials is not None:
-        for geom in list(engine.materials):
-            engine.set_material(geom, None)
-        engine.set_materials(materials)
-    if engine.pair_materials:
-        raise NotImplementedError("dashpot.warp has no materials of pairs of geoms")
-    return dict(engine.materials)
+    if materials is not None or pair_materials is not None:
+        engine.set_materials(dict.fromkeys(engine.materials))
+        for pair in engine.pair_materials:
+            engine.set_pair_material(*pair, None)
+        engine.set_materials(materials or {})
+        for (first, second), material in (pair_materials or {}).items():
+            engine.set_pair_material(first, second, material)
+    return dict(engine.materials), dict(engine.pair_materials)
 
 
 def _constraint_rows(mjm: mujoco.MjModel) -> int:
@@ -304,7 +314,7 @@ def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
         "factor_size": int((sizes**2).sum()),
         "geom_margin": m.geom_margin,
         "pair_margin": m.pair_margin,
-        "pair_geoms": wp.array(pairs.astype(np.int32), dtype=wp.vec2i),
+        "explicit_pairs": wp.array(pairs.astype(np.int32), dtype=wp.vec2i),
     }
 
 
@@ -317,14 +327,7 @@ def _material_arrays(mjm: mujoco.MjModel, materials: dict[int, Material], m: Any
     friction = mjm.geom_friction.astype(np.float32).copy()
     for geom, material in materials.items():
         stiffness[0, geom] = material.stiffness or 0.0
-        form[geom] = RATIO
-        if material.damping is not None:
-            form[geom], damping[0, geom] = DAMPING, material.damping
-        elif material.restitution is not None:
-            form[geom] = RESTITUTION
-            damping[0, geom] = min(restitution_to_damping_ratio(material.restitution), 1e6)
-        elif material.damping_ratio is not None:
-            damping[0, geom] = material.damping_ratio
+        form[geom], damping[0, geom] = _form_of(material)
         ratio[0, geom] = material.tangential_ratio
         zeta[0, geom] = material.tangential_damping_ratio
         if material.friction is not None:
@@ -337,6 +340,36 @@ def _material_arrays(mjm: mujoco.MjModel, materials: dict[int, Material], m: Any
         "form": wp.array(form),
         "tangential_ratio": wp.array(ratio),
         "tangential_damping": wp.array(zeta),
+    }
+
+
+def _form_of(material: Material) -> tuple[int, float]:
+    """How damping is given, and a damping ratio or N s/m."""
+    if material.damping is not None:
+        return DAMPING, material.damping
+    if material.restitution is not None:
+        return RESTITUTION, min(restitution_to_damping_ratio(material.restitution), 1e6)
+    return RATIO, 1.0 if material.damping_ratio is None else material.damping_ratio
+
+
+def _pair_arrays(materials: dict[tuple[int, int], Material]) -> dict[str, Any]:
+    """Seven numbers a pair, as `pair_material` returns them."""
+    values = np.zeros((len(materials), 7), np.float32)
+    for row, material in zip(values, materials.values(), strict=True):
+        form, number = _form_of(material)
+        row[:] = (
+            material.stiffness or 0.0,
+            1.0 if form == DAMPING else number,
+            number if form == DAMPING else -1.0,
+            0.0,
+            float(form == RESTITUTION),
+            material.tangential_ratio,
+            material.tangential_damping_ratio,
+        )
+    geoms = np.array(list(materials) or np.zeros((0, 2)), dtype=np.int32).reshape(-1, 2)
+    return {
+        "pair_geoms": wp.array(geoms, dtype=wp.vec2i),
+        "pair_values": wp.array(values, dtype=vec7),
     }
 
 

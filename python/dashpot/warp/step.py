@@ -139,11 +139,11 @@ def _find_geometry(m: Model, d: Data, ahead: float) -> None:
     wp.launch(
         reach.widen_geoms, dim=(d.nworld, m.ngeom), inputs=inputs, outputs=[law.geom_margin]
     )
-    npair = own.pair_geoms.shape[0]
+    npair = own.explicit_pairs.shape[0]
     wp.launch(
         reach.widen_pairs,
         dim=(d.nworld, npair),
-        inputs=[own.pair_geoms, own.pair_margin, own.geom_margin, law.geom_margin],
+        inputs=[own.explicit_pairs, own.pair_margin, own.geom_margin, law.geom_margin],
         outputs=[law.pair_margin],
     )
     mjw.crb(m, d)
@@ -162,7 +162,7 @@ def _find_geometry(m: Model, d: Data, ahead: float) -> None:
         dim=d.naconmax,
         inputs=[
             d.nacon,
-            own.pair_geoms,
+            own.explicit_pairs,
             own.pair_margin,
             own.geom_margin,
             d.contact.worldid,
