@@ -30,6 +30,9 @@ RIGID_INELASTIC = 3.0  # damping ratio of a rigid contact with restitution 0
 INELASTIC = 50.0  # the same with a stiffness
 LEAST_SIZE = 0.25  # m, of the coordinates that noise goes by
 BEARABLE = 981.0  # m/s^2, a hundred weights
+BLOW = 40.0  # m/s^2: what changes rates by more within a step is a blow,
+SLOW = 0.02  # m/s, but nothing as slow as this
+REACHED = 3.0  # times the way of the fastest in a step, within which others may be pressed
 TURNS_ON = 2.0  # times its way in a step that a contact point may have moved
 
 
@@ -69,6 +72,22 @@ def find_touching(
                     number += 1.0
         mean = total / number
     rows.pair_w[world, g] = mean
+
+
+@wp.kernel
+def admit_reached(timestep: wp.array(dtype=wp.float32), rows: Rows):
+    """A blow may press what stays open otherwise: it takes part in the bound; thread per world."""
+    world = wp.tid()
+    T = timestep[world % timestep.shape[0]]
+    fastest = float(0.0)
+    for g in range(rows.count[world]):
+        if rows.touch[world, g] == 1 and rows.kind[world, g] <= int(UNILATERAL):
+            fastest = wp.max(fastest, wp.abs(rows.u[world, 0, g]))
+    if fastest <= T * BLOW + SLOW:
+        return
+    for g in range(rows.count[world]):
+        if rows.gap[world, g] < REACHED * T * fastest:
+            rows.touch[world, g] = 1
 
 
 @wp.func

@@ -330,6 +330,7 @@ def _plan_and_recall(m: Model, d: Data, ahead: float) -> None:
     wp.launch(memory.settle_contests, dim=groups, inputs=[state])
     wp.launch(memory.choose_again, dim=d.nworld, inputs=[state, remembered])
     wp.launch(plan.find_touching, dim=groups, inputs=[m.opt.timestep, m.geom_bodyid, state])
+    wp.launch(plan.admit_reached, dim=d.nworld, inputs=[m.opt.timestep, state])
     before = -1
     for _ in range(ROUNDS):
         wp.launch(plan.bound_round, dim=groups, inputs=[own.dims, before, state, work])
