@@ -38,6 +38,7 @@ RETURNS = 12  # Newton rounds of the return to the limit surface
 ON_SURFACE = 1.0e-6  # relative, at which the surface is met
 
 vec2 = wp.types.vector(2, wp.float32)
+vec4 = wp.types.vector(4, wp.float32)
 vec5 = wp.types.vector(5, wp.float32)
 
 
@@ -66,6 +67,13 @@ def propagate(damping_rate: float, square_frequency: float, t: float) -> vec5:
     e1 = t - damping_rate * e2 - square_frequency * e3
     e0 = 1.0 - damping_rate * e1 - square_frequency * e2
     return vec5(e0, e1, e2, e3, e4)
+
+
+@wp.func
+def propagate_later(damping_rate: float, square_frequency: float, t: float) -> vec4:
+    """E_1 to E_4; E_0 = 1 - w d E_1 - w k E_2."""
+    e = propagate(damping_rate, square_frequency, t)
+    return vec4(e[1], e[2], e[3], e[4])
 
 
 @wp.func
@@ -215,22 +223,23 @@ def flow_events(k: float, d: float, w: float, gap: float, rate: float, b: float,
 
 
 @wp.func
-def flow_normal(k: float, d: float, w: float, e: vec5, x: float, u: float, b: float,
+def flow_normal(k: float, d: float, w: float, e: vec4, x: float, u: float, b: float,
                 h: float) -> vec2:
-    """Impulse and moment of a contact over a micro-step h (s), whose propagator is e."""
+    """Impulse and moment of a contact over a micro-step h (s), whose E_1 to E_4 are e."""
+    wk = w * k
+    e0 = 1.0 - w * d * e[0] - wk * e[1]
     f0 = -k * x - d * u
     drive = k * u + d * b
     f1 = -drive - w * d * f0
     q = -k * (b + w * f0)
     f2 = q - w * d * f1
-    end = f0 * e[0] - drive * e[1] - k * b * e[2]
-    wk = w * k
+    end = f0 * e0 - drive * e[0] - k * b * e[1]
     both = f0 + end
     far = both * both * wk >= h * h * (f1 * f1 * wk + f2 * f2)
-    lasts = far or f1 >= 0.0 or f1 * e[0] + q * e[1] <= 0.0
+    lasts = far or f1 >= 0.0 or f1 * e0 + q * e[0] <= 0.0
     if x < 0.0 and f0 > 0.0 and end >= 0.0 and lasts:
-        p = f0 * e[1] - drive * e[2] - k * b * e[3]
-        r = f0 * e[2] - drive * e[3] - k * b * e[4]
+        p = f0 * e[0] - drive * e[1] - k * b * e[2]
+        r = f0 * e[1] - drive * e[2] - k * b * e[3]
         return vec2(wp.max(p, 0.0), wp.max(r, 0.0))
     if x + h * wp.min(0.0, wp.min(u, u + h * b)) > 0.0:
         return vec2(0.0, 0.0)
@@ -238,17 +247,11 @@ def flow_normal(k: float, d: float, w: float, e: vec5, x: float, u: float, b: fl
 
 
 @wp.func
-def spring_coefficients(k: float, d: float, w: float, h: float) -> vec5:
-    """What impulse and moment of a spring and damper are per displacement, rate and load."""
-    e = propagate(w * d, w * k, h)
-    return vec5(-k * e[1], -d * e[1] - k * e[2], -d * e[2] - k * e[3], -k * e[2],
-                -d * e[3] - k * e[4])
-
-
-@wp.func
-def flow_spring(c: vec5, x: float, u: float, b: float) -> vec2:
-    """Impulse and moment of a spring and damper of either sign, by its coefficients."""
-    return vec2(c[0] * x + c[1] * u + c[2] * b, c[3] * x + c[2] * u + c[4] * b)
+def flow_spring(k: float, d: float, e: vec4, x: float, u: float, b: float) -> vec2:
+    """Impulse and moment of a spring and damper of either sign, whose E_1 to E_4 are e."""
+    f0 = -k * x - d * u
+    drive = k * u + d * b
+    return vec2(f0 * e[0] - drive * e[1] - k * b * e[2], f0 * e[1] - drive * e[2] - k * b * e[3])
 
 
 @wp.func

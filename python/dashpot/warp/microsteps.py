@@ -21,17 +21,17 @@ import warp as wp
 from dashpot.warp.law import (
     flow_normal,
     flow_spring,
-    propagate,
+    propagate_later,
     return_to_limit,
-    spring_coefficients,
 )
 from dashpot.warp.state import UNILATERAL, Rows
 
 COUPLED_SHARE = 1.0 / 3.0
 LEAST_RECOVERY = 0.01  # s
 RECOVERY_STEPS = 2.0
+REGISTERS = 168  # of a lane: three blocks of 128 lanes on a multiprocessor
 
-vec5 = wp.types.vector(5, wp.float32)
+vec4 = wp.types.vector(4, wp.float32)
 
 
 @wp.func_native("WP_TILE_SYNC();")
@@ -59,7 +59,7 @@ def microstep_kernel(dims: int) -> Any:
     vec = wp.types.vector(dims, wp.float32)
     tangents = dims - 1
     friction = wp.types.vector(tangents, wp.float32)
-    coefficients = wp.types.matrix((tangents, 5), wp.float32)
+    propagators = wp.types.matrix((tangents, 4), wp.float32)
 
     def run_microsteps(
         microsteps: int,
@@ -98,8 +98,8 @@ def microstep_kernel(dims: int) -> Any:
         dt = friction(0.0)
         slip = friction(0.0)
         relaxes = friction(0.0)
-        springs = coefficients()
-        e = vec5(0.0)
+        es = propagators()
+        e = vec4(0.0)
         if active:
             kind = rows.kind[world, g]
             limit = rows.limit[world, g]
@@ -114,10 +114,7 @@ def microstep_kernel(dims: int) -> Any:
                 c[i] = rows.c[world, i, g] + turning
                 x[i] = rows.x[world, i, g]
                 w[i] = rows.w[world, i, g]
-            if kind > int(UNILATERAL):
-                e = spring_coefficients(k0, d0, w[0], h)
-            else:
-                e = propagate(w[0] * d0, w[0] * k0, h)
+            e = propagate_later(w[0] * d0, w[0] * k0, h)
             largest = float(0.0)
             for i in range(wp.static(tangents)):
                 mu = rows.mu[world, i + 1, g]
@@ -125,10 +122,11 @@ def microstep_kernel(dims: int) -> Any:
                     kt[i] = rows.k[world, i + 1, g]
                     dt[i] = rows.d[world, i + 1, g]
                     inverse_mu[i] = 1.0 / mu
-                    of_row = spring_coefficients(kt[i], dt[i], w[i + 1], h)
-                    for j in range(wp.static(5)):
-                        springs[i, j] = of_row[j]
-                    slip[i] = -of_row[1] * inverse_mu[i] * inverse_mu[i]
+                    of_row = propagate_later(w[i + 1] * dt[i], w[i + 1] * kt[i], h)
+                    for j in range(wp.static(4)):
+                        es[i, j] = of_row[j]
+                    response = dt[i] * of_row[0] + kt[i] * of_row[1]
+                    slip[i] = response * inverse_mu[i] * inverse_mu[i]
                     largest = wp.max(largest, slip[i])
                     if dt[i] > 0.0:
                         relaxes[i] = wp.exp(-kt[i] * h / dt[i])
@@ -159,10 +157,8 @@ def microstep_kernel(dims: int) -> Any:
                         square_coming = float(0.0)
                         for i in range(wp.static(tangents)):
                             load = -w[i + 1] * trial[i] * scale
-                            coming[i] = (
-                                springs[i, 0] * x[i + 1] + springs[i, 1] * u[i + 1]
-                                + springs[i, 2] * load
-                            )
+                            flow = flow_spring(kt[i], dt[i], es[i], x[i + 1], u[i + 1], load)
+                            coming[i] = flow[0]
                             z = coming[i] * inverse_mu[i]
                             square_coming += z * z
                         if square_coming > 0.0:
@@ -184,7 +180,7 @@ def microstep_kernel(dims: int) -> Any:
                             for i in range(wp.static(dims)):
                                 loads[i] += rows.A[world, other * wp.static(dims) + j, i, g] * f
                 if kind > int(UNILATERAL):
-                    flow = flow_spring(e, x[0], u[0] - surface, loads[0])
+                    flow = flow_spring(k0, d0, e, x[0], u[0] - surface, loads[0])
                     most = limit * h
                     p[0] = wp.clamp(flow[0], -most, most)
                     sticks = p[0] == flow[0]
@@ -197,9 +193,9 @@ def microstep_kernel(dims: int) -> Any:
                     square = float(0.0)
                     if kind == 0 and p[0] > 0.0:
                         for i in range(wp.static(tangents)):
-                            of_row = vec5(springs[i, 0], springs[i, 1], springs[i, 2],
-                                          springs[i, 3], springs[i, 4])
-                            flow = flow_spring(of_row, x[i + 1], u[i + 1], loads[i + 1])
+                            flow = flow_spring(
+                                kt[i], dt[i], es[i], x[i + 1], u[i + 1], loads[i + 1]
+                            )
                             trial[i] = flow[0]
                             r[i + 1] = flow[1]
                             z = flow[0] * inverse_mu[i]
@@ -259,4 +255,5 @@ def microstep_kernel(dims: int) -> Any:
     run_microsteps.__qualname__ = f"run_microsteps_{dims}"
     module = wp.get_module(f"dashpot.warp.microsteps{dims}")
     module.options["enable_backward"] = False
-    return wp.kernel(run_microsteps, module=module, enable_backward=False)
+    limits = {"cuda_max_registers": REGISTERS} if dims == 3 else {}
+    return wp.kernel(run_microsteps, module=module, enable_backward=False, **limits)
