@@ -91,6 +91,7 @@ class LawData:
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
         self.velocity = wp.zeros((nworld, nv), dtype=wp.float32)
+        self.no_body = wp.zeros(mjm.nbody, dtype=wp.int32)
         self._pair: Any = None
         self._pair_of: Any = None
 

@@ -12,7 +12,7 @@ from mujoco_warp._src import derivative, sensor, smooth
 from mujoco_warp._src.forward import _advance, _energy_pos, _energy_vel
 from mujoco_warp._src.types import DisableBit, IntegratorType
 
-from dashpot.warp import drift, inertia, memory, plan, reach, rows
+from dashpot.warp import comfree, drift, inertia, memory, plan, reach, rows
 from dashpot.warp.data import Data
 from dashpot.warp.microsteps import microstep_kernel
 from dashpot.warp.model import Model
@@ -28,19 +28,29 @@ def step(m: Model, d: Data) -> None:
     """Advance all worlds by one time step.
 
     What MuJoCo Warp's stages leave in `d`, positions of bodies and geoms, contacts, sensors, is that
-    of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end.
+    of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end. With
+    ``law="comfree"`` it is that of the start, as in MuJoCo. Nothing is read back by the host, so
+    that a step can be captured as a graph.
+
+    Examples
+    --------
+    >>> with wp.ScopedCapture() as capture:
+    ...     dw.step(m, d)
+    >>> for _ in range(1000):
+    ...     wp.capture_launch(capture.graph)
     """
+    if m.dashpot.law == "comfree":
+        _find_edits(m, d)
+        _solve_complementarity_free(m, d)
+        _advance_semi_implicit(m, d)
+        _remember_state(m, d)
+        return
     _find_edits(m, d)
     _drift_to_middle(m, d)
-    _find_geometry(m, d, HALF)
-    _find_smooth_motion(m, d)
-    _find_rows(m, d, HALF)
-    _plan_and_recall(m, d, HALF)
-    _run_microsteps(m, d)
-    _respond(m, d)
-    _finish_stages(m, d)
+    _solve(m, d, HALF)
     _drift_to_end(m, d)
     _remember(m, d)
+    _remember_state(m, d)
 
 
 def forward(m: Model, d: Data) -> None:
@@ -48,23 +58,89 @@ def forward(m: Model, d: Data) -> None:
 
     Forces and accelerations are the means over the step to come.
     """
+    if m.dashpot.law == "comfree":
+        _solve_complementarity_free(m, d)
+        return
     _find_edits(m, d)
+    _solve(m, d, 0.0)
+
+
+def rollout(
+    m: Model, d: Data, nstep: int, *, ctrl: wp.array | None = None
+) -> tuple[wp.array, wp.array]:
+    """Take `nstep` steps of all worlds, as one graph that is launched again and again.
+
+    Parameters
+    ----------
+    m, d
+        Model and data; `d` has the last state afterwards.
+    nstep
+        Number of steps, >= 1.
+    ctrl
+        (nstep, nworld, nu) float controls, held over a step each; without them those in `d` stay.
+
+    Returns
+    -------
+    qpos, qvel
+        (nstep, nworld, nq) and (nstep, nworld, nv) states at the ends of the steps, on the device.
+    """
+    if nstep < 1:
+        raise ValueError(f"nstep must be >= 1, got {nstep}")
+    if ctrl is not None and tuple(ctrl.shape) != (nstep, d.nworld, m.nu):
+        raise ValueError(
+            f"ctrl must have shape (nstep, nworld, nu) = {(nstep, d.nworld, m.nu)}, "
+            f"got {tuple(ctrl.shape)}"
+        )
+    qpos = wp.empty((nstep, d.nworld, m.nq), dtype=wp.float32, device=d.qpos.device)
+    qvel = wp.empty((nstep, d.nworld, m.nv), dtype=wp.float32, device=d.qpos.device)
+    with wp.ScopedCapture(device=d.qpos.device) as capture:
+        step(m, d)
+    for i in range(nstep):
+        if ctrl is not None:
+            wp.copy(d.ctrl, ctrl[i])
+        wp.capture_launch(capture.graph)
+        wp.copy(qpos[i], d.qpos)
+        wp.copy(qvel[i], d.qvel)
+    return qpos, qvel
+
+
+def _solve(m: Model, d: Data, ahead: float) -> None:
+    """All stages at the positions in `d`, which are those after `ahead` of a step."""
     wp.copy(d.dashpot.middle, d.qpos)
-    _find_geometry(m, d, 0.0)
+    _find_geometry(m, d, ahead)
     _find_smooth_motion(m, d)
-    _find_rows(m, d, 0.0)
-    _plan_and_recall(m, d, 0.0)
+    _find_rows(m, d, ahead)
+    _couple(m, d)
+    _plan_and_recall(m, d, ahead)
     _run_microsteps(m, d)
     _respond(m, d)
     _finish_stages(m, d)
 
 
-def rollout(m: Model, d: Data, nstep: int, *, ctrl: wp.array | None = None) -> None:
-    """Take `nstep` steps; `ctrl` (nstep, nworld, nu) is what drives them."""
-    for i in range(nstep):
-        if ctrl is not None:
-            wp.copy(d.ctrl, ctrl[i])
-        step(m, d)
+def _solve_complementarity_free(m: Model, d: Data) -> None:
+    """The stages of `law="comfree"`, at the start of the step and with the model's own margins."""
+    own, law = m.dashpot, d.dashpot
+    _find_geometry(m, d, 0.0)
+    _find_smooth_motion(m, d)
+    _find_rows(m, d, 0.0)
+    if own.constraint_rows:
+        trees = [m.tree_dofadr, m.tree_dofnum, own.tree_factor]
+        inputs = [own.dims, *trees, law.rows, law.work]
+        wp.launch(comfree.add_magnitudes, dim=(d.nworld, m.ntree), inputs=inputs)
+    inputs = [
+        own.dims,
+        m.nv,
+        m.opt.timestep,
+        own.comfree_stiffness,
+        own.comfree_damping,
+        d.contact.efc_address,
+        d.efc.D,
+        law.rows,
+        law.work,
+    ]
+    wp.launch(comfree.push_apart, dim=(d.nworld, law.groups), inputs=inputs)
+    _respond(m, d)
+    _finish_stages(m, d)
 
 
 @contextmanager
@@ -116,7 +192,6 @@ def _bodies(m: Model) -> list[Any]:
 def _drift_to_middle(m: Model, d: Data) -> None:
     inputs = [*_bodies(m), HALF, d.qpos, d.qvel, d.dashpot.memory.rest]
     wp.launch(drift.drift_to_middle, dim=(d.nworld, m.njnt), inputs=inputs)
-    wp.copy(d.dashpot.middle, d.qpos)
 
 
 def _find_geometry(m: Model, d: Data, ahead: float) -> None:
@@ -149,9 +224,10 @@ def _find_geometry(m: Model, d: Data, ahead: float) -> None:
     mjw.crb(m, d)
     smooth.tendon_armature(m, d)
     mjw.factor_m(m, d)
-    m.geom_margin = law.geom_margin
-    if npair:
-        m.pair_margin = law.pair_margin
+    if own.law != "comfree":
+        m.geom_margin = law.geom_margin
+        if npair:
+            m.pair_margin = law.pair_margin
     if m.opt.run_collision_detection:
         mjw.collision(m, d)
     mjw.make_constraint(m, d)
@@ -187,7 +263,7 @@ def _find_smooth_motion(m: Model, d: Data) -> None:
     mjw.fwd_acceleration(m, d)
     wp.copy(work.start, d.qvel)
     wp.copy(work.force, d.qfrc_smooth)
-    if own.has_joints:
+    if own.has_joints and own.law != "comfree":
         _take_bias_of_middle(m, d)
     dampers = not m.opt.disableflags & DisableBit.DAMPER
     if m.opt.integrator == IntegratorType.IMPLICITFAST:
@@ -210,9 +286,10 @@ def _find_smooth_motion(m: Model, d: Data) -> None:
             outputs=[work.H],
         )
     has_gravity = int(not m.opt.disableflags & DisableBit.GRAVITY)
+    flown = m.body_freeadr.size if own.law != "comfree" else 0
     wp.launch(
         inertia.free_forces,
-        dim=(d.nworld, m.body_freeadr.size),
+        dim=(d.nworld, flown),
         inputs=[
             m.opt.timestep,
             m.opt.gravity,
@@ -316,8 +393,40 @@ def _find_rows(m: Model, d: Data, ahead: float) -> None:
             work,
         ],
     )
+
+
+def _advance_semi_implicit(m: Model, d: Data) -> None:
+    """Positions go on by the new velocity, but keep the rest that they lose to rounding."""
+    law, work = d.dashpot, d.dashpot.work
+    wp.copy(law.middle, d.qpos)
+    _advance(m, d, d.qacc)
     wp.launch(
-        rows.couple, dim=(d.nworld, law.groups, law.groups), inputs=[own.dims, m.nv, state]
+        comfree.way_of_step,
+        dim=(d.nworld, m.nv),
+        inputs=[m.opt.timestep, work],
+    )
+    wp.launch(
+        drift.drift_to_end,
+        dim=(d.nworld, m.njnt),
+        inputs=[
+            *_bodies(m)[:5],
+            law.no_body,
+            *_bodies(m)[6:],
+            work.start,
+            work.displacement,
+            work.end,
+            law.middle,
+            law.memory.rest,
+            d.qpos,
+            d.qvel,
+        ],
+    )
+
+
+def _couple(m: Model, d: Data) -> None:
+    law, own = d.dashpot, m.dashpot
+    wp.launch(
+        rows.couple, dim=(d.nworld, law.groups, law.groups), inputs=[own.dims, m.nv, law.rows]
     )
 
 
@@ -453,6 +562,10 @@ def _remember(m: Model, d: Data) -> None:
             law.work,
         ],
     )
+
+
+def _remember_state(m: Model, d: Data) -> None:
+    law = d.dashpot
     wp.launch(
         memory.remember_state,
         dim=(d.nworld, max(m.nq, m.nv)),
