@@ -26,6 +26,7 @@ except ImportError as _error:
         "dashpot.warp needs warp-lang and mujoco-warp: pip install 'dashpot[warp]'"
     ) from _error
 
+from dashpot.warp.batches import set_material
 from dashpot.warp.data import (
     Data,
     get_data_into,
@@ -33,7 +34,7 @@ from dashpot.warp.data import (
     put_data,
     reset_data,
 )
-from dashpot.warp.model import Model, put_model, set_material
+from dashpot.warp.model import Model, put_model
 from dashpot.warp.step import forward, rollout, step
 
 __all__ = [

@@ -243,11 +243,14 @@ def remember_state(
     nv: int,
     qpos: wp.array2d(dtype=wp.float32),
     qvel: wp.array2d(dtype=wp.float32),
+    overflow: wp.array(dtype=wp.int32),
     memory: Memory,
     work: Work,
 ):
     """Positions and velocities at the end of the step; thread per number."""
     world, i = wp.tid()
+    if i == 0 and overflow[world] != 0:
+        work.overflow[world] = 1
     if i < nq:
         memory.qpos[world, i] = qpos[world, i]
         if not wp.isfinite(qpos[world, i]):

@@ -19,7 +19,7 @@ from dashpot.object_ids import Element
 from dashpot.warp.features import refuse
 from dashpot.warp.material import DAMPING, FROM_MODEL, RATIO, RESTITUTION, vec7
 
-__all__ = ["LawModel", "Model", "put_model", "set_material"]
+__all__ = ["LawModel", "Model", "put_model"]
 
 Law = Literal["kelvin_voigt", "comfree"]
 Numbers = float | NDArray[np.floating[Any]]
@@ -142,111 +142,6 @@ def put_model(
         geom_id={mjm.geom(i).name: i for i in range(mjm.ngeom)},
     )
     return m
-
-
-def set_material(
-    m: Model,
-    geom: int | str,
-    *,
-    stiffness: Any = None,
-    damping: Any = None,
-    damping_ratio: Any = None,
-    friction: Any = None,
-) -> None:
-    """Change the material of a geom in all worlds, or in each on its own.
-
-    Parameters
-    ----------
-    m
-        From `put_model`.
-    geom
-        Id or name. It must have a material since `put_model`.
-    stiffness, damping, damping_ratio, friction
-        N/m, N s/m, 1, and the sliding coefficient: a number, or a numpy, Warp or torch array of
-        shape (k,), of which world w has entry ``w % k``. Warp and torch arrays on the device are
-        copied there, without the host.
-
-    Raises
-    ------
-    ValueError
-        If the geom has no material, or an array no shape (k,).
-    """
-    at = m.dashpot.geom_id[geom] if isinstance(geom, str) else int(geom)
-    if at not in m.dashpot.materials:
-        raise ValueError(f"geom {geom!r} has no material: give it one in put_model")
-    if damping is not None and damping_ratio is not None:
-        raise ValueError("give at most one of damping and damping_ratio")
-    ngeom = m.ngeom
-    law = m.dashpot
-    if stiffness is not None:
-        law.stiffness = _set_column(law.stiffness, at, stiffness, ngeom)
-    for value, form in ((damping, DAMPING), (damping_ratio, RATIO)):
-        if value is not None:
-            law.damping = _set_column(law.damping, at, value, ngeom)
-            law.form[at : at + 1].fill_(form)
-    if friction is not None:
-        values = _column(friction)
-        count = len(values)
-        if m.geom_friction.shape[0] < count:
-            old = m.geom_friction
-            m.geom_friction = wp.empty((count, ngeom), dtype=wp.vec3)
-            wp.launch(_repeat_vec, dim=(count, ngeom), inputs=[old], outputs=[m.geom_friction])
-        wp.launch(
-            _write_friction, dim=m.geom_friction.shape[0], inputs=[values, at, m.geom_friction]
-        )
-
-
-@wp.kernel(enable_backward=False)
-def _repeat(old: wp.array2d(dtype=wp.float32), new: wp.array2d(dtype=wp.float32)):  # type: ignore
-    world, i = wp.tid()
-    new[world, i] = old[world % old.shape[0], i]
-
-
-@wp.kernel(enable_backward=False)
-def _repeat_vec(old: wp.array2d(dtype=wp.vec3), new: wp.array2d(dtype=wp.vec3)):  # type: ignore
-    world, i = wp.tid()
-    new[world, i] = old[world % old.shape[0], i]
-
-
-@wp.kernel(enable_backward=False)
-def _write_column(  # type: ignore
-    values: wp.array(dtype=wp.float32), at: int, out: wp.array2d(dtype=wp.float32)
-):
-    world = wp.tid()
-    out[world, at] = values[world % values.shape[0]]
-
-
-@wp.kernel(enable_backward=False)
-def _write_friction(  # type: ignore
-    values: wp.array(dtype=wp.float32), at: int, out: wp.array2d(dtype=wp.vec3)
-):
-    world = wp.tid()
-    f = out[world, at]
-    out[world, at] = wp.vec3(values[world % values.shape[0]], f[1], f[2])
-
-
-def _column(value: Any) -> wp.array:
-    """Return a one-dimensional float array of Warp; torch tensors are not copied."""
-    if isinstance(value, wp.array):
-        array = value
-    elif type(value).__module__.startswith("torch"):
-        array = wp.from_torch(value)
-    else:
-        array = wp.array(np.atleast_1d(np.asarray(value, dtype=np.float32)), dtype=wp.float32)
-    if array.ndim != 1 or array.dtype != wp.float32 or len(array) == 0:
-        raise ValueError(f"expected float32 of shape (k,), got {array.dtype} {array.shape}")
-    return array
-
-
-def _set_column(old: wp.array, at: int, value: Any, ngeom: int) -> wp.array:
-    """Write one geom's values, with as many rows as they need."""
-    values = _column(value)
-    array = old
-    if old.shape[0] < len(values):
-        array = wp.empty((len(values), ngeom), dtype=wp.float32)
-        wp.launch(_repeat, dim=array.shape, inputs=[old], outputs=[array])
-    wp.launch(_write_column, dim=array.shape[0], inputs=[values, at, array])
-    return array
 
 
 def _numbers(name: str, value: Numbers, least: float) -> wp.array:

@@ -569,5 +569,5 @@ def _remember_state(m: Model, d: Data) -> None:
     wp.launch(
         memory.remember_state,
         dim=(d.nworld, max(m.nq, m.nv)),
-        inputs=[m.nq, m.nv, d.qpos, d.qvel, law.memory, law.work],
+        inputs=[m.nq, m.nv, d.qpos, d.qvel, d.overflow, law.memory, law.work],
     )
