@@ -71,20 +71,18 @@ class LawData:
             "diverged": (nworld,),
         }
 
-        def make(struct: Any, name_of_force: str) -> Any:
+        def make(struct: Any, *, is_work: bool = False) -> Any:
             instance = struct()
             for name, kind in struct.cls.__annotations__.items():
                 shape = special.get(name)
-                if name == "force" and name_of_force != "work":
-                    shape = None
-                if shape is None:
+                if shape is None or len(shape) != kind.ndim or (name == "force" and not is_work):
                     shape = (nworld, dims, groups) if kind.ndim == 3 else (nworld, groups)
                 setattr(instance, name, wp.zeros(shape, dtype=kind.dtype, device=self.device))
             return instance
 
-        self.rows = make(Rows, "rows")
-        self.memory = make(Memory, "memory")
-        self.work = make(Work, "work")
+        self.rows = make(Rows)
+        self.memory = make(Memory)
+        self.work = make(Work, is_work=True)
         self.geom_margin = wp.zeros((nworld, max(1, mjm.ngeom)), dtype=wp.float32)
         self.pair_margin = wp.zeros((nworld, max(1, mjm.npair)), dtype=wp.float32)
         self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)

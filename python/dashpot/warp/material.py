@@ -67,6 +67,12 @@ def blend(x: float, y: float, share_x: float, share_y: float) -> float:
 
 
 @wp.func
+def value_of(values: wp.array2d(dtype=wp.float32), world: int, geom: int) -> float:
+    """That of a geom in a world."""
+    return values[world % values.shape[0], geom]
+
+
+@wp.func
 def pair_index(pair: Pair, key: wp.vec3i) -> int:
     """Which material of its own a pair of geoms has, -1 for none."""
     low = wp.min(key[0], key[1])
@@ -85,17 +91,16 @@ def pair_material(pair: Pair, world: int, key: wp.vec3i) -> vec7:
         return pair.pair_values[own]
     a = key[0]
     b = key[1]
-    at = world % pair.stiffness.shape[0]
-    ka = pair.stiffness[at, a]
-    kb = pair.stiffness[at, b]
-    da = pair.damping[at, a]
-    db = pair.damping[at, b]
+    ka = value_of(pair.stiffness, world, a)
+    kb = value_of(pair.stiffness, world, b)
+    da = value_of(pair.damping, world, a)
+    db = value_of(pair.damping, world, b)
     fa = pair.form[a]
     fb = pair.form[b]
-    ta = pair.tangential_ratio[at, a]
-    tb = pair.tangential_ratio[at, b]
-    za = pair.tangential_damping[at, a]
-    zb = pair.tangential_damping[at, b]
+    ta = value_of(pair.tangential_ratio, world, a)
+    tb = value_of(pair.tangential_ratio, world, b)
+    za = value_of(pair.tangential_damping, world, a)
+    zb = value_of(pair.tangential_damping, world, b)
     if fa == int(FROM_MODEL) and fb == int(FROM_MODEL):
         return vec7(0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 1.0)
     k = float(0.0)

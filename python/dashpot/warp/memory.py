@@ -12,6 +12,8 @@ from dashpot.warp.state import CONTACT, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
+vec6d = wp.types.vector(6, wp.float64)
+
 NONE = -1
 CONTESTED = -2
 
@@ -180,6 +182,7 @@ def remember(
     dim = rows.dim[world, g]
     sticks = rows.sticks[world, g]
     rate = wp.vec3(0.0, 0.0, 0.0)
+    forces = vec6d()  # k x
     for i in range(dim):
         way = wp.float64(0.0)
         u = wp.float64(0.0)
@@ -189,19 +192,19 @@ def remember(
             u += value * wp.float64(work.end[world, dof])
         if i < 3:
             rate[i] = wp.float32(u)
+        x = wp.float64(rows.x[world, i, g])
         if sticks == 1 or (i == 0 and kind <= 1):
-            rows.x[world, i, g] = rows.x[world, i, g] + wp.float32(
-                way - wp.float64(rows.moved[world, i, g])
-            )
+            x += wp.float64(rows.rest[world, i, g]) + way
+        else:
+            x += wp.float64(rows.moved[world, i, g])
+        forces[i] = wp.float64(rows.k[world, i, g]) * x
     memory.key[world, g] = rows.key[world, g]
     memory.local1[world, g] = rows.local1[world, g]
     memory.local2[world, g] = rows.local2[world, g]
-    x = rows.x[world, 0, g]
-    k = rows.k[world, 0, g]
-    memory.stiffness[world, g] = k
+    memory.stiffness[world, g] = rows.k[world, 0, g]
     memory.credit[world, g] = rows.credit[world, g]
-    pressed = bool(kind > 1 or x < 0.0)
-    memory.force[world, g] = wp.where(pressed, -k * x, 0.0)
+    pressed = bool(kind > 1 or forces[0] < wp.float64(0.0))
+    memory.force[world, g] = wp.where(pressed, -forces[0], wp.float64(0.0))
     memory.slack[world, g] = wp.where(pressed, wp.max(0.0, -rows.offset[world, g]), 0.0)
     if kind != int(CONTACT):
         return
@@ -211,25 +214,22 @@ def remember(
     memory.normal[world, g] = wp.vec3(frame[0, 0], frame[0, 1], frame[0, 2])
     memory.point[world, g] = contact_pos[rows.source[world, g]]
     memory.rate[world, g] = wp.transpose(frame) @ rate
-    to_local = wp.transpose(geom_xmat[world, rows.key[world, g][0]])
-    slide = wp.vec3(0.0, 0.0, 0.0)
-    roll = wp.vec3(0.0, 0.0, 0.0)
-    spin = float(0.0)
+    # The inverse proper: what does not turn must not lose by rounding of the frame.
+    to_local = wp.inverse(wp.mat33d(geom_xmat[world, rows.key[world, g][0]]))
+    along1 = wp.vec3d(t1)
+    along2 = wp.vec3d(t2)
+    slide = wp.vec3d()
+    roll = wp.vec3d()
+    spin = wp.float64(0.0)
     stiffness = wp.vec3(0.0, 0.0, 0.0)
     if dim > 2:
-        slide = to_local @ (
-            rows.k[world, 1, g] * rows.x[world, 1, g] * t1
-            + rows.k[world, 2, g] * rows.x[world, 2, g] * t2
-        )
+        slide = to_local @ (forces[1] * along1 + forces[2] * along2)
         stiffness[0] = wp.max(rows.k[world, 1, g], rows.k[world, 2, g])
     if dim > 3:
-        spin = rows.k[world, 3, g] * rows.x[world, 3, g]
+        spin = forces[3]
         stiffness[1] = rows.k[world, 3, g]
     if dim > 5:
-        roll = to_local @ (
-            rows.k[world, 4, g] * rows.x[world, 4, g] * t1
-            + rows.k[world, 5, g] * rows.x[world, 5, g] * t2
-        )
+        roll = to_local @ (forces[4] * along1 + forces[5] * along2)
         stiffness[2] = wp.max(rows.k[world, 4, g], rows.k[world, 5, g])
     memory.slide[world, g] = slide
     memory.spin[world, g] = spin

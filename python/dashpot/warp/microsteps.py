@@ -84,7 +84,7 @@ def microstep_kernel(dims: int) -> Any:
         surface = float(0.0)
         sticks = bool(False)
         u = vec(0.0)
-        x = vec(0.0)
+        base = vec(0.0)
         c = vec(0.0)
         w = vec(0.0)
         force = vec(0.0)
@@ -112,7 +112,8 @@ def microstep_kernel(dims: int) -> Any:
                 turning = rows.turning[world, i, g]
                 u[i] = rows.u[world, i, g] - 0.5 * T * turning
                 c[i] = rows.c[world, i, g] + turning
-                x[i] = rows.x[world, i, g]
+                base[i] = rows.x[world, i, g]
+                moved[i] = rows.rest[world, i, g]
                 w[i] = rows.w[world, i, g]
             e = propagate_later(w[0] * d0, w[0] * k0, h)
             largest = float(0.0)
@@ -132,10 +133,11 @@ def microstep_kernel(dims: int) -> Any:
                         relaxes[i] = wp.exp(-kt[i] * h / dt[i])
             if largest > 0.0:
                 slip = slip / largest
-            surface = offset_rate(offset, noise, x[0], bearable, recovery, speed, kind > 1)
+            surface = offset_rate(offset, noise, base[0], bearable, recovery, speed, kind > 1)
         for _step in range(microsteps):
             if active:
                 # The force every row has now.
+                x = base + moved
                 force[0] = -k0 * x[0] - d0 * (u[0] - surface)
                 if kind > int(UNILATERAL):
                     force[0] = wp.clamp(force[0], -limit, limit)
@@ -171,6 +173,7 @@ def microstep_kernel(dims: int) -> Any:
             barrier()
             loads = vec(0.0)
             if active:
+                x = base + moved
                 for i in range(wp.static(dims)):
                     loads[i] = c[i] - w[i] * force[i]
                 for other in range(count):
@@ -226,29 +229,32 @@ def microstep_kernel(dims: int) -> Any:
                     moved[i] += way
                     moment[i] += h * total[i] + r[i]
                     total[i] += p[i]
-                    if i == 0 and kind <= int(UNILATERAL):
-                        x[0] += way - h * surface
-                    elif sticks:
-                        x[i] += way - wp.where(i == 0, h * surface, 0.0)
-                    elif i > 0:
-                        rest = float(0.0)
-                        if kt[i - 1] > 0.0:
-                            rest = -p[i] / (kt[i - 1] * h)
-                        x[i] = rest + relaxes[i - 1] * (x[i] - rest)
-                    else:
-                        rest = -p[0] / (k0 * h)
+                    # Deformations are base + moved: what is less than an ulp of them adds up too.
+                    if i == 0 and (sticks or kind <= int(UNILATERAL)):
+                        base[0] -= h * surface
+                    elif not sticks:
+                        stiffness = k0
                         fade = float(0.0)
-                        if d0 > 0.0:
-                            fade = wp.exp(-k0 * h / d0)
-                        x[0] = rest + fade * (x[0] - rest)
+                        if i == 0:
+                            if d0 > 0.0:
+                                fade = wp.exp(-k0 * h / d0)
+                        else:
+                            stiffness = kt[i - 1]
+                            fade = relaxes[i - 1]
+                        rest = float(0.0)
+                        if stiffness > 0.0:
+                            rest = -p[i] / (stiffness * h)
+                        slipped = base[i] + (moved[i] - way)
+                        base[i] = rest + fade * (slipped - rest) - moved[i]
                 offset -= h * surface
-                surface = offset_rate(offset, noise, x[0], bearable, recovery, speed, kind > 1)
+                at = base[0] + moved[0]
+                surface = offset_rate(offset, noise, at, bearable, recovery, speed, kind > 1)
         if active:
             for i in range(wp.static(dims)):
                 rows.total[world, i, g] = total[i]
                 rows.moment[world, i, g] = moment[i]
                 rows.moved[world, i, g] = moved[i]
-                rows.x[world, i, g] = x[i]
+                rows.x[world, i, g] = base[i]
             rows.offset[world, g] = offset
             rows.sticks[world, g] = wp.where(sticks, 1, 0)
 

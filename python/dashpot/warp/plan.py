@@ -8,32 +8,23 @@ Rows whose own entry of A is 1 are as stiff as micro-steps of length h resolve, 
 with the bounds c of all rows, of normals and of friction, by Perron and Frobenius: with z > 0 no
 eigenvalue of |A| is larger than the largest of ``(|A| z)_i / z_i``. There is one bound per world.
 Stiffness in SI units is lowered only beyond that, and counted.
-
-Springs go on from remembered forces (``cpp/include/dashpot/rows/recall.hpp``). Single precision
-knows an overlap to some ulp of the coordinates, more than what rigid contacts are compressed by. A
-compression that differs from the overlap by less than that goes on; of more the smaller one counts,
-and the rest recovers.
 """
 
 import warp as wp
 
 from dashpot.warp.material import Pair, pair_material, solref_rates
-from dashpot.warp.memory import edit_of
 from dashpot.warp.state import BILATERAL, CONTACT, SLIDER, UNILATERAL, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
 STIFFEST_ALONE = 1.5
 SERIES = 4.0  # w k h^2 and w d h that the law's series takes
-NOISE = 4.8e-7  # of the coordinates: 4 ulp
 RIGID_INELASTIC = 3.0  # damping ratio of a rigid contact with restitution 0
 INELASTIC = 50.0  # the same with a stiffness
-LEAST_SIZE = 0.25  # m, of the coordinates that noise goes by
 BEARABLE = 981.0  # m/s^2, a hundred weights
 BLOW = 40.0  # m/s^2: what changes rates by more within a step is a blow,
 SLOW = 0.02  # m/s, but nothing as slow as this
 REACHED = 3.0  # times the way of the fastest in a step, within which others may be pressed
-TURNS_ON = 2.0  # times its way in a step that a contact point may have moved
 
 
 @wp.kernel
@@ -154,25 +145,6 @@ def inverse_of_coupling(bound: float) -> float:
     if bound <= 1.0 + 1.0e-5:
         return wp.inf
     return 1.0 / (bound - 1.0)
-
-
-@wp.func
-def recall_scale(deformation: float, old: float, k: float, w: float, speed: float,
-                 credit: float) -> wp.vec2:
-    """Factor on a remembered deformation under another stiffness, and the credit that is left."""
-    if deformation == 0.0 or old == 0.0 or k == 0.0:
-        return wp.vec2(0.0, credit)
-    same = old / k
-    stored = 0.5 * old * deformation * deformation
-    scale = same
-    if same > 1.0:
-        allowed = same
-        if w > 0.0:
-            allowed = speed / (wp.sqrt(k * w) * wp.abs(deformation))
-        covered = wp.sqrt(same * (1.0 + credit / stored))
-        scale = wp.min(same, wp.max(allowed, covered))
-    left = wp.max(0.0, credit - stored * (scale * scale / same - 1.0))
-    return wp.vec2(scale, left)
 
 
 @wp.kernel
@@ -297,157 +269,3 @@ def fill_rows(
         rows.mu[world, i, g] = 0.0
     if clipped > 0:
         wp.atomic_add(work.clipped, world, clipped)
-
-
-@wp.func
-def noise_at(point: wp.vec3) -> float:
-    """What collision does not know of a gap (m)."""
-    size = wp.max(wp.max(wp.abs(point[0]), wp.abs(point[1])), wp.abs(point[2]))
-    return NOISE * wp.max(LEAST_SIZE, size)
-
-
-@wp.kernel
-def recall(
-    dims: int,
-    ahead: float,
-    timestep: wp.array(dtype=wp.float32),
-    recovery_speed: wp.array(dtype=wp.float32),
-    geom_tree: wp.array(dtype=wp.int32),
-    geom_rbound: wp.array2d(dtype=wp.float32),
-    geom_bodyid: wp.array(dtype=wp.int32),
-    geom_xpos: wp.array2d(dtype=wp.vec3),
-    geom_xmat: wp.array2d(dtype=wp.mat33),
-    twist: wp.array2d(dtype=wp.spatial_vector),
-    xpos: wp.array2d(dtype=wp.vec3),
-    contact_pos: wp.array(dtype=wp.vec3),
-    contact_frame: wp.array(dtype=wp.mat33),
-    rows: Rows,
-    memory: Memory,
-    work: Work,
-):
-    """Deformations, offsets and turning of every group; thread per group."""
-    world, g = wp.tid()
-    if g >= rows.count[world]:
-        return
-    T = timestep[world % timestep.shape[0]]
-    speed = recovery_speed[world % recovery_speed.shape[0]]
-    kind = rows.kind[world, g]
-    old = rows.match[world, g]
-    k = rows.k[world, 0, g]
-    w = rows.w[world, 0, g]
-    for i in range(dims):
-        rows.x[world, i, g] = 0.0
-        rows.turning[world, i, g] = 0.0
-    credit = float(0.0)
-    noise = 2.0e-7 * (1.0 + wp.abs(rows.gap[world, g]))
-    if kind == int(CONTACT):
-        source = rows.source[world, g]
-        noise = noise_at(contact_pos[source])
-        key = rows.key[world, g]
-        frame = contact_frame[source]
-        if old >= 0 and ahead > 0.0:
-            # The rates that the same velocities have in the geometry of the last middle.
-            edited = edit_of(world, key[0], geom_tree, work) + edit_of(
-                world, key[1], geom_tree, work
-            )
-            way = float(0.0)
-            for side in range(2):
-                geom = key[side]
-                body = geom_bodyid[geom]
-                motion = twist[world, body]
-                spin = wp.spatial_top(motion)
-                linear = wp.spatial_bottom(motion) + wp.cross(
-                    spin, geom_xpos[world, geom] - xpos[world, body]
-                )
-                radius = geom_rbound[world % geom_rbound.shape[0], geom]
-                way = wp.max(way, wp.length(linear) + wp.length(spin) * radius)
-            moved = wp.length(contact_pos[source] - memory.point[world, old])
-            if edited == 0 and moved <= TURNS_ON * T * way:
-                rate = memory.rate[world, old]
-                normal = memory.normal[world, old]
-                along = wp.dot(rate, normal)
-                across = rate - along * normal
-                for i in range(wp.min(3, rows.dim[world, g])):
-                    before = along
-                    if i > 0:
-                        before = wp.dot(
-                            across, wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2])
-                        )
-                    rows.turning[world, i, g] = (rows.u[world, i, g] - before) / T
-                half = ahead * T
-                turning = rows.turning[world, 0, g]
-                rows.gap[world, g] = rows.gap[world, g] + 0.5 * half * half * turning
-    gap = rows.gap[world, g]
-    x = float(0.0)
-    if kind == int(SLIDER):
-        if old >= 0:
-            before = -memory.force[world, old] / memory.stiffness[world, old]
-            scale = recall_scale(before, memory.stiffness[world, old], k, w, speed,
-                                 memory.credit[world, old])
-            x = before * scale[0]
-            credit = scale[1]
-        rows.offset[world, g] = 0.0
-    elif kind == int(BILATERAL):
-        if old >= 0:
-            before = -memory.force[world, old] / memory.stiffness[world, old]
-            scale = recall_scale(before, memory.stiffness[world, old], k, w, speed,
-                                 memory.credit[world, old])
-            x = before * scale[0]
-            credit = scale[1]
-        rows.offset[world, g] = x - gap
-    else:
-        x = gap
-        is_new = old < 0
-        if is_new and gap < 0.0:
-            x = 0.0
-            if memory.steps[world] == 0 and rows.bearable[world, g] < wp.inf:
-                x = wp.max(gap, -rows.bearable[world, g])
-        if old >= 0 and gap < noise + memory.slack[world, old]:
-            stiffness = memory.stiffness[world, old]
-            compression = memory.force[world, old] / stiffness
-            reach = memory.slack[world, old] + noise - gap
-            compression = wp.min(compression, reach)
-            scale = recall_scale(compression, stiffness, k, w, speed, memory.credit[world, old])
-            x = -compression * scale[0]
-            credit = scale[1]
-            if compression <= 0.0:
-                x = wp.max(gap, 0.0)
-            elif kind == int(CONTACT):
-                to_world = geom_xmat[world, rows.key[world, g][0]]
-                frame = contact_frame[rows.source[world, g]]
-                stiffnesses = memory.friction_stiffness[world, old]
-                for part in range(2):
-                    force = memory.slide[world, old]
-                    ks = stiffnesses[0]
-                    first = 1
-                    if part == 1:
-                        force = memory.roll[world, old]
-                        ks = stiffnesses[2]
-                        first = 4
-                    if ks > 0.0 and rows.dim[world, g] > first:
-                        force = to_world @ force
-                        ki = wp.max(rows.k[world, first, g], rows.k[world, first + 1, g])
-                        wi = wp.max(rows.w[world, first, g], rows.w[world, first + 1, g])
-                        size = wp.length(force) / ks
-                        scale = recall_scale(size, ks, ki, wi, speed, credit)
-                        credit = scale[1]
-                        # Of the force as it is, for the tangents differ a little in stiffness.
-                        kept = scale[0] * ki / ks
-                        for i in range(2):
-                            tangent = wp.vec3(frame[1 + i, 0], frame[1 + i, 1], frame[1 + i, 2])
-                            row = first + i
-                            if rows.k[world, row, g] > 0.0:
-                                rows.x[world, row, g] = (
-                                    wp.dot(force, tangent) / rows.k[world, row, g] * kept
-                                )
-                if rows.dim[world, g] > 3 and stiffnesses[1] > 0.0:
-                    before = memory.spin[world, old] / stiffnesses[1]
-                    scale = recall_scale(before, stiffnesses[1], rows.k[world, 3, g],
-                                         rows.w[world, 3, g], speed, credit)
-                    rows.x[world, 3, g] = before * scale[0]
-                    credit = scale[1]
-        rows.offset[world, g] = x - gap
-    rows.x[world, 0, g] = x
-    rows.credit[world, g] = credit
-    # Within noise nothing recovers.
-    rows.slack[world, g] = noise

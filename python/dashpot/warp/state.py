@@ -44,6 +44,7 @@ class Rows:
     d: wp.array3d(dtype=wp.float32)
     mu: wp.array3d(dtype=wp.float32)  # friction coefficients, rows 1 and on
     x: wp.array3d(dtype=wp.float32)  # deformation
+    rest: wp.array3d(dtype=wp.float32)  # what x cannot hold of it
     force: wp.array3d(dtype=wp.float32)  # exchanged in a micro-step
     impulse: wp.array3d(dtype=wp.float32)  # exchanged in a micro-step, N s
     total: wp.array3d(dtype=wp.float32)  # impulse of the step, N s
@@ -57,20 +58,23 @@ class Rows:
 
 @wp.struct
 class Memory:
-    """What groups remember from step to step, by (world, group): forces, not deformations."""
+    """What groups remember from step to step, by (world, group): forces, not deformations.
+
+    In double precision: what creeps by less than an ulp of them in a step must not be lost.
+    """
 
     steps: wp.array(dtype=wp.int32)  # 1 after the first one
     count: wp.array(dtype=wp.int32)
     key: wp.array2d(dtype=wp.vec3i)
     local1: wp.array2d(dtype=wp.vec3)
     local2: wp.array2d(dtype=wp.vec3)
-    force: wp.array2d(dtype=wp.float32)  # of the spring, N; k x
+    force: wp.array2d(dtype=wp.float64)  # of the spring, N; k x
     stiffness: wp.array2d(dtype=wp.float32)
     slack: wp.array2d(dtype=wp.float32)
     credit: wp.array2d(dtype=wp.float32)
-    slide: wp.array2d(dtype=wp.vec3)  # N, frame of geom 1
-    spin: wp.array2d(dtype=wp.float32)  # N m
-    roll: wp.array2d(dtype=wp.vec3)  # N m, frame of geom 1
+    slide: wp.array2d(dtype=wp.vec3d)  # N, frame of geom 1
+    spin: wp.array2d(dtype=wp.float64)  # N m
+    roll: wp.array2d(dtype=wp.vec3d)  # N m, frame of geom 1
     friction_stiffness: wp.array2d(dtype=wp.vec3)  # sliding, torsion, rolling
     rate: wp.array2d(dtype=wp.vec3)  # m/s at the end of the step, world
     normal: wp.array2d(dtype=wp.vec3)

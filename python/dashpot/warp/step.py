@@ -12,7 +12,7 @@ from mujoco_warp._src import derivative, sensor, smooth
 from mujoco_warp._src.forward import _advance, _energy_pos, _energy_vel
 from mujoco_warp._src.types import DisableBit, IntegratorType
 
-from dashpot.warp import comfree, drift, inertia, memory, plan, reach, rows
+from dashpot.warp import comfree, drift, inertia, memory, plan, reach, recall, rows
 from dashpot.warp.data import Data
 from dashpot.warp.microsteps import microstep_kernel
 from dashpot.warp.model import Model
@@ -462,7 +462,7 @@ def _plan_and_recall(m: Model, d: Data, ahead: float) -> None:
         ],
     )
     wp.launch(
-        plan.recall,
+        recall.recall,
         dim=groups,
         inputs=[
             own.dims,
