@@ -92,7 +92,9 @@ def test_a_step_reads_nothing_back(monkeypatch):
 
 
 def test_forward_changes_no_state_and_finds_the_weight():
-    worlds = Worlds(model_of(mjcf(free_body("b", 'type="box" size=".1 .1 .1" mass="2"', (0, 0, 0.1)))))
+    worlds = Worlds(
+        model_of(mjcf(free_body("b", 'type="box" size=".1 .1 .1" mass="2"', (0, 0, 0.1))))
+    )
     worlds.step(500)
     before = worlds.d.qpos.numpy().copy(), worlds.d.qvel.numpy().copy()
     dw.forward(worlds.m, worlds.d)

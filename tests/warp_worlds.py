@@ -65,7 +65,7 @@ def worlds_of(scene, timestep, **options):
 
 
 def engine_of(scene, timestep):
-    """The C++ engine and data of a benchmark scene."""
+    """Return the C++ engine and data of a benchmark scene."""
     engine = dashpot.Engine(scene.model(timestep))
     engine.set_materials(scene.materials)
     for pair, material in scene.pair_materials.items():

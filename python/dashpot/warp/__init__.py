@@ -20,7 +20,7 @@ from typing import Any
 
 try:
     import mujoco_warp as _mujoco_warp
-    import warp as _warp
+    import warp as _warp  # noqa: F401
 except ImportError as _error:
     raise ImportError(
         "dashpot.warp needs warp-lang and mujoco-warp: pip install 'dashpot[warp]'"

@@ -22,7 +22,7 @@ def repeat(values: wp.array2d(dtype=wp.float32), out: wp.array2d(dtype=wp.float3
 
 @wp.kernel
 def repeat_vectors(values: wp.array2d(dtype=wp.vec3), out: wp.array2d(dtype=wp.vec3)):
-    """The same of vectors."""
+    """Do the same with vectors."""
     world, i = wp.tid()
     out[world, i] = values[world % values.shape[0], i]
 

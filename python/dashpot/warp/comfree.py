@@ -46,14 +46,14 @@ def add_magnitudes(
         # A column of inv(H), in place of H's row of the factor's structure.
         for i in range(n):
             value = wp.where(i == column, 1.0, 0.0)
-            for l in range(i):
-                value -= work.L[world, at + i * n + l] * work.force[world, first + l]
+            for other in range(i):
+                value -= work.L[world, at + i * n + other] * work.force[world, first + other]
             work.force[world, first + i] = value / work.L[world, at + i * n + i]
         for r in range(n):
             i = n - 1 - r
             value = work.force[world, first + i]
-            for l in range(i + 1, n):
-                value -= work.L[world, at + l * n + i] * work.force[world, first + l]
+            for other in range(i + 1, n):
+                value -= work.L[world, at + other * n + i] * work.force[world, first + other]
             work.force[world, first + i] = value / work.L[world, at + i * n + i]
         for i in range(n):
             work.displacement[world, first + i] = (

@@ -211,9 +211,7 @@ def _with_memory(mjm: mujoco.MjModel, d: Any, nconmax: int) -> Data:
     return result
 
 
-def get_data_into(
-    result: mujoco.MjData, mjm: mujoco.MjModel, d: Data, world_id: int = 0
-) -> None:
+def get_data_into(result: mujoco.MjData, mjm: mujoco.MjModel, d: Data, world_id: int = 0) -> None:
     """Copy one world into MuJoCo's data, as ``mujoco_warp.get_data_into`` does."""
     mujoco_warp.get_data_into(result, mjm, d, world_id)
 

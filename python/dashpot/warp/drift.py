@@ -65,8 +65,12 @@ def free_turn(q: wp.quatd, w_in: wp.vec3d, inertia: wp.vec3d, time: wp.float64):
 
 
 @wp.func
-def stored(value: wp.float64, index: int, qpos: wp.array(dtype=wp.float32),
-           rest: wp.array(dtype=wp.float32)):
+def stored(
+    value: wp.float64,
+    index: int,
+    qpos: wp.array(dtype=wp.float32),
+    rest: wp.array(dtype=wp.float32),
+):
     """Keep a position as qpos and the rest that it cannot hold."""
     high = wp.float32(value)
     qpos[index] = high
@@ -74,8 +78,9 @@ def stored(value: wp.float64, index: int, qpos: wp.array(dtype=wp.float32),
 
 
 @wp.func
-def whole(index: int, qpos: wp.array(dtype=wp.float32),
-          rest: wp.array(dtype=wp.float32)) -> wp.float64:
+def whole(
+    index: int, qpos: wp.array(dtype=wp.float32), rest: wp.array(dtype=wp.float32)
+) -> wp.float64:
     """Return the position with its rest."""
     return wp.float64(qpos[index]) + wp.float64(rest[index])
 
@@ -83,21 +88,30 @@ def whole(index: int, qpos: wp.array(dtype=wp.float32),
 @wp.func
 def vec_of(index: int, values: wp.array(dtype=wp.float32)) -> wp.vec3d:
     """Return three numbers in double precision."""
-    return wp.vec3d(wp.float64(values[index]), wp.float64(values[index + 1]),
-                    wp.float64(values[index + 2]))
+    return wp.vec3d(
+        wp.float64(values[index]), wp.float64(values[index + 1]), wp.float64(values[index + 2])
+    )
 
 
 @wp.func
-def quat_whole(index: int, qpos: wp.array(dtype=wp.float32),
-               rest: wp.array(dtype=wp.float32)) -> wp.quatd:
+def quat_whole(
+    index: int, qpos: wp.array(dtype=wp.float32), rest: wp.array(dtype=wp.float32)
+) -> wp.quatd:
     """Return a unit quaternion with its rest."""
-    return wp.normalize(quat_of(whole(index, qpos, rest), whole(index + 1, qpos, rest),
-                                whole(index + 2, qpos, rest), whole(index + 3, qpos, rest)))
+    return wp.normalize(
+        quat_of(
+            whole(index, qpos, rest),
+            whole(index + 1, qpos, rest),
+            whole(index + 2, qpos, rest),
+            whole(index + 3, qpos, rest),
+        )
+    )
 
 
 @wp.func
-def store_quat(q: wp.quatd, index: int, qpos: wp.array(dtype=wp.float32),
-               rest: wp.array(dtype=wp.float32)):
+def store_quat(
+    q: wp.quatd, index: int, qpos: wp.array(dtype=wp.float32), rest: wp.array(dtype=wp.float32)
+):
     """Keep a quaternion and its rest."""
     stored(q[3], index, qpos, rest)
     stored(q[0], index + 1, qpos, rest)
@@ -148,8 +162,9 @@ def drift_to_middle(
     else:
         centre = wp.vec3d(body_ipos[world % body_ipos.shape[0], body])
         frame = body_iquat[world % body_iquat.shape[0], body]
-        principal = quat_of(wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]),
-                            wp.float64(frame[3]))
+        principal = quat_of(
+            wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]), wp.float64(frame[3])
+        )
         inertia = wp.vec3d(body_inertia[world % body_inertia.shape[0], body])
         p = p + wp.quat_rotate(q, centre)
         v = v + wp.quat_rotate(q, wp.cross(w, centre))
@@ -224,14 +239,15 @@ def drift_to_end(
     else:
         centre = wp.vec3d(body_ipos[world % body_ipos.shape[0], body])
         frame = body_iquat[world % body_iquat.shape[0], body]
-        principal = quat_of(wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]),
-                            wp.float64(frame[3]))
+        principal = quat_of(
+            wp.float64(frame[0]), wp.float64(frame[1]), wp.float64(frame[2]), wp.float64(frame[3])
+        )
         inertia = wp.vec3d(body_inertia[world % body_inertia.shape[0], body])
         p = p + wp.quat_rotate(q, centre) + way + wp.quat_rotate(q, wp.cross(turn, centre))
         v = v + wp.quat_rotate(q, wp.cross(w, centre))
         at = q * principal
         momentum = wp.quat_rotate(at, wp.cw_mul(inertia, wp.quat_rotate_inv(principal, w)))
-        q_after, w_after = free_turn(at, wp.quat_rotate_inv(principal, turn / half), inertia, half)
+        q_after, _unused = free_turn(at, wp.quat_rotate_inv(principal, turn / half), inertia, half)
         q = q_after * wp.quat_inverse(principal)
         w_end = wp.cw_div(wp.quat_rotate_inv(q_after, momentum), inertia)
         w = wp.quat_rotate(principal, w_end)

@@ -26,7 +26,7 @@ _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
         "the flag 'override'",
         lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE),
     ),
-    ("adhesion of geoms", lambda m: bool(getattr(m, "geom_adhesion", _NONE).any())),
+    ("adhesion of geoms", lambda m: bool(m.geom_adhesion.any())),
     (
         "adhesion actuators (transmission 'body')",
         lambda m: bool((m.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()),
@@ -34,14 +34,6 @@ _MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
     ("gaps of geoms or pairs", lambda m: bool((m.geom_gap > 0).any() or (m.pair_gap > 0).any())),
     ("mocap bodies", lambda m: m.nmocap > 0),
 )
-
-
-class _Nothing:
-    def any(self) -> bool:
-        return False
-
-
-_NONE = _Nothing()
 
 
 def refuse(

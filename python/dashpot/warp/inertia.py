@@ -1,7 +1,8 @@
 """Effective inertia by tree: factors H = L L', smooth accelerations, response to impulses.
 
 ``H = M + T D`` with what the model's integrator takes implicitly (``D`` of joint dampers, with
-``implicitfast`` also of actuators, tendons and fluids), as in ``cpp/include/dashpot/rows/trees.hpp``.
+``implicitfast`` also of actuators, tendons and fluids), as in
+``cpp/include/dashpot/rows/trees.hpp``.
 """
 
 import warp as wp
@@ -63,9 +64,7 @@ def free_forces(
     torque = wp.transpose(xmat[world, body]) @ wp.cross(arm, weight)
     for i in range(3):
         force[world, dof + i] = force[world, dof + i] + bias[world, dof + i] + weight[i]
-        force[world, dof + 3 + i] = (
-            force[world, dof + 3 + i] + bias[world, dof + 3 + i] + torque[i]
-        )
+        force[world, dof + 3 + i] = force[world, dof + 3 + i] + bias[world, dof + 3 + i] + torque[i]
 
 
 @wp.kernel
@@ -119,22 +118,22 @@ def factor_and_solve(
     for i in range(n):
         for j in range(i + 1):
             s = L[at + i * n + j]
-            for l in range(j):
-                s -= L[at + i * n + l] * L[at + j * n + l]
+            for other in range(j):
+                s -= L[at + i * n + other] * L[at + j * n + other]
             if i == j:
                 L[at + i * n + i] = wp.sqrt(wp.max(s, 1.0e-12))
             else:
                 L[at + i * n + j] = s / L[at + j * n + j]
     for i in range(n):
         s = work.force[world, first + i]
-        for l in range(i):
-            s -= L[at + i * n + l] * a[first + l]
+        for other in range(i):
+            s -= L[at + i * n + other] * a[first + other]
         a[first + i] = s / L[at + i * n + i]
     for r in range(n):
         i = n - 1 - r
         s = a[first + i]
-        for l in range(i + 1, n):
-            s -= L[at + l * n + i] * a[first + l]
+        for other in range(i + 1, n):
+            s -= L[at + other * n + i] * a[first + other]
         a[first + i] = s / L[at + i * n + i]
 
 
@@ -173,10 +172,10 @@ def respond(
                 p += y * wp.float64(rows.total[world, j, g])
                 m += y * wp.float64(rows.moment[world, j, g])
                 push += rows.J[world, g * dims + j, dof] * rows.total[world, j, g]
-        for l in range(i + 1, n):
-            factor = wp.float64(work.L[world, at + l * n + i])
-            p -= factor * wp.float64(work.end[world, first + l])
-            m -= factor * wp.float64(work.displacement[world, first + l])
+        for other in range(i + 1, n):
+            factor = wp.float64(work.L[world, at + other * n + i])
+            p -= factor * wp.float64(work.end[world, first + other])
+            m -= factor * wp.float64(work.displacement[world, first + other])
         diagonal = wp.float64(work.L[world, at + i * n + i])
         work.end[world, dof] = wp.float32(p / diagonal)
         work.displacement[world, dof] = wp.float32(m / diagonal)

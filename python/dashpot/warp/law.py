@@ -77,8 +77,17 @@ def propagate_later(damping_rate: float, square_frequency: float, t: float) -> v
 
 
 @wp.func
-def release_time(f0: float, drive: float, kb: float, f1: float, q: float, wd: float, wk: float,
-                 end: float, force_at_end: float) -> float:
+def release_time(
+    f0: float,
+    drive: float,
+    kb: float,
+    f1: float,
+    q: float,
+    wd: float,
+    wk: float,
+    end: float,
+    force_at_end: float,
+) -> float:
     """When the force f0 E0 - drive E1 - kb E2 falls through 0 within `end` (s), else -1."""
     low = float(0.0)
     high = float(end)
@@ -155,8 +164,9 @@ def next_contact(k: float, d: float, g: float, u: float, b: float, would_be: flo
 
 
 @wp.func
-def flow_events(k: float, d: float, w: float, gap: float, rate: float, b: float,
-                time: float) -> vec2:
+def flow_events(
+    k: float, d: float, w: float, gap: float, rate: float, b: float, time: float
+) -> vec2:
     """Impulse and moment over `time` (s), with the events inside it solved one by one."""
     wd = w * d
     wk = w * k
@@ -223,8 +233,9 @@ def flow_events(k: float, d: float, w: float, gap: float, rate: float, b: float,
 
 
 @wp.func
-def flow_normal(k: float, d: float, w: float, e: vec4, x: float, u: float, b: float,
-                h: float) -> vec2:
+def flow_normal(
+    k: float, d: float, w: float, e: vec4, x: float, u: float, b: float, h: float
+) -> vec2:
     """Impulse and moment of a contact over a micro-step h (s), whose E_1 to E_4 are e."""
     wk = w * k
     e0 = 1.0 - w * d * e[0] - wk * e[1]

@@ -68,7 +68,7 @@ def blend(x: float, y: float, share_x: float, share_y: float) -> float:
 
 @wp.func
 def value_of(values: wp.array2d(dtype=wp.float32), world: int, geom: int) -> float:
-    """That of a geom in a world."""
+    """Return what a geom has in a world."""
     return values[world % values.shape[0], geom]
 
 
@@ -151,8 +151,9 @@ def pair_material(pair: Pair, world: int, key: wp.vec3i) -> vec7:
     ca = share_a / ta
     cb = share_b / tb
     ratio = wp.where(ta == tb, ta, 1.0 / (ca + cb))
-    return vec7(k, zeta, damping, added, returns, ratio,
-                blend(za, zb, ca / (ca + cb), cb / (ca + cb)))
+    return vec7(
+        k, zeta, damping, added, returns, ratio, blend(za, zb, ca / (ca + cb), cb / (ca + cb))
+    )
 
 
 @wp.func
@@ -181,7 +182,7 @@ def impedance(solimp: vec5, gap: float) -> float:
 
 @wp.func
 def spring_of(solref: wp.vec2, solimp: vec5, load: float) -> wp.vec2:
-    """Kappa (1/s^2) and delta (1/s) at rest under a load (m/s^2), infinite for the full impedance."""
+    """Kappa (1/s^2) and delta (1/s) at rest under a load (m/s^2), which may be infinite."""
     width = clip_impedance(solimp[1])
     k = float(0.0)
     b = float(0.0)
@@ -209,19 +210,27 @@ def spring_of(solref: wp.vec2, solimp: vec5, load: float) -> wp.vec2:
 
 
 @wp.func
-def rates_of(own: wp.array(dtype=wp.int32), solref: wp.array2d(dtype=wp.vec2),
-             solimp: wp.array2d(dtype=vec5), world: int, index: int, load: float) -> wp.vec2:
+def rates_of(
+    own: wp.array(dtype=wp.int32),
+    solref: wp.array2d(dtype=wp.vec2),
+    solimp: wp.array2d(dtype=vec5),
+    world: int,
+    index: int,
+    load: float,
+) -> wp.vec2:
     """Those of a constraint, 0 where the model sets none."""
     if own[index] == 0:
         return wp.vec2(0.0, 0.0)
-    return spring_of(solref[world % solref.shape[0], index], solimp[world % solimp.shape[0], index],
-                     load)
+    return spring_of(
+        solref[world % solref.shape[0], index], solimp[world % solimp.shape[0], index], load
+    )
 
 
 @wp.func
-def solref_rates(pair: Pair, world: int, key: wp.vec3i, source: int, kind: int,
-                 load: float) -> wp.vec2:
-    """What the model's own solref means of a group, 0 where it sets none or a material counts."""
+def solref_rates(
+    pair: Pair, world: int, key: wp.vec3i, source: int, kind: int, load: float
+) -> wp.vec2:
+    """Return kappa and delta by the model's own solref; 0 without one, or beside a material."""
     if kind == int(CONTACT):
         a = key[0]
         b = key[1]

@@ -59,7 +59,7 @@ def find_edits(
 
 @wp.func
 def edit_of(world: int, geom: int, geom_tree: wp.array(dtype=wp.int32), work: Work) -> int:
-    """What was changed by hand of the tree of a geom."""
+    """Return what was changed by hand of the tree of a geom."""
     tree = geom_tree[geom]
     if tree < 0:
         return 0
@@ -97,11 +97,11 @@ def find_nearest(
                 rows.match[world, g] = old
         return
     point = contact_pos[rows.source[world, g]]
-    rows.local1[world, g] = (
-        wp.transpose(geom_xmat[world, key[0]]) @ (point - geom_xpos[world, key[0]])
+    rows.local1[world, g] = wp.transpose(geom_xmat[world, key[0]]) @ (
+        point - geom_xpos[world, key[0]]
     )
-    rows.local2[world, g] = (
-        wp.transpose(geom_xmat[world, key[1]]) @ (point - geom_xpos[world, key[1]])
+    rows.local2[world, g] = wp.transpose(geom_xmat[world, key[1]]) @ (
+        point - geom_xpos[world, key[1]]
     )
     if edit_of(world, key[0], geom_tree, work) == 2 or edit_of(world, key[1], geom_tree, work) == 2:
         return

@@ -41,8 +41,15 @@ def barrier():
 
 
 @wp.func
-def offset_rate(offset: float, noise: float, x: float, bearable: float, time: float, speed: float,
-                both_ways: bool) -> float:
+def offset_rate(
+    offset: float,
+    noise: float,
+    x: float,
+    bearable: float,
+    time: float,
+    speed: float,
+    both_ways: bool,
+) -> float:
     """How fast an offset beyond noise recovers (m/s)."""
     beyond = wp.abs(offset) - noise
     if beyond <= 0.0 or x * x > bearable * bearable:

@@ -124,7 +124,7 @@ def put_model(
     refuse(mjm, given, pairs)
     private = copy.copy(mjm)
     private.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    m = mujoco_warp.put_model(private, batch_sizes)
+    m: Model = mujoco_warp.put_model(private, batch_sizes)
     m.__class__ = Model
     m.dashpot = LawModel(
         law=law,
@@ -227,7 +227,9 @@ def _material_arrays(mjm: mujoco.MjModel, materials: dict[int, Material], m: Any
         zeta[0, geom] = material.tangential_damping_ratio
         if material.friction is not None:
             given = np.atleast_1d(np.asarray(material.friction, dtype=np.float32))
-            friction[geom, : len(given)] = np.where(np.isnan(given), friction[geom, : len(given)], given)
+            friction[geom, : len(given)] = np.where(
+                np.isnan(given), friction[geom, : len(given)], given
+            )
     m.geom_friction = wp.array(friction[None], dtype=wp.vec3)
     return {
         "stiffness": wp.array(stiffness),

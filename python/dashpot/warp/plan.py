@@ -13,7 +13,7 @@ Stiffness in SI units is lowered only beyond that, and counted.
 import warp as wp
 
 from dashpot.warp.material import Pair, pair_material, solref_rates
-from dashpot.warp.state import BILATERAL, CONTACT, SLIDER, UNILATERAL, Memory, Rows, Work
+from dashpot.warp.state import CONTACT, SLIDER, UNILATERAL, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
@@ -67,7 +67,7 @@ def find_touching(
 
 @wp.kernel
 def admit_reached(timestep: wp.array(dtype=wp.float32), rows: Rows):
-    """A blow may press what stays open otherwise: it takes part in the bound; thread per world."""
+    """Let what a blow may press take part in the bound, open or not; thread per world."""
     world = wp.tid()
     T = timestep[world % timestep.shape[0]]
     fastest = float(0.0)
@@ -128,7 +128,7 @@ def bound_round(dims: int, before: int, rows: Rows, work: Work):
 
 @wp.kernel
 def bound_end(dims: int, before: int, rows: Rows, work: Work):
-    """The largest quotients; thread per (world, vector)."""
+    """Find the largest quotients; thread per (world, vector)."""
     world, vector = wp.tid()
     c = float(0.0)
     for g in range(rows.count[world]):

@@ -27,10 +27,17 @@ def find_twists(
 
 
 @wp.func
-def reach_of(world: int, geom: int, T: float, gravity: wp.vec3,
-             geom_bodyid: wp.array(dtype=wp.int32), geom_rbound: wp.array2d(dtype=wp.float32),
-             geom_xpos: wp.array2d(dtype=wp.vec3), xpos: wp.array2d(dtype=wp.vec3),
-             work: Work) -> float:
+def reach_of(
+    world: int,
+    geom: int,
+    T: float,
+    gravity: wp.vec3,
+    geom_bodyid: wp.array(dtype=wp.int32),
+    geom_rbound: wp.array2d(dtype=wp.float32),
+    geom_xpos: wp.array2d(dtype=wp.vec3),
+    xpos: wp.array2d(dtype=wp.vec3),
+    work: Work,
+) -> float:
     """How far a geom may come in half a step."""
     body = geom_bodyid[geom]
     if body == 0:
@@ -60,8 +67,15 @@ def widen_geoms(
     world, geom = wp.tid()
     T = timestep[world % timestep.shape[0]]
     out[world, geom] = own[world % own.shape[0], geom] + reach_of(
-        world, geom, T, gravity[world % gravity.shape[0]], geom_bodyid, geom_rbound, geom_xpos,
-        xpos, work
+        world,
+        geom,
+        T,
+        gravity[world % gravity.shape[0]],
+        geom_bodyid,
+        geom_rbound,
+        geom_xpos,
+        xpos,
+        work,
     )
 
 

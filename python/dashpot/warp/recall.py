@@ -5,9 +5,9 @@ knows an overlap to some ulp of the coordinates, more than what rigid contacts a
 compression that differs from the overlap by less than that goes on; of more the smaller one counts,
 and the rest recovers.
 
-Rows have the geometry of the middle of the step (``cpp/include/dashpot/detection/turning.hpp``). The
-velocities of its start have the rates J v there, and had J' v in the middle of the last step, which
-the contact remembers. What turns between the two,
+Rows have the geometry of the middle of the step (``cpp/include/dashpot/detection/turning.hpp``).
+The velocities of its start have the rates J v there, and had J' v in the middle of the last step,
+which the contact remembers. What turns between the two,
 
     (J v - J' v) / T ,
 
@@ -17,7 +17,7 @@ is a load of its own, and the rates at the start are the mean of both.
 import warp as wp
 
 from dashpot.warp.memory import edit_of
-from dashpot.warp.state import BILATERAL, CONTACT, SLIDER, UNILATERAL, Memory, Rows, Work
+from dashpot.warp.state import BILATERAL, CONTACT, UNILATERAL, Memory, Rows, Work
 
 wp.set_module_options({"enable_backward": False})
 
@@ -27,8 +27,9 @@ TURNS_ON = 2.0  # times its way in a step that a contact point may have moved
 
 
 @wp.func
-def kept_force(deformation: float, old: float, k: float, w: float, speed: float,
-               credit: float) -> wp.vec2:
+def kept_force(
+    deformation: float, old: float, k: float, w: float, speed: float, credit: float
+) -> wp.vec2:
     """Share of a remembered force that goes on under another stiffness; the credit that is left.
 
     A rising stiffness takes energy, which a falling one may give back; that may add no more to it
@@ -51,7 +52,7 @@ def kept_force(deformation: float, old: float, k: float, w: float, speed: float,
 
 @wp.func
 def keep(x: wp.float64, world: int, i: int, g: int, rows: Rows):
-    """A deformation, and what single precision cannot hold of it."""
+    """Keep a deformation, and what single precision cannot hold of it."""
     high = wp.float32(x)
     rows.x[world, i, g] = high
     rows.rest[world, i, g] = wp.float32(x - wp.float64(high))
@@ -59,15 +60,23 @@ def keep(x: wp.float64, world: int, i: int, g: int, rows: Rows):
 
 @wp.func
 def noise_at(point: wp.vec3) -> float:
-    """What collision does not know of a gap (m)."""
+    """Return what collision does not know of a gap (m)."""
     size = wp.max(wp.max(wp.abs(point[0]), wp.abs(point[1])), wp.abs(point[2]))
     return NOISE * wp.max(LEAST_SIZE, size)
 
 
 @wp.func
-def recall_friction(world: int, g: int, old: int, speed: float, credit_in: float,
-                    geom_xmat: wp.array2d(dtype=wp.mat33),
-                    contact_frame: wp.array(dtype=wp.mat33), rows: Rows, memory: Memory) -> float:
+def recall_friction(
+    world: int,
+    g: int,
+    old: int,
+    speed: float,
+    credit_in: float,
+    geom_xmat: wp.array2d(dtype=wp.mat33),
+    contact_frame: wp.array(dtype=wp.mat33),
+    rows: Rows,
+    memory: Memory,
+) -> float:
     """Deformations of friction's springs; the credit that is left."""
     credit = credit_in
     to_world = wp.mat33d(geom_xmat[world, rows.key[world, g][0]])
@@ -97,8 +106,9 @@ def recall_friction(world: int, g: int, old: int, speed: float, credit_in: float
     if rows.dim[world, g] > 3 and stiffnesses[1] > 0.0 and rows.k[world, 3, g] > 0.0:
         spin = memory.spin[world, old]
         k = rows.k[world, 3, g]
-        kept = kept_force(wp.float32(spin) / stiffnesses[1], stiffnesses[1], k,
-                          rows.w[world, 3, g], speed, credit)
+        kept = kept_force(
+            wp.float32(spin) / stiffnesses[1], stiffnesses[1], k, rows.w[world, 3, g], speed, credit
+        )
         keep(spin * wp.float64(kept[0]) / wp.float64(k), world, 3, g, rows)
         credit = kept[1]
     return credit
@@ -169,9 +179,7 @@ def recall(
                 for i in range(wp.min(3, rows.dim[world, g])):
                     before = along
                     if i > 0:
-                        before = wp.dot(
-                            across, wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2])
-                        )
+                        before = wp.dot(across, wp.vec3(frame[i, 0], frame[i, 1], frame[i, 2]))
                     rows.turning[world, i, g] = (rows.u[world, i, g] - before) / T
                 half = ahead * T
                 turning = rows.turning[world, 0, g]
@@ -183,8 +191,9 @@ def recall(
         if old >= 0:
             force = memory.force[world, old]
             stiffness = memory.stiffness[world, old]
-            kept = kept_force(wp.float32(force) / stiffness, stiffness, k, w, speed,
-                              memory.credit[world, old])
+            kept = kept_force(
+                wp.float32(force) / stiffness, stiffness, k, w, speed, memory.credit[world, old]
+            )
             x = -force * wp.float64(kept[0]) / stiff
             credit = kept[1]
         rows.offset[world, g] = wp.where(kind == int(BILATERAL), wp.float32(x) - gap, 0.0)
@@ -209,8 +218,9 @@ def recall(
             if compression <= 0.0:
                 x = wp.float64(wp.max(gap, 0.0))
             elif kind == int(CONTACT):
-                credit = recall_friction(world, g, old, speed, credit, geom_xmat, contact_frame,
-                                         rows, memory)
+                credit = recall_friction(
+                    world, g, old, speed, credit, geom_xmat, contact_frame, rows, memory
+                )
         rows.offset[world, g] = wp.float32(x) - gap
     keep(x, world, 0, g, rows)
     rows.credit[world, g] = credit

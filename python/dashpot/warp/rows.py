@@ -64,7 +64,7 @@ def key_of(
     efc_type: wp.array2d(dtype=wp.int32),
     efc_id: wp.array2d(dtype=wp.int32),
 ) -> wp.vec3i:
-    """What tells a group from the others of its world, and orders them."""
+    """Return what tells a group from the others of its world, and orders them."""
     if source >= 0:
         pair = geom[source]
         return wp.vec3i(pair[0], pair[1], collision[source])
@@ -111,7 +111,7 @@ def sort_groups(
 
 @wp.kernel
 def clip_counts(rows: Rows):
-    """Groups beyond the capacity are left out; thread per world."""
+    """Leave out groups beyond the capacity; thread per world."""
     world = wp.tid()
     rows.count[world] = wp.min(rows.count[world], rows.raw.shape[1])
 
@@ -183,8 +183,10 @@ def prepare_rows(
             for dof in range(nv):
                 rows.J[world, at, dof] = 0.0
             begin = efc_rowadr[world, row]
-            for l in range(efc_rownnz[world, row]):
-                rows.J[world, at, efc_colind[world, 0, begin + l]] = efc_J[world, 0, begin + l]
+            for item in range(efc_rownnz[world, row]):
+                rows.J[world, at, efc_colind[world, 0, begin + item]] = efc_J[
+                    world, 0, begin + item
+                ]
         else:
             for dof in range(nv):
                 rows.J[world, at, dof] = efc_J[world, row, dof]
@@ -196,21 +198,21 @@ def prepare_rows(
             n = tree_dofnum[tree]
             factor = tree_factor[tree]
             reaches = bool(False)
-            for l in range(n):
-                value = rows.J[world, at, first + l]
+            for item in range(n):
+                value = rows.J[world, at, first + item]
                 if value != 0.0:
                     reaches = True
-                    u += wp.float64(value) * wp.float64(work.start[world, first + l])
-                    c += wp.float64(value) * wp.float64(work.a[world, first + l])
-            for l in range(n):
+                    u += wp.float64(value) * wp.float64(work.start[world, first + item])
+                    c += wp.float64(value) * wp.float64(work.a[world, first + item])
+            for item in range(n):
                 y = float(0.0)
                 if reaches:
-                    y = rows.J[world, at, first + l]
-                    for m in range(l):
-                        y -= work.L[world, factor + l * n + m] * rows.Y[world, at, first + m]
-                    y /= work.L[world, factor + l * n + l]
+                    y = rows.J[world, at, first + item]
+                    for m in range(item):
+                        y -= work.L[world, factor + item * n + m] * rows.Y[world, at, first + m]
+                    y /= work.L[world, factor + item * n + item]
                     w += wp.float64(y) * wp.float64(y)
-                rows.Y[world, at, first + l] = y
+                rows.Y[world, at, first + item] = y
         rows.u[world, i, g] = wp.float32(u)
         rows.c[world, i, g] = wp.float32(c)
         rows.w[world, i, g] = wp.float32(w)
@@ -220,7 +222,7 @@ def prepare_rows(
 
 @wp.kernel
 def couple(dims: int, nv: int, rows: Rows):
-    """A by blocks of two groups; thread per (other, group), whose numbers lie beside each other."""
+    """Find A by blocks of two groups; thread per (other, group), neighbours in memory."""
     world, other, g = wp.tid()
     count = rows.count[world]
     if g >= count or other >= count:

@@ -27,8 +27,8 @@ ROUNDS = 4  # of the coupling bound
 def step(m: Model, d: Data) -> None:
     """Advance all worlds by one time step.
 
-    What MuJoCo Warp's stages leave in `d`, positions of bodies and geoms, contacts, sensors, is that
-    of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end. With
+    What MuJoCo Warp's stages leave in `d`, positions of bodies and geoms, contacts, sensors, is
+    that of the middle of the step; ``qpos``, ``qvel`` and ``time`` are those of its end. With
     ``law="comfree"`` it is that of the start, as in MuJoCo. Nothing is read back by the host, so
     that a step can be captured as a graph.
 
@@ -118,7 +118,7 @@ def _solve(m: Model, d: Data, ahead: float) -> None:
 
 
 def _solve_complementarity_free(m: Model, d: Data) -> None:
-    """The stages of `law="comfree"`, at the start of the step and with the model's own margins."""
+    """Take the stages of `law="comfree"`, at the start of the step, with the model's margins."""
     own, law = m.dashpot, d.dashpot
     _find_geometry(m, d, 0.0)
     _find_smooth_motion(m, d)
@@ -211,9 +211,7 @@ def _find_geometry(m: Model, d: Data, ahead: float) -> None:
         own.geom_margin,
         law.work,
     ]
-    wp.launch(
-        reach.widen_geoms, dim=(d.nworld, m.ngeom), inputs=inputs, outputs=[law.geom_margin]
-    )
+    wp.launch(reach.widen_geoms, dim=(d.nworld, m.ngeom), inputs=inputs, outputs=[law.geom_margin])
     npair = own.explicit_pairs.shape[0]
     wp.launch(
         reach.widen_pairs,
@@ -253,7 +251,7 @@ def _find_geometry(m: Model, d: Data, ahead: float) -> None:
 
 def _find_smooth_motion(m: Model, d: Data) -> None:
     """Smooth forces and accelerations, with H = M + T D."""
-    law, work, own = d.dashpot, d.dashpot.work, m.dashpot
+    work, own = d.dashpot.work, m.dashpot
     mjw.fwd_velocity(m, d)
     mjw.sensor_vel(m, d)
     _energy_vel(m, d)
