@@ -169,3 +169,41 @@ def test_a_models_own_solref_gives_way_as_in_the_engine():
         engine.step(data)
         worst = max(worst, abs(worlds.qpos[2] - data.qpos[2]))
     assert worst < 2e-6
+
+
+def test_a_belt_that_users_move_carries_what_lies_on_it():
+    """A mocap plate that accelerates at 2 m/s^2, less than friction bears, and then stops."""
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><body name="plate" mocap="true" pos="0 0 -0.05">'
+        '<geom type="box" size="2 0.5 0.05"/></body><body pos="0 0 0.05"><freejoint/>'
+        '<geom type="box" size="0.05 0.05 0.05" mass="1"/></body></worldbody></mujoco>'
+    )
+    timestep = 0.002
+    worlds = Worlds(model_of(xml, timestep), nconmax=12)
+    place = np.array([[[0.0, 0.0, -0.05]]], dtype=np.float32)
+    worlds.step(100)
+    for i in range(1, 251):
+        place[0, 0, 0] = (i * timestep) ** 2
+        worlds.d.mocap_pos.assign(place)
+        worlds.step()
+        np.testing.assert_array_equal(worlds.d.mocap_pos.numpy(), place)
+    # It sticks: the box has the way of the plate, but for the give of friction's springs.
+    assert worlds.qpos[0] == pytest.approx(place[0, 0, 0], abs=2e-4)
+    assert worlds.qvel[0] == pytest.approx(1.0, abs=5e-3)
+
+
+def test_a_wall_that_users_move_pushes_a_ball_without_lag():
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="5 5 .1"/>'
+        '<body name="wall" mocap="true" pos="-0.2 0 0.1"><geom type="box" size="0.05 0.5 0.1"/>'
+        '</body><body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    worlds = Worlds(model_of(xml), nconmax=8)
+    place = np.array([[[-0.2, 0.0, 0.1]]], dtype=np.float32)
+    for i in range(1, 501):
+        place[0, 0, 0] = -0.2 + i * 0.002 * 0.5
+        worlds.d.mocap_pos.assign(place)
+        worlds.step()
+        assert worlds.qpos[0] > place[0, 0, 0] + 0.15 - 1e-3  # never deep in the wall
+    assert worlds.qvel[0] >= 0.5 - 1e-2

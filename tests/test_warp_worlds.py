@@ -71,6 +71,23 @@ def test_a_reset_world_begins_anew_and_leaves_others_alone():
     np.testing.assert_array_equal(worlds.d.qpos.numpy()[::2], other.d.qpos.numpy()[::2])
 
 
+def test_a_world_goes_on_elsewhere_with_its_memory():
+    model = boxes()
+    worlds = Worlds(model, nworld=2, nconmax=16)
+    tumbling(worlds)
+    worlds.step(200)
+    data = mujoco.MjData(model)
+    memory = dw.get_data_into(data, model, worlds.d, 1)
+    other = Worlds(model, nconmax=16)
+    other.d = dw.put_data(model, data, nconmax=16, memory=memory)
+    other.capture()
+    other.step(50)
+    worlds.step(50)
+    np.testing.assert_array_equal(other.qpos, worlds.d.qpos.numpy()[1])
+    with pytest.raises(ValueError, match="of another model or nconmax"):
+        dw.put_data(model, data, nconmax=20, memory=memory)
+
+
 def test_a_graph_takes_the_steps_that_calls_take():
     called, launched = (Worlds(boxes(), nworld=2, nconmax=16) for _ in range(2))
     tumbling(called)

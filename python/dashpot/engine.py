@@ -457,18 +457,21 @@ class Engine(ReadableOptions):
 
         if self.rules != CombinationRules():
             raise NotImplementedError("dashpot.warp has no combination rules but the default ones")
-        given = {
+        given: dict[str, Any] = {
             name: getattr(self, name)
-            for name in ("comfree_stiffness", "comfree_damping")
+            for name in (
+                "law",
+                "microsteps",
+                "recovery_speed",
+                "comfree_stiffness",
+                "comfree_damping",
+            )
             if getattr(self, name) is not None
         }
         m = warp.put_model(
             self.model,
             materials=self.materials,
             pair_materials=self.pair_materials,
-            law=self.law,
-            microsteps=self.microsteps,
-            recovery_speed=self.recovery_speed,
             **given,
         )
         return m, warp.make_data(self.model, nworld, **options)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
 import mujoco_warp
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from dashpot.warp.material import Pair
 from dashpot.warp.memory import forget
@@ -73,7 +75,7 @@ class LawData:
 
         def make(struct: Any, *, is_work: bool = False) -> Any:
             instance = struct()
-            for name, kind in struct.cls.__annotations__.items():
+            for name, kind in _fields(struct).items():
                 shape = special.get(name)
                 if shape is None or len(shape) != kind.ndim or (name == "force" and not is_work):
                     shape = (nworld, dims, groups) if kind.ndim == 3 else (nworld, groups)
@@ -89,6 +91,10 @@ class LawData:
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
         self.velocity = wp.zeros((nworld, nv), dtype=wp.float32)
+        self.mocap_told = wp.zeros((nworld, 7 * max(1, mjm.nmocap)), dtype=wp.float32)
+        self.mocap_motion = wp.zeros((nworld, max(1, mjm.nmocap)), dtype=wp.spatial_vector)
+        # What `forward` would remember: nobody reads it.
+        self.aside = make(Memory) if mjm.nmocap else self.memory
         self.no_body = wp.zeros(mjm.nbody, dtype=wp.int32)
         self._pair: Any = None
         self._pair_of: Any = None
@@ -147,6 +153,12 @@ class Data(mujoco_warp.Data):  # type: ignore[misc]
     dashpot: LawData
 
 
+def _fields(struct: Any) -> dict[str, Any]:
+    """Return the arrays of a Warp struct by name."""
+    fields: dict[str, Any] = struct.cls.__annotations__
+    return fields
+
+
 def _block(groups: int) -> int:
     """Lanes of a block: powers of two on the CPU device, whole warps on a GPU."""
     least = 8 if wp.get_device().is_cpu else 32
@@ -195,13 +207,23 @@ def put_data(
     nworld: int = 1,
     nconmax: int | None = None,
     njmax: int | None = None,
+    memory: Mapping[str, NDArray[Any]] | None = None,
     **options: Any,
 ) -> Data:
-    """Put data on the device, the same in all worlds; parameters as in `make_data`."""
+    """Put data on the device, the same in all worlds; parameters as in `make_data`.
+
+    `memory` is what `get_data_into` returned, for the same `nconmax`.
+    """
     nconmax, njmax = _sizes(mjm, nconmax, njmax)
     nconmax, njmax = max(nconmax, mjd.ncon), max(njmax, mjd.nefc)
     d = mujoco_warp.put_data(mjm, mjd, nworld, nconmax=nconmax, njmax=njmax, **options)
-    return _with_memory(mjm, d, nconmax)
+    d = _with_memory(mjm, d, nconmax)
+    for name, values in (memory or {}).items():
+        array = getattr(d.dashpot.memory, name)
+        if np.shape(values) != np.shape(array.numpy())[1:]:
+            raise ValueError(f"memory is that of another model or nconmax: {name!r} does not fit")
+        array.assign(np.broadcast_to(values, (nworld, *np.shape(values))))
+    return d
 
 
 def _with_memory(mjm: mujoco.MjModel, d: Any, nconmax: int) -> Data:
@@ -211,9 +233,21 @@ def _with_memory(mjm: mujoco.MjModel, d: Any, nconmax: int) -> Data:
     return result
 
 
-def get_data_into(result: mujoco.MjData, mjm: mujoco.MjModel, d: Data, world_id: int = 0) -> None:
-    """Copy one world into MuJoCo's data, as ``mujoco_warp.get_data_into`` does."""
+def get_data_into(
+    result: mujoco.MjData, mjm: mujoco.MjModel, d: Data, world_id: int = 0
+) -> dict[str, NDArray[Any]]:
+    """Copy one world into MuJoCo's data, as ``mujoco_warp.get_data_into`` does.
+
+    Returns
+    -------
+    memory
+        What its contacts remember, which MuJoCo's data have no place for. With it `put_data` goes
+        on as if nothing had been copied; without it contacts begin anew.
+    """
     mujoco_warp.get_data_into(result, mjm, d, world_id)
+    memory = d.dashpot.memory
+    names = _fields(Memory)
+    return {name: getattr(memory, name).numpy()[world_id].copy() for name in names}
 
 
 def reset_data(m: Model, d: Data, reset: wp.array | None = None) -> None:

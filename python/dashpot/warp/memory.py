@@ -163,7 +163,7 @@ def choose_again(rows: Rows, memory: Memory):
 def remember(
     dims: int,
     nv: int,
-    nq: int,
+    timestep: wp.array(dtype=wp.float32),
     geom_xmat: wp.array2d(dtype=wp.mat33),
     contact_pos: wp.array(dtype=wp.vec3),
     contact_frame: wp.array(dtype=wp.mat33),
@@ -190,6 +190,9 @@ def remember(
             value = wp.float64(rows.J[world, g * dims + i, dof])
             way += value * wp.float64(work.displacement[world, dof])
             u += value * wp.float64(work.end[world, dof])
+        drive = wp.float64(rows.drive[world, i, g])
+        way += drive * wp.float64(timestep[world % timestep.shape[0]])
+        u += drive
         if i < 3:
             rate[i] = wp.float32(u)
         x = wp.float64(rows.x[world, i, g])

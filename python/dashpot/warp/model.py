@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from dashpot import Engine, Material
 from dashpot.law import restitution_to_damping_ratio
-from dashpot.object_ids import Element
 from dashpot.warp.features import refuse
 from dashpot.warp.material import DAMPING, FROM_MODEL, RATIO, RESTITUTION, vec7
 
@@ -49,6 +48,9 @@ class LawModel:
     factor_size: int
     geom_margin: wp.array
     pair_margin: wp.array
+    nmocap: int
+    body_mocap: wp.array
+    mocap_body: wp.array
     explicit_pairs: wp.array
     pair_geoms: wp.array
     pair_values: wp.array
@@ -71,8 +73,8 @@ class Model(mujoco_warp.Model):  # type: ignore[misc]
 def put_model(
     mjm: mujoco.MjModel,
     *,
-    materials: Mapping[Element, Material] | None = None,
-    pair_materials: Mapping[tuple[Element, Element], Material] | None = None,
+    materials: Mapping[Any, Material] | None = None,
+    pair_materials: Mapping[Any, Material] | None = None,
     law: Law = "kelvin_voigt",
     microsteps: int | Literal["auto"] = "auto",
     recovery_speed: Numbers = 0.1,
@@ -167,8 +169,8 @@ def _dims(mjm: mujoco.MjModel) -> int:
 
 def _materials(
     mjm: mujoco.MjModel,
-    materials: Mapping[Element, Material] | None,
-    pair_materials: Mapping[tuple[Element, Element], Material] | None,
+    materials: Mapping[Any, Material] | None,
+    pair_materials: Mapping[Any, Material] | None,
 ) -> tuple[dict[int, Material], dict[tuple[int, int], Material]]:
     """Materials by geom id and by pair, checked as `Engine` does."""
     engine = Engine(mjm)
@@ -209,6 +211,8 @@ def _topology(mjm: mujoco.MjModel, m: Any) -> dict[str, Any]:
         "factor_size": int((sizes**2).sum()),
         "geom_margin": m.geom_margin,
         "pair_margin": m.pair_margin,
+        "nmocap": int(mjm.nmocap),
+        **_mocap(mjm),
         "explicit_pairs": wp.array(pairs.astype(np.int32), dtype=wp.vec2i),
     }
 
@@ -237,6 +241,19 @@ def _material_arrays(mjm: mujoco.MjModel, materials: dict[int, Material], m: Any
         "form": wp.array(form),
         "tangential_ratio": wp.array(ratio),
         "tangential_damping": wp.array(zeta),
+    }
+
+
+def _mocap(mjm: mujoco.MjModel) -> dict[str, Any]:
+    """Which mocap body every body is fixed to, -1 for none."""
+    fixed_to = np.array(mjm.body_mocapid, dtype=np.int32)
+    for body in range(1, mjm.nbody):
+        if fixed_to[body] < 0 and mjm.body_jntnum[body] == 0:
+            fixed_to[body] = fixed_to[mjm.body_parentid[body]]
+    bodies = [int(np.flatnonzero(mjm.body_mocapid == i)[0]) for i in range(mjm.nmocap)]
+    return {
+        "body_mocap": wp.array(fixed_to),
+        "mocap_body": wp.array(np.array(bodies, dtype=np.int32)),
     }
 
 

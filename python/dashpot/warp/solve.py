@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import warp as wp
 
-from dashpot.warp import inertia, memory, plan, recall, rows
+from dashpot.warp import inertia, memory, mocap, plan, recall, rows
 from dashpot.warp.data import Data
 from dashpot.warp.microsteps import microstep_kernel
 from dashpot.warp.model import Model
@@ -100,6 +100,22 @@ def find_rows(m: Model, d: Data, ahead: float) -> None:
             work,
         ],
     )
+    if own.nmocap:
+        wp.launch(
+            mocap.drive_rows,
+            dim=(d.nworld, law.groups),
+            inputs=[
+                ahead,
+                m.opt.timestep,
+                m.geom_bodyid,
+                own.body_mocap,
+                d.xpos,
+                contact.pos,
+                contact.frame,
+                state,
+                work,
+            ],
+        )
 
 
 def couple(m: Model, d: Data) -> None:
@@ -213,7 +229,7 @@ def remember(m: Model, d: Data) -> None:
         inputs=[
             own.dims,
             m.nv,
-            m.nq,
+            m.opt.timestep,
             d.geom_xmat,
             d.contact.pos,
             d.contact.frame,

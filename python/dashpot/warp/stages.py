@@ -10,7 +10,7 @@ from mujoco_warp._src import derivative, sensor, smooth
 from mujoco_warp._src.forward import _advance, _energy_pos, _energy_vel
 from mujoco_warp._src.types import DisableBit, IntegratorType
 
-from dashpot.warp import comfree, drift, inertia, reach
+from dashpot.warp import comfree, drift, inertia, mocap, reach
 from dashpot.warp.data import Data
 from dashpot.warp.model import Model
 
@@ -38,6 +38,20 @@ def drift_to_middle(m: Model, d: Data) -> None:
     wp.launch(drift.drift_to_middle, dim=(d.nworld, m.njnt), inputs=inputs)
 
 
+def move_mocap_bodies(m: Model, d: Data, ahead: float) -> None:
+    """Take mocap bodies to where they are after `ahead` of the step."""
+    own, law = m.dashpot, d.dashpot
+    inputs = [m.opt.timestep, ahead, d.mocap_pos, d.mocap_quat, law.memory]
+    outputs = [law.mocap_told, law.mocap_motion]
+    wp.launch(mocap.move_to_middle, dim=(d.nworld, own.nmocap), inputs=inputs, outputs=outputs)
+
+
+def leave_mocap_bodies(m: Model, d: Data, memory: object) -> None:
+    """Put mocap bodies back to where users have them; `memory` keeps that."""
+    inputs = [d.dashpot.mocap_told, d.mocap_pos, d.mocap_quat, memory]
+    wp.launch(mocap.put_where_told, dim=(d.nworld, m.dashpot.nmocap), inputs=inputs)
+
+
 def find_geometry(m: Model, d: Data, ahead: float) -> None:
     """Kinematics, inertia, contacts within reach and their rows."""
     law, own = d.dashpot, m.dashpot
@@ -45,6 +59,9 @@ def find_geometry(m: Model, d: Data, ahead: float) -> None:
     mjw.com_vel(m, d)
     twists = [m.body_rootid, d.xpos, d.subtree_com, d.cvel, law.work]
     wp.launch(reach.find_twists, dim=(d.nworld, m.nbody), inputs=twists)
+    if own.nmocap and own.law != "comfree":
+        inputs = [own.body_mocap, own.mocap_body, d.xpos, law.mocap_motion, law.work]
+        wp.launch(mocap.give_twists, dim=(d.nworld, m.nbody), inputs=inputs)
     inputs = [
         m.opt.timestep,
         m.opt.gravity,

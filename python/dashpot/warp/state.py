@@ -37,6 +37,7 @@ class Rows:
     credit: wp.array2d(dtype=wp.float32)  # J
     pair_w: wp.array2d(dtype=wp.float32)  # mean inverse mass of the normals of two bodies, 1/kg
     turning: wp.array3d(dtype=wp.float32)  # dJ/dt v, m/s^2
+    drive: wp.array3d(dtype=wp.float32)  # part of u by surfaces of mocap bodies
     u: wp.array3d(dtype=wp.float32)  # rates at the start, of the geometry of the middle
     c: wp.array3d(dtype=wp.float32)  # J a
     w: wp.array3d(dtype=wp.float32)  # apparent inverse mass
@@ -103,12 +104,3 @@ class Work:
     clipped: wp.array(dtype=wp.int32)  # rows whose given stiffness was lowered, in all steps
     overflow: wp.array(dtype=wp.int32)  # 1 where a world had more groups than fit
     diverged: wp.array(dtype=wp.int32)  # 1 where a world lost its numbers
-
-
-def zeros_of(struct: type, shapes: dict[str, tuple[int, ...]], device: object) -> object:
-    """Return a struct whose arrays have the given shapes, filled with zeros."""
-    instance = struct()
-    annotations = struct.cls.__annotations__ if hasattr(struct, "cls") else struct.__annotations__
-    for name, kind in annotations.items():
-        setattr(instance, name, wp.zeros(shapes[name], dtype=kind.dtype, device=device))
-    return instance

@@ -25,6 +25,8 @@ from dashpot.warp.stages import (
     find_geometry,
     find_smooth_motion,
     finish_stages,
+    leave_mocap_bodies,
+    move_mocap_bodies,
 )
 
 __all__ = ["forward", "rollout", "step"]
@@ -53,8 +55,10 @@ def step(m: Model, d: Data) -> None:
         return
     find_edits(m, d)
     drift_to_middle(m, d)
+    move_mocap_bodies(m, d, HALF)
     _solve(m, d, HALF)
     drift_to_end(m, d)
+    leave_mocap_bodies(m, d, d.dashpot.memory)
     remember(m, d)
     remember_state(m, d)
 
@@ -68,7 +72,9 @@ def forward(m: Model, d: Data) -> None:
         _solve_complementarity_free(m, d)
         return
     find_edits(m, d)
+    move_mocap_bodies(m, d, 1.0)
     _solve(m, d, 0.0)
+    leave_mocap_bodies(m, d, d.dashpot.aside)
 
 
 def rollout(
