@@ -1,7 +1,7 @@
 """Bodies that users move: they go from where they were to where they are told, within the step.
 
 What they touch meets a surface that moves at ``(pose told - pose before) / T``, frozen half way,
-not one that jumps. Poses farther away than a body may come in a step are jumps, which have no velocity.
+not one that jumps. Poses farther away than a body may come in a step are jumps, without velocity.
 """
 
 import warp as wp
