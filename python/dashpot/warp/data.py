@@ -18,7 +18,9 @@ from dashpot.warp.state import Memory, Rows, Work
 
 __all__ = ["Data", "LawData", "get_data_into", "make_data", "put_data", "reset_data"]
 
-MOST_GROUPS = 1024  # lanes of a block
+# Lanes of a block: on a GPU by the registers that the micro-steps' kernel takes of 65,536.
+MOST_GROUPS = 1024
+MOST_ON_GPU = {3: 384, 6: 256}
 
 
 class LawData:
@@ -37,9 +39,10 @@ class LawData:
     def __init__(self, mjm: mujoco.MjModel, d: Any, nconmax: int) -> None:
         dims, nworld = _dims(mjm), d.nworld
         groups = max(1, nconmax + _constraint_rows(mjm))
-        if groups > MOST_GROUPS:
+        most = MOST_GROUPS if wp.get_device().is_cpu else MOST_ON_GPU[dims]
+        if groups > most:
             raise NotImplementedError(
-                f"dashpot.warp has at most {MOST_GROUPS} contacts and constraint rows in a world, "
+                f"dashpot.warp has at most {most} contacts and constraint rows in a world here, "
                 f"got nconmax = {nconmax} and {_constraint_rows(mjm)} rows of constraints"
             )
         self.groups, self.block = groups, _block(groups)
@@ -161,8 +164,9 @@ def _fields(struct: Any) -> dict[str, Any]:
 
 def _block(groups: int) -> int:
     """Lanes of a block: powers of two on the CPU device, whole warps on a GPU."""
-    least = 8 if wp.get_device().is_cpu else 32
-    return max(least, 1 << (groups - 1).bit_length())
+    if wp.get_device().is_cpu:
+        return max(8, 1 << (groups - 1).bit_length())
+    return 32 * ((groups + 31) // 32)
 
 
 def _sizes(mjm: mujoco.MjModel, nconmax: int | None, njmax: int | None) -> tuple[int, int]:
