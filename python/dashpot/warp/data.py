@@ -93,7 +93,6 @@ class LawData:
         self.contact_margin = wp.zeros(max(1, d.naconmax), dtype=wp.float32)
         self.middle = wp.zeros((nworld, nq), dtype=wp.float32)
         self.bias = wp.zeros((nworld, nv), dtype=wp.float32)
-        self.velocity = wp.zeros((nworld, nv), dtype=wp.float32)
         self.mocap_told = wp.zeros((nworld, 7 * max(1, mjm.nmocap)), dtype=wp.float32)
         self.mocap_motion = wp.zeros((nworld, max(1, mjm.nmocap)), dtype=wp.spatial_vector)
         # What `forward` would remember: nobody reads it.

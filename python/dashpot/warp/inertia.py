@@ -40,7 +40,6 @@ def add_dampers(
 
 @wp.kernel
 def free_forces(
-    timestep: wp.array(dtype=wp.float32),
     gravity: wp.array(dtype=wp.vec3),
     has_gravity: int,
     freeadr: wp.array(dtype=wp.int32),

@@ -20,7 +20,6 @@ CONTESTED = -2
 
 @wp.kernel
 def find_edits(
-    nq: int,
     jnt_type: wp.array(dtype=wp.int32),
     jnt_qposadr: wp.array(dtype=wp.int32),
     jnt_dofadr: wp.array(dtype=wp.int32),

@@ -152,10 +152,8 @@ def fill_rows(
     dims: int,
     microsteps: int,
     timestep: wp.array(dtype=wp.float32),
-    recovery_speed: wp.array(dtype=wp.float32),
     geom_rbound: wp.array2d(dtype=wp.float32),
     pair: Pair,
-    contact_pos: wp.array(dtype=wp.vec3),
     rows: Rows,
     work: Work,
 ):

@@ -35,7 +35,6 @@ def find_edits(m: Model, d: Data) -> None:
         memory.find_edits,
         dim=(d.nworld, m.njnt),
         inputs=[
-            m.nq,
             m.jnt_type,
             m.jnt_qposadr,
             m.jnt_dofadr,
@@ -150,10 +149,8 @@ def plan_and_recall(m: Model, d: Data, ahead: float) -> None:
             own.dims,
             own.microsteps,
             m.opt.timestep,
-            own.recovery_speed,
             m.geom_rbound,
             pair,
-            d.contact.pos,
             state,
             work,
         ],

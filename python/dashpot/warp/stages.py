@@ -150,7 +150,6 @@ def find_smooth_motion(m: Model, d: Data) -> None:
         inertia.free_forces,
         dim=(d.nworld, flown),
         inputs=[
-            m.opt.timestep,
             m.opt.gravity,
             has_gravity,
             m.body_freeadr,
