@@ -2,7 +2,7 @@
 
     python benchmarks/rollouts.py --nthread 1
 
-Models of `articulated.py`, from the state after 50 steps, controls as there. dashpot starts from
+Robots as shipped, from the state after 50 steps, without controls. dashpot starts from
 states with contact memory and returns those of full physics; MuJoCo keeps its data and threads, as
 dashpot does. Least time of five calls, in turn.
 """
@@ -18,9 +18,21 @@ import mujoco.rollout
 import numpy as np
 
 import dashpot
-from articulated import MODELS
 from grasps import package_file
 
+MODELS = {
+    "Shadow hand with its block": (
+        "gymnasium_robotics",
+        "envs/assets/hand/manipulate_block.xml",
+    ),
+    "Panda": ("robosuite", "models/assets/robots/panda/robot.xml"),
+    "UR5e": ("robosuite", "models/assets/robots/ur5e/robot.xml"),
+    "GR1": ("robosuite", "models/assets/robots/gr1/robot.xml"),
+    **{
+        name: ("gymnasium_robotics", f"envs/mujoco/assets/{name.lower()}.xml")
+        for name in ("Ant", "Hopper", "Humanoid", "Swimmer", "Walker2d")
+    },
+}
 BATCHES = ((16, 1), (16, 10), (64, 50))
 REPEATS = 5
 

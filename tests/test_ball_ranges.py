@@ -87,9 +87,8 @@ def test_an_uneven_body_on_an_elastic_limit_keeps_its_energy(dt):
 
 
 @pytest.mark.parametrize("dt", STEPS)
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
-def test_a_joint_without_a_range_is_held(integrator, dt):
-    engine = engine_of(ball(0.0, UNEVEN), integrator, dt)
+def test_a_joint_without_a_range_is_held(dt):
+    engine = engine_of(ball(0.0, UNEVEN), "Euler", dt)
     data = engine.make_data()
     data.qvel[:] = velocity = np.array([0.8, -0.8, 3.8])
     mujoco.mj_forward(engine.model, data)

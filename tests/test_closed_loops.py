@@ -146,7 +146,7 @@ class FourBar:
         return float(angle)
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicit", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicit"])
 @pytest.mark.parametrize("span", [0.4, 0.55, 0.59])
 @pytest.mark.parametrize("timestep", [0.0005, 0.001, 0.002])
 def test_a_four_bar_swings_as_its_one_degree_of_freedom(span, timestep, integrator):
@@ -265,7 +265,7 @@ MECHANISMS = {
 }
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit", "RK4"])
+@pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "implicit"])
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_mechanisms_that_equalities_hold_keep_their_energy(mechanism, integrator):
     bodies, equalities, velocity = MECHANISMS[mechanism]

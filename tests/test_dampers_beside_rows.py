@@ -12,7 +12,7 @@ import pytest
 
 import dashpot
 
-INTEGRATORS = ("Euler", "implicitfast", "RK4")
+INTEGRATORS = ("Euler", "implicitfast")
 TIMESTEPS = (0.0005, 0.001, 0.002, 0.005)
 
 
@@ -85,10 +85,7 @@ SCENES = {
 @pytest.mark.parametrize("scene", SCENES)
 def test_what_hangs_on_dampers_and_soft_rows_gains_no_energy(scene, integrator, timestep):
     """Kinetic, potential and elastic energy together fall, to 1 % of what there is in motion."""
-    if scene == "tendons at limits" and (integrator, timestep) in {
-        ("Euler", 0.005),
-        ("RK4", 0.005),
-    }:
+    if scene == "tendons at limits" and (integrator, timestep) == ("Euler", 0.005):
         pytest.skip("not at their limits the tendons fall apart in MuJoCo, too")
     model = mujoco.MjModel.from_xml_string(SCENES[scene])
     model.opt.timestep = timestep

@@ -97,6 +97,7 @@ SCENES = {
     "fluid": pendulum(option='density="500" viscosity=".3" wind="1 0 .5"'),
     "servo": pendulum(rest=SERVO),
     "applied forces": pendulum(),
+    "gravity compensation": pendulum().replace('name="lower"', 'name="lower" gravcomp=".7"', 1),
     "dry friction": pendulum('frictionloss=".05"'),
     "dry friction, damper and servo": pendulum('frictionloss=".05"', 'damping=".01"', SERVO),
 }

@@ -55,7 +55,7 @@ def total(engine: Engine, data: mujoco.MjData) -> float:
     return energy.total - energy.work
 
 
-INTEGRATORS = ["Euler", "implicit", "implicitfast", "RK4"]
+INTEGRATORS = ["Euler", "implicit", "implicitfast"]
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -17,16 +17,15 @@ WELD = '<weld body1="a" body2="b" solref="-2000 0"/>'
 CONNECT = '<connect body1="a" body2="b" anchor=".15 0 0" solref="-2000 0"/>'
 
 
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
 @pytest.mark.parametrize("equality", [WELD, CONNECT], ids=["weld", "connect"])
-def test_two_free_bodies_on_a_soft_equality_keep_their_energy(equality, integrator):
+def test_two_free_bodies_on_a_soft_equality_keep_their_energy(equality):
     # What rows and position differ by in a step has either sign; where the smaller of the two was
     # kept, 3 to 13 % of the energy went in 5 s. What is left is the change of the springs'
     # stiffness with load (solimp) and the second order in the turn of a step.
     for seed in range(3):
         engine = Engine(
             mujoco.MjModel.from_xml_string(
-                BODIES.format(dt=0.001, integrator=integrator, equality=equality)
+                BODIES.format(dt=0.001, integrator="Euler", equality=equality)
             )
         )
         data = engine.make_data()

@@ -93,10 +93,9 @@ def test_a_contact_that_throws_a_foot_back_does_not_bear_its_servo(integrator, p
 
 
 @pytest.mark.parametrize("timestep", [0.001, 0.002, 0.005])
-@pytest.mark.parametrize("integrator", ["Euler", "RK4"])
-def test_a_foot_that_bounces_for_two_seconds_does_not_speed_up(integrator, timestep):
+def test_a_foot_that_bounces_for_two_seconds_does_not_speed_up(timestep):
     """At 45 hits a second: its energy grew 460 times at 2 ms, 10^10 times on 3e4 N/m at 5 ms."""
-    engine = foot(integrator, timestep, 0.02, 0.0)
+    engine = foot("Euler", timestep, 0.02, 0.0)
     data = engine.make_data()
     engine.step(data, nstep=round(2.0 / timestep))
     speeds, heights = [], []

@@ -147,7 +147,6 @@ def tiled(welded):
 
 SCENES = {
     "flight": (thrown("0 0 9"), (1, 0.5, 3, 3, 8, 2), 0.5),
-    "flight with RK4": (thrown("0 0 9", option='integrator="RK4"'), (1, 0.5, 3, 3, 8, 2), 0.5),
     "rigid bounce": (thrown(), (1, 0.5, 0, 3, 8, 2), 0.4),
     "soft bounce": (thrown(material=SOFT), (1, 0.5, 0, 3, 8, 2), 0.4),
     "elastic bounce": (thrown(material=ELASTIC), (1, 0.5, 0, 3, 8, 2), 0.3),
@@ -170,7 +169,7 @@ SCENES = {
 }
 
 
-IN_FLIGHT = ("flight", "flight with RK4", "damped joint")
+IN_FLIGHT = ("flight", "damped joint")
 
 
 @pytest.mark.parametrize("scene", SCENES)

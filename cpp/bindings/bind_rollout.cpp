@@ -72,7 +72,7 @@ py::array_t<Number> array_of(std::vector<Number>&& numbers) {
 }
 
 py::tuple run(const std::vector<RolloutWorkers*>& workers, const Array& initial_state,
-              const std::optional<Array>& control, int control_spec, int nthread,
+              int initial_spec, const std::optional<Array>& control, int control_spec, int nthread,
               bool differentiable, bool fills_diverged, std::optional<Output> state,
               Output sensordata, std::optional<Output> last_state) {
   const ModelSizes sizes = sizes_of(workers.at(0)->model());
@@ -80,22 +80,23 @@ py::tuple run(const std::vector<RolloutWorkers*>& workers, const Array& initial_
   const py::ssize_t nbatch = sensordata.shape(0), nstep = sensordata.shape(1);
   const auto kind_of = [&](const py::array& states) {
     const py::ssize_t nstate = states.shape(states.ndim() - 1);
-    if (nstate == sizes.full_physics) return StateKind::kFullPhysics;
-    if (nstate == sizes.integration) return StateKind::kIntegration;
+    if (nstate == sizes.full_physics) return kFullPhysics;
+    if (nstate == sizes.integration) return kIntegration;
     throw std::invalid_argument("states have rows of neither state size");
   };
   RolloutInput input;
   input.nbatch = static_cast<int>(nbatch);
   input.nstep = static_cast<int>(nstep);
-  input.kind = kind_of(initial_state);
+  input.spec = initial_spec;
   input.initial_state = initial_state.data();
   input.control_spec = control_spec;
   input.differentiable = differentiable;
   input.fills_diverged = fills_diverged;
-  require_shape("initial_state", initial_state, {nbatch, initial_state.shape(1)});
+  const py::ssize_t nstate = state_size(workers[0]->model(), initial_spec);
+  require_shape("initial_state", initial_state, {nbatch, nstate});
   require_shape("sensordata", sensordata, {nbatch, nstep, py::ssize_t(sizes.nsensordata)});
   if (control) {
-    input.ncontrol = input_size(workers[0]->model(), control_spec);
+    input.ncontrol = state_size(workers[0]->model(), control_spec);
     require_shape("control", *control, {nbatch, nstep, py::ssize_t(input.ncontrol)});
     input.control = control->data();
   }
@@ -142,12 +143,13 @@ void bind_rollout(py::module_& module) {
       .def(py::init<std::uintptr_t, std::shared_ptr<ModelLock>, const Parameters&>(),
            py::arg("model_address"), py::arg("lock"), py::arg("parameters"));
   module.def(
-      "roll_out", &run, py::arg("workers"), py::arg("initial_state"), py::arg("control"),
-      py::arg("control_spec"), py::arg("nthread"), py::arg("differentiable"),
+      "roll_out", &run, py::arg("workers"), py::arg("initial_state"), py::arg("initial_spec"),
+      py::arg("control"), py::arg("control_spec"), py::arg("nthread"), py::arg("differentiable"),
       py::arg("fills_diverged"), py::arg("state").noconvert(), py::arg("sensordata").noconvert(),
       py::arg("last_state").noconvert(),
       "Roll out on threads, GIL released, and write states and sensor data; see\n"
-      "dashpot.rollout. `workers`: one for all rollouts, or one for each. If\n"
+      "dashpot.rollout. `workers`: one for all rollouts, or one for each. `initial_spec`: what\n"
+      "`initial_state` holds, bits of mjtState. If\n"
       "`differentiable`, the last states have the second half of their velocities, which the\n"
       "next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN "
       "from\n"

@@ -31,6 +31,7 @@ __all__: list[str] = [
     "StepStats",
     "Stepper",
     "StiffnessRule",
+    "built_by",
     "check_supported",
     "close_geoms",
     "combine",
@@ -355,6 +356,11 @@ class Recording:
     @property
     def shape(self) -> tuple[int, int]: ...
 
+def built_by() -> str:
+    """
+    Compiler with its version, type of build, and IPO where it optimised across files.
+    """
+
 def check_supported(
     model_address: typing.SupportsInt | typing.SupportsIndex, options: Options
 ) -> None: ...
@@ -545,6 +551,7 @@ def return_to_limit(
 def roll_out(
     workers: collections.abc.Sequence[RolloutWorkers],
     initial_state: typing.Annotated[numpy.typing.ArrayLike, numpy.float64],
+    initial_spec: typing.SupportsInt | typing.SupportsIndex,
     control: typing.Annotated[numpy.typing.ArrayLike, numpy.float64] | None,
     control_spec: typing.SupportsInt | typing.SupportsIndex,
     nthread: typing.SupportsInt | typing.SupportsIndex,
@@ -556,7 +563,8 @@ def roll_out(
 ) -> tuple:
     """
     Roll out on threads, GIL released, and write states and sensor data; see
-    dashpot.rollout. `workers`: one for all rollouts, or one for each. If
+    dashpot.rollout. `workers`: one for all rollouts, or one for each. `initial_spec`: what
+    `initial_state` holds, bits of mjtState. If
     `differentiable`, the last states have the second half of their velocities, which the
     next step would add, and no motion is small. If `fills_diverged`, what diverges is NaN from
     there on. Returns (rollout, step, what) of each that did, and, where `state` is None,

@@ -41,128 +41,54 @@ class _Built:
 class Engine(ReadableOptions):
     """Steps an unmodified MuJoCo model with dashpot's own contact solver.
 
-    The engine works on a private copy of the model, :attr:`model`, whose user data it enlarges by
-    the contact memory and whose friction cone it sets to elliptic. Data made by
-    :meth:`make_data` are ordinary ``mujoco.MjData`` and carry that memory, so that
-    ``mj_copyData``, ``mj_getState(..., mjSTATE_INTEGRATION)`` and ``mj_resetData`` treat it as the
-    simulation state it is. The private model may be edited between steps (time step, masses,
-    gravity); sizes are fixed, and so is the memory for contacts, of which geoms that could
-    touch nothing when the engine was made have little. Edits of masses, inertias and armature act
-    from the next step on, where MuJoCo takes those of free bodies and other leaves whose
-    inertial frame is their own from a constant, ``dof_M0``, which the step brings up to date, and
-    with it what a ``solref`` stands for (``body_invweight0`` and its like; for bodies with joints
-    that takes as long as ``mj_setConst``). Edits of positions or joints need
-    ``mujoco.mj_setConst(engine.model, engine.make_data())`` afterwards, as in
-    MuJoCo (which resets the state of the data that it is given), and a geom that grows needs
-    its ``geom_rbound`` and ``geom_aabb`` too. Save the model that you gave, not :attr:`model`,
-    to make an engine of it later: an engine of an engine's model reserves contact memory once
-    more, and its states are of another size. Options are fixed when an engine is made, and can be
-    read from attributes of their names. Threads may share an engine: steps, each on data
-    of its own, take turns, and rollouts and copies of the engine see its model as it is between
-    steps.
+    The engine works on a private copy of the model, :attr:`model`, with room for contact memory in
+    its user data and elliptic cones. :meth:`make_data` makes ordinary ``mujoco.MjData`` that carry
+    that memory. Edit :attr:`model` between steps; sizes and options are fixed. Threads may share an
+    engine, each with data of its own. The guide "Options of an engine" says more of each option.
 
     Parameters
     ----------
     model
-        Compiled model. Every geom starts as a rigid material with its MJCF friction, or, where the
-        model sets ``solref`` or ``solimp`` itself, as the spring and damper of
-        :func:`dashpot.law.solref_to_spring_at_rest`.
+        Compiled model. Geoms start as rigid materials with their MJCF friction, or with the
+        ``solref`` and ``solimp`` that the model sets.
     law
-        Contact law: ``"kelvin_voigt"``, closed-form Kelvin-Voigt contact with true stiction, or
-        ``"comfree"``, the published complementarity-free update of ComFree-Sim (arXiv 2603.12185),
-        for comparison. It is explicit, and the facets of all contacts of a body add up: where
-        ``(sum of facet masses / mass) (damping + stiffness timestep)`` exceeds 1 impacts may give
-        energy to the body, beyond 2 nothing comes to rest. A box on its four corners with MuJoCo's
-        ``solimp`` has 0.9 at 10 ms and ``condim`` 3, but 2.3 with ``condim`` 6, where 3 m/s throw
-        it up at 5 to 8 m/s; at 2 ms it has 1.1. One update per step, no memory, no materials
-        (effective masses come from ``solimp``, friction from the model), no stiction (what rests on
-        a slope creeps). Its contacts store no energy, so what they give back on rebound counts as
-        negative dissipation. Limits and equalities are rows of the same form, as soft: the error of
-        an equality is ``timestep load / (stiffness m)``. Dry friction stops a row within a step, up
-        to ``frictionloss``, but for what contacts push in that step. Every body is moved by
-        MuJoCo's integrator.
+        ``"kelvin_voigt"``, or ``"comfree"``: the published complementarity-free update.
     microsteps
-        Micro-steps per step, or ``"auto"``: per island, the smallest number that resolves every SI
-        stiffness present, at least 13, and at most 0.25 ms long for rigid contacts; up to three
-        times as many in an island of few groups of rows whose rigid contacts are hit. A number is
-        taken as it is, for hits too: a rigid hit then lasts three of its micro-steps however many
-        they are, and one with friction, on a corner, is farther from the stiff limit than with
-        ``"auto"``.
+        Micro-steps per step, >= 1, or ``"auto"``.
     max_microsteps
-        Upper bound of the number of micro-steps. Stiffness and damping beyond what they resolve
-        are lowered, and counted in ``StepStats.clipped``: such contacts are softer. Stiffness goes
-        first, with the damping ratio kept, so that what bounces on one contact keeps its
-        restitution; where many contacts of a body are coupled, damping is lowered too, and they
-        rebound more than their material says. A larger bound, shorter steps or, for fast impacts,
-        ``impact="cut"`` help.
+        Upper bound of them; stiffness beyond it is lowered and counted in ``StepStats.clipped``.
     recovery_speed
-        Largest speed in m/s at which overlap that no spring has taken up (bad initial states,
-        teleports) is pushed out, with a time constant of 10 ms or two steps, unless a force keeps
-        it in that is beyond a hundred weights (two on the model's own ``solref``) or, of rigid
-        contacts, beyond what stops the bodies at this speed; ``inf`` makes every overlap a
-        compressed spring at once. In the first step of data, contacts of a given stiffness are
-        compressed by their overlap as far as a hundred weights compress them, those on the model's
-        own ``solref`` as far as two do.
-        Equalities that are apart, at the start or where they are switched on, close at this speed,
-        m/s or rad/s, without throwing what they join; with a ``solref`` of their own they begin
-        as springs that are stretched so far, up to a hundred weights.
+        m/s, > 0: how fast overlap that no spring has taken up is pushed out, at most.
     mocap_timeconst
-        Time constant T in s, >= 0, of mocap bodies, and of bodies without joints whose parent is
-        the world, which edits of ``body_pos`` and ``body_quat`` move. They go to the poses that
-        users set with a velocity. Contacts (friction too), welds, connects and tendons see it, of
-        the bodies and of what hangs on them by joints (whose inertia does not feel it, as in
-        MuJoCo). Told in every step a body is there at the end of the step. Told every n-th step it
-        goes at a constant velocity, and is there when the next pose is due, up to 5 T after the
-        last one. A single pose is reached at 0.25 m/s, or within T where that is shorter.
-        A mocap body to which a weld or connect holds something follows its poses as MuJoCo's weld
-        does, critically damped: x'' = -2 x' / T - x / T^2. 20 ms is the time constant of MuJoCo's
-        default ``solref``. With 0 all bodies go straight to their poses within the step, which is
-        jerky for poses that are not set in every step.
-        A velocity that goes on changing from step to step changes evenly within them too, which
-        contacts feel as an acceleration; where motion starts, stops or turns back at once, it
-        jumps. ``cvel`` has its mean over the step, or its last part. A jump of more than 0.1 m or
-        0.5 rad in one step, and the first pose, takes the body there without any motion; not so,
-        where T > 0, a jump that leaves behind what a weld or connect holds to it.
+        s, >= 0: time constant with which mocap bodies follow their poses.
     impact
-        ``"cut"`` ends a part of the step where a fast, thin or small geom meets another, so that
-        contact starts at the surface, or its margin, with the right normal and nothing passes
-        through; the rest of the step follows with fresh collision, in at most 96 more parts. While
-        an impact lasts, neither body turns by more than 0.005 rad in a part, and the geometry is
-        that of the part's middle. A pair is looked at where its relative motion in one step exceeds
-        a quarter of the half-width of its thinner geom or turns one of the two by more than 0.05
-        rad; where none does, results equal those of ``"none"`` bit for bit. Rigid contacts of such
-        pairs behave as the limit of ever stiffer springs with the same restitution and friction.
-        Signed distance fields and planes that turn are not looked at. Each part costs as much as a
-        step. Controls and applied forces are held over the step; forces, accelerations, contacts
-        and sensors are those of its last part.
+        ``"none"``, or ``"cut"``: a step ends where a fast, thin or small geom meets another.
     rules
-        How the materials of two geoms combine; for friction where one of them names it.
-    comfree_stiffness
-        Stiffness k of law ``"comfree"`` in 1/s, > 0; 0.2 where None. A facet of effective mass m
-        pushes with m k / timestep per metre of overlap. The options above belong to law
-        ``"kelvin_voigt"``, this and the next to law ``"comfree"``.
-    comfree_damping
-        Damping d of law ``"comfree"``, >= 0, no unit; 0.001 where None. A facet pushes with
-        m d / timestep per m/s of approach.
+        How the materials of two geoms combine.
+    comfree_stiffness, comfree_damping
+        Of law ``"comfree"``: k in 1/s, > 0, and d, >= 0. None: 0.2 and 0.001.
     nthread
-        Number of threads, from 1 to 128, that share the passes of a step over contacts and bodies,
-        the calling one among them. Results are the same bit for bit for any number. Two take a
-        sixth less time than one at 75 contacts or for several robots, a quarter less at 270
-        contacts, a third less at 1,000. Now and then some steps are tried on one thread, and where
-        these are faster, as in small scenes and between sockets, it goes on so. The others wait for
-        the next step in a loop for half a millisecond and then sleep: more than there are free
-        cores do not help. Rollouts, calibrations and linearizations have a number of threads of
-        their own, each of which steps one state at a time.
+        Threads, 1 to 128, that share a step. Results are the same bit for bit.
 
     Raises
     ------
     TypeError
-        If ``model`` is no ``mujoco.MjModel``, ``rules`` no ``CombinationRules``, a number of
-        micro-steps or threads no integer, or ``recovery_speed`` or an option of law ``"comfree"``
-        no number.
+        If an argument has the wrong type.
     ValueError
-        If an option is out of range or belongs to the other law, or the model uses a feature that
-        the engine refuses; the message names it.
+        If an option is out of range or of the other law, or the model uses a feature that the
+        engine refuses; the message names it.
+
+    Examples
+    --------
+    >>> model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+    ...   <geom type="plane" size="1 1 .1"/>
+    ...   <body pos="0 0 .1"><freejoint/><geom size=".1" mass="1"/></body>
+    ... </worldbody></mujoco>''')
+    >>> engine = Engine(model)
+    >>> data = engine.make_data()
+    >>> stats = engine.step(data, nstep=500)
+    >>> print(engine.contacts(data).force[0, 0].round(2))
+    9.81
     """
 
     __slots__ = (

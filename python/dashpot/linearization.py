@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 _LEAST_EPS, _MOST_EPS = 1e-10, 1e-2
 # What a step starts from, without user data: contact memory lies there.
 _START = int(mujoco.mjtState.mjSTATE_INTEGRATION) & ~int(mujoco.mjtState.mjSTATE_USERDATA)
+_END = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,26 +101,23 @@ def linearize(
     centered = flag("centered", centered)
     engine._check_data(data)
     model = engine.model
-    base = engine.make_data()
     start = np.empty(mujoco.mj_stateSize(model, _START))
     mujoco.mj_getState(model, data, start, _START)
-    mujoco.mj_setState(model, base, start, _START)
 
     nx = 2 * model.nv + model.na
     # By column of (A, B): the displacements of both sides, 0 where a side is left out.
     sides = np.zeros((nx + model.nu, 2))
     sides[:, 0] = -eps if centered else 0.0
     sides[:, 1] = eps
-    _keep_within_limits(model, base.ctrl, sides[nx:], eps)
+    _keep_within_limits(model, start[_places(model, mujoco.mjtState.mjSTATE_CTRL)], sides[nx:], eps)
     columns, of_side = np.nonzero(sides)
-    states = [_displaced(model, base, start, 0, 0.0)]
-    for column, side in zip(columns, of_side, strict=True):
-        states.append(_displaced(model, base, start, int(column), sides[column, side]))
-    stepped = np.empty((len(states), 1, len(states[0])))
+    states = _displaced(model, start, columns, sides[columns, of_side])
+    stepped = np.empty((len(states), 1, mujoco.mj_stateSize(model, _END)))
     sensordata = np.empty((len(states), 1, model.nsensordata))
     _core.roll_out(
         [engine._rollout_workers()],
         finite_array("state", states),
+        _START,
         control=None,
         control_spec=0,
         nthread=thread_count(nthread),
@@ -133,9 +131,8 @@ def linearize(
 
     index = np.zeros(sides.shape, dtype=int)  # of the step of each side; 0, that of no displacement
     index[columns, of_side] = 1 + np.arange(len(columns))
-    change = np.array([_difference(model, base, state[low], state[high]) for low, high in index])
     width = np.diff(sides, axis=1)
-    by_state = (change.reshape(len(index), nx) / width).T
+    by_state = (_difference(model, state[index[:, 0]], state[index[:, 1]]) / width).T
     by_sensor = ((sensor[index[:, 1]] - sensor[index[:, 0]]) / width).T
     return Linearization(
         A=by_state[:, :nx], B=by_state[:, nx:], C=by_sensor[:, :nx], D=by_sensor[:, nx:]
@@ -155,35 +152,45 @@ def _keep_within_limits(model: mujoco.MjModel, control: Array, sides: Array, eps
     sides[at_high & ~at_low] = [-eps, 0.0]
 
 
-def _displaced(
-    model: mujoco.MjModel, data: mujoco.MjData, start: Array, column: int, by: float
-) -> Array:
-    """Return the integration state of `start` with one number of (x, u) displaced; sets `data`."""
-    mujoco.mj_setState(model, data, start, _START)
-    if column < model.nv:
+def _places(model: mujoco.MjModel, element: mujoco.mjtState) -> slice:
+    """Return where an element lies in vectors of `_START`, and of `_END` if it is of both."""
+    first = mujoco.mj_stateSize(model, _START & (int(element) - 1))
+    return slice(first, first + mujoco.mj_stateSize(model, int(element)))
+
+
+def _displaced(model: mujoco.MjModel, start: Array, columns: NDArray[np.int_], by: Array) -> Array:
+    """Return `start`, then states in which number `columns[i]` of (x, u) is moved by `by[i]`."""
+    states = np.tile(start, (1 + len(columns), 1))
+    position = _places(model, mujoco.mjtState.mjSTATE_QPOS)
+    numbers = np.arange(len(start))
+    elements = (mujoco.mjtState.mjSTATE_QVEL, mujoco.mjtState.mjSTATE_ACT)
+    rest = np.concatenate(
+        [numbers[_places(model, each)] for each in (*elements, mujoco.mjtState.mjSTATE_CTRL)]
+    )
+    turns = columns < model.nv
+    for row in np.flatnonzero(turns):
         direction = np.zeros(model.nv)
-        direction[column] = 1.0
-        mujoco.mj_integratePos(model, data.qpos, direction, by)
-    else:
-        for values, first in (
-            (data.qvel, model.nv),
-            (data.act, 2 * model.nv),
-            (data.ctrl, 2 * model.nv + model.na),
-        ):
-            if first <= column < first + len(values):
-                values[column - first] += by
-    state = np.empty(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION)))
-    mujoco.mj_getState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
-    return state
+        direction[columns[row]] = 1.0
+        mujoco.mj_integratePos(model, states[1 + row, position], direction, by[row])
+    others = np.flatnonzero(~turns)
+    states[1 + others, rest[columns[others] - model.nv]] += by[others]
+    return states
 
 
-def _difference(model: mujoco.MjModel, data: mujoco.MjData, before: Array, after: Array) -> Array:
-    """Return x of one integration state less that of another; sets `data`."""
-    position, rest = [], []
-    for state in (before, after):
-        mujoco.mj_setState(model, data, state, int(mujoco.mjtState.mjSTATE_INTEGRATION))
-        position.append(data.qpos.copy())
-        rest.append(np.concatenate([data.qvel, data.act]))
-    displacement = np.empty(model.nv)
-    mujoco.mj_differentiatePos(model, displacement, 1.0, *position)
-    return np.concatenate([displacement, rest[1] - rest[0]])
+def _difference(model: mujoco.MjModel, before: Array, after: Array) -> Array:
+    """Return x (n, nx) of states at the end less that of others."""
+    position, velocity, activation = (
+        _places(model, each)
+        for each in (
+            mujoco.mjtState.mjSTATE_QPOS,
+            mujoco.mjtState.mjSTATE_QVEL,
+            mujoco.mjtState.mjSTATE_ACT,
+        )
+    )
+    displacement = np.empty((len(before), model.nv))
+    for row in range(len(before)):
+        mujoco.mj_differentiatePos(
+            model, displacement[row], 1.0, before[row, position], after[row, position]
+        )
+    change = after - before
+    return np.hstack([displacement, change[:, velocity], change[:, activation]])

@@ -232,6 +232,7 @@ def rollout(
     diverged, rows = _core.roll_out(
         [each._rollout_workers() for each in engines],
         starts,
+        int(FULL_PHYSICS if starts.shape[1] == full else INTEGRATION),
         controls,
         control_spec=spec,
         nthread=threads,

@@ -17,6 +17,7 @@ void Stepper::Impl::complete_last_step(mjData_* d) {
                    [](double length) { return length > 0.0; }))
     return;
   const host::ErrorGuard guard(d);
+  follow_edits();
   const host::DampersInRows dampers(model, in_touch(d), detection.dampers);
   host::MocapMotion mocap(model, d, true, parameters.options.mocap_timeconst, memory(d),
                           mocap_buffers);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "dashpot/detection/possible_rows.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/errors.hpp"
 #include "dashpot/mujoco/features.hpp"
@@ -68,8 +69,7 @@ StepStats Stepper::Impl::step(mjData_* d, bool leave_rows) {
 }
 
 StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
-  host::check_options(model, parameters.options.law);
-  host::follow_edited_masses(model);
+  follow_edits();
   host::check_data(model, d, data_size);
   memory(d).check();
   const host::ErrorGuard guard(d);
@@ -107,6 +107,15 @@ StepStats Stepper::Impl::take_step(mjData_* d, bool leave_rows) {
   return total;
 }
 
+// Checks what was edited of the model since the last step, and follows it.
+void Stepper::Impl::follow_edits() {
+  if (kept_model.is_same(model)) return;
+  host::check_options(model, parameters.options.law);
+  host::follow_edited_masses(model);
+  may_have_rows = host::may_have_rows(model);
+  kept_model.keep(model);
+}
+
 // Whether rows acted in the last step, or, before the first one, equalities may.
 bool Stepper::Impl::in_touch(mjData_* d) const {
   const Memory of_last = memory(d);
@@ -129,7 +138,7 @@ void Stepper::Impl::advance(mjData_* d, host::StepParts& parts, host::MocapMotio
 
 void Stepper::Impl::start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
                                host::MocapMotion& mocap) {
-  motion.start(d);
+  motion.start(d, may_have_rows);
   mocap.begin(clock.length);
   host::wake_switched(model, d, memory(d));
   host::smooth_stage(model, d, new_control, sensors, find_contacts);

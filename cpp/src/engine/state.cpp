@@ -3,7 +3,6 @@
 
 #include "dashpot/mujoco/state.hpp"
 
-#include "dashpot/detection/possible_rows.hpp"
 #include "dashpot/mujoco/host.hpp"
 #include "stepper_impl.hpp"
 
@@ -66,7 +65,7 @@ void Stepper::Impl::advance_state(mjData_* d) {
   const bool comfree = parameters.options.law == Law::kComFree;
   if (forces.report_others()) forces.exchange(d);
   try {
-    host::integrate(model, d, motion.any_by_mujoco(), host::may_have_rows(model));
+    host::integrate(model, d, motion.any_by_mujoco(), may_have_rows);
   } catch (...) {
     host::set_velocity(d, motion.start_velocity());
     throw;

@@ -22,6 +22,7 @@
 #include "dashpot/motion/trapezoid.hpp"
 #include "dashpot/motion/tree_motion.hpp"
 #include "dashpot/mujoco/host.hpp"
+#include "dashpot/mujoco/kept_model.hpp"
 #include "dashpot/mujoco/mocap_motion.hpp"
 #include "dashpot/mujoco/step_parts.hpp"
 #include "dashpot/rows/hit.hpp"
@@ -52,6 +53,7 @@ struct Stepper::Impl {
   StepStats step(mjData_* d, bool leave_rows);
   StepStats take_step(mjData_* d, bool leave_rows);
   void complete_last_step(mjData_* d);
+  void follow_edits();
   bool in_touch(mjData_* d) const;
   void advance(mjData_* d, host::StepParts& parts, host::MocapMotion& mocap);
   void start_part(mjData_* d, bool new_control, host::Sensors sensors, bool rough,
@@ -116,6 +118,8 @@ struct Stepper::Impl {
   Parameters parameters;
   MemoryLayout memory_layout;
   long long data_size;
+  host::KeptModel kept_model;
+  bool may_have_rows = false;
   bool differentiable = false;
   TreeMotion motion;
   Trapezoid trapezoid;

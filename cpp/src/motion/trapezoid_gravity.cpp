@@ -38,8 +38,8 @@ void Trapezoid::load_gravity(const mjData_* d, const TreeMotion& motion, RowData
   gravity_load_.assign(potential_.size(), 0.0);
   for (int index = 0; index < motion.tree_count(); ++index) {
     if (!light_[index] || !holds(index)) continue;
-    host::add_gravity_ahead(model_, d, index, frozen_at_[index], gravity_room_,
-                            gravity_load_.data());
+    host::add_gravity_ahead(model_, d, index, frozen_at_[index], host::Gravity::kLessCompensation,
+                            gravity_room_, gravity_load_.data());
     add_load(gravity_load_, index, trees, data);
   }
 }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <string>
 
-#include "dashpot/detection/possible_rows.hpp"
 #include "dashpot/mujoco/data_checks.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
@@ -27,12 +26,12 @@ constexpr int kTreesAtOnce = 8, kInvertedAtOnce = 2;  // by a thread
 TreeMotion::TreeMotion(const mjModel_* model, bool own)
     : model_(model), own_(own), trees_(host::make_trees(model)) {}
 
-void TreeMotion::start(const mjData_* d) {
+void TreeMotion::start(const mjData_* d, bool may_have_rows) {
   const double* q = host::position(d);
   const double* v = host::velocity(d);
   start_position_.assign(q, q + host::position_count(model_));
   start_velocity_.assign(v, v + host::dof_count(model_));
-  moves_links_ = own_ && host::may_have_rows(model_);
+  moves_links_ = own_ && may_have_rows;
   any_by_mujoco_ = !own_;
   for (int index = 0; index < tree_count() && !moves_links_; ++index)
     any_by_mujoco_ = any_by_mujoco_ || !host::is_free_body(model_, index);

@@ -12,9 +12,12 @@ namespace {
 // changes by; with those of all bodies that hang on it.
 constexpr int kWrench = 6, kSize = 9;
 
-void add_own_weight(const mjModel* m, const mjData* d, int body, double time, double* wrench) {
+void add_own_weight(const mjModel* m, const mjData* d, int body, double time, Gravity gravity,
+                    double* wrench) {
   mjtNum weight[3], arm[3], torque[3], velocity[3], shift[3];
-  mju_scl3(weight, m->opt.gravity, m->body_mass[body] * (1.0 - m->body_gravcomp[body]));
+  const mjtNum compensated = m->body_gravcomp[body];
+  const mjtNum part = gravity == Gravity::kOfCompensation ? -compensated : 1.0 - compensated;
+  mju_scl3(weight, m->opt.gravity, m->body_mass[body] * part);
   mju_sub3(arm, d->xipos + 3 * body, d->subtree_com + 3 * m->body_rootid[body]);
   mju_cross(torque, arm, weight);
   mju_addTo3(wrench, torque);
@@ -43,14 +46,14 @@ bool has_light_part(const mjModel_* m, const mjData_* d, const Trees& trees, int
   return false;
 }
 
-void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time,
+void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time, Gravity gravity,
                        std::vector<double>& wrench, double* change) {
   if (m->opt.disableflags & mjDSBL_GRAVITY) return;
   const int first = m->tree_bodyadr[tree], end = first + m->tree_bodynum[tree];
   wrench.assign(kSize * (end - first), 0.0);
   for (int body = end - 1; body >= first; --body) {
     double* of = wrench.data() + kSize * (body - first);
-    add_own_weight(m, d, body, time, of);
+    add_own_weight(m, d, body, time, gravity, of);
     const int parent = m->body_parentid[body];
     if (parent < first) continue;
     double* on = wrench.data() + kSize * (parent - first);

@@ -155,14 +155,14 @@ void advance_all_but_motion(mjModel_* m, mjData_* d) {
 
 void integrate(mjModel_* m, mjData_* d, bool uses_motion, bool any_rows) {
   const StaysAwake awake(m, d);
-  if (is_runge_kutta(m) && uses_motion && !any_rows)
+  if (!uses_motion || is_discrete(m))
+    advance_all_but_motion(m, d);
+  else if (is_runge_kutta(m) && !any_rows)
     take_stages(m, d);
   else if (takes_derivatives(m))
     mj_implicit(m, d);
-  else if (uses_motion && !is_discrete(m))
-    mj_Euler(m, d);
   else
-    advance_all_but_motion(m, d);
+    mj_Euler(m, d);
 }
 
 }  // namespace dashpot::host

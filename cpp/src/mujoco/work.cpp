@@ -7,6 +7,7 @@
 #include "dashpot/mujoco/discrete.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
+#include "dashpot/mujoco/gravity_ahead.hpp"
 #include "dashpot/mujoco/host.hpp"
 
 extern "C" {
@@ -40,6 +41,11 @@ void SmoothWork::find_mean_forces(const mjModel_* m, const mjData_* d, const Tre
   // What implicit springs lack of their force at the start, they take as dampers do.
   for (size_t index = 0; index < trees.tree.size(); ++index)
     add_stiffness_shift(m, trees, index, motion.start_velocity, damping_force_.data());
+  if (m->ngravcomp == 0) return;
+  for (size_t index = 0; index < trees.tree.size(); ++index)
+    if (!trees.tree[index].free_body)
+      add_gravity_ahead(m, d, index, 0.5 * m->opt.timestep, Gravity::kOfCompensation, gravity_room_,
+                        driving_force_.data());
 }
 
 void SmoothWork::find_braking(const mjModel_* m, mjData_* d, const Trees& trees,

@@ -16,10 +16,6 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-int state_size(const ModelSizes& sizes, StateKind kind) {
-  return kind == StateKind::kFullPhysics ? sizes.full_physics : sizes.integration;
-}
-
 // The numbers of one rollout and step in an array (nbatch, nstep, size), or null.
 double* at(double* array, std::size_t row, int size) {
   return array ? array + row * size : nullptr;
@@ -50,7 +46,8 @@ std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const 
                                  const RolloutOutput& output, int nthread,
                                  const Interrupt& interrupt) {
   const ModelSizes sizes = sizes_of(models.front().model);
-  const int from = state_size(sizes, input.kind), to = state_size(sizes, output.record);
+  const int from = state_size(models.front().model, input.spec);
+  const int to = state_size(models.front().model, output.record);
   const int threads = thread_count(nthread, input.nbatch);
   std::vector<SimulationLoan> loans(threads);
   std::vector<std::vector<double>> whole(output.sparse ? threads : 0);  // states, by thread
@@ -62,14 +59,14 @@ std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const 
     double* const last = at(output.last_state, item, sizes.integration);
     simulation.reset();
     simulation.differentiate(input.differentiable);
-    simulation.set_state(input.initial_state + std::size_t(item) * from, input.kind);
+    simulation.set_state(input.initial_state + std::size_t(item) * from, input.spec);
     for (int step = 0; step < input.nstep; ++step) {
       worker.look();
       const std::size_t row = std::size_t(item) * input.nstep + step;
       double* const state = at(output.state, row, to);
       double* const sensors = at(output.sensordata, row, sizes.nsensordata);
       if (input.control) {
-        simulation.set_inputs(input.control + row * input.ncontrol, input.control_spec);
+        simulation.set_state(input.control + row * input.ncontrol, input.control_spec);
       }
       try {
         simulation.step();
@@ -94,11 +91,11 @@ std::vector<Divergence> roll_out(const std::vector<RolloutModel>& models, const 
       if (output.sparse) {
         std::vector<double>& numbers = whole[worker.index()];
         numbers.resize(sizes.integration);
-        simulation.get_state(numbers.data(), StateKind::kIntegration);
+        simulation.get_state(numbers.data(), kIntegration);
         output.sparse[item].add(numbers.data(), sizes.integration);
       }
     }
-    if (last) simulation.get_state(last, StateKind::kIntegration);
+    if (last) simulation.get_state(last, kIntegration);
   });
   const auto is_none = [](const Divergence& each) { return each.what.empty(); };
   diverged.erase(std::remove_if(diverged.begin(), diverged.end(), is_none), diverged.end());

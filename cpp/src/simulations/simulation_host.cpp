@@ -15,11 +15,11 @@
 #include "dashpot/simulations/distances.hpp"
 
 namespace dashpot {
-namespace {
 
-int signature(StateKind kind) {
-  return kind == StateKind::kFullPhysics ? mjSTATE_FULLPHYSICS : mjSTATE_INTEGRATION;
-}
+const int kFullPhysics = mjSTATE_FULLPHYSICS;
+const int kIntegration = mjSTATE_INTEGRATION;
+
+namespace {
 
 [[noreturn]] void refuse_callbacks() {
   throw std::runtime_error(
@@ -42,7 +42,7 @@ ModelSizes sizes_of(const mjModel_* model) {
   return sizes;
 }
 
-int input_size(const mjModel_* model, int spec) {
+int state_size(const mjModel_* model, int spec) {
   return static_cast<int>(mj_stateSize(model, spec));
 }
 
@@ -72,12 +72,12 @@ void Simulation::set_timestep(double timestep) { impl_->model.get()->opt.timeste
 
 void Simulation::reset() { mj_resetData(impl_->model.get(), impl_->data.get()); }
 
-void Simulation::set_state(const double* state, StateKind kind) {
-  mj_setState(impl_->model.get(), impl_->data.get(), state, signature(kind));
+void Simulation::set_state(const double* state, int spec) {
+  mj_setState(impl_->model.get(), impl_->data.get(), state, spec);
 }
 
-void Simulation::get_state(double* state, StateKind kind) const {
-  mj_getState(impl_->model.get(), impl_->data.get(), state, signature(kind));
+void Simulation::get_state(double* state, int spec) const {
+  mj_getState(impl_->model.get(), impl_->data.get(), state, spec);
 }
 
 void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
@@ -87,10 +87,6 @@ void Simulation::set_position_velocity(const double* qpos, const double* qvel) {
 
 void Simulation::set_control(const double* control) {
   std::copy_n(control, impl_->model.get()->nu, impl_->data->ctrl);
-}
-
-void Simulation::set_inputs(const double* values, int spec) {
-  mj_setState(impl_->model.get(), impl_->data.get(), values, spec);
 }
 
 const double* Simulation::sensordata() const { return impl_->data->sensordata; }

@@ -48,8 +48,9 @@ class TreeMotion {
   // Whether springs or servos act on such a body.
   bool is_sprung(int tree) const;
 
-  // Reads the state at the start of a step, and finds who moves which tree.
-  void start(const mjData_* d);
+  // Reads the state at the start of a step, and finds who moves which tree: in models that may have
+  // rows no tree is MuJoCo's.
+  void start(const mjData_* d, bool may_have_rows);
   // The smooth motion over `length` (s), implicit in velocity as the integrator is; fills in the
   // velocity and smooth acceleration of `data`. `rough`: for the search of impacts alone. Throws
   // DivergenceError where it has diverged.

@@ -16,10 +16,12 @@ struct mjData_;
 
 namespace dashpot::host {
 
-// Adds the change (N or N m, nv) of a tree's weights less their gravity compensation, `time` (s)
-// ahead of the start of the step, all going on at its velocities. `wrench` is room, kept from call
-// to call.
-void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time,
+enum class Gravity { kLessCompensation, kOfCompensation };
+
+// Adds the change (N or N m, nv) of a tree's weights less their gravity compensation, or of this,
+// `time` (s) ahead of the start of the step, all going on at its velocities. `wrench` is room, kept
+// from call to call.
+void add_gravity_ahead(const mjModel_* m, const mjData_* d, int tree, double time, Gravity gravity,
                        std::vector<double>& wrench, double* change);
 
 // Whether a body of a tree whose inverse inertia is known has a joint with t^2 m g l / 2 I of

@@ -60,6 +60,7 @@ class SmoothWork {
   // By degree of freedom: v1 - v0, v1; means over the step of driving forces, and of dampers less
   // what the effective inertia takes of them.
   std::vector<double> change_, end_velocity_, driving_force_, damping_force_;
+  std::vector<double> gravity_room_;
 };
 
 }  // namespace dashpot::host

@@ -24,8 +24,8 @@ struct RolloutModel {
 struct RolloutInput {
   int nbatch = 0;
   int nstep = 0;
-  StateKind kind = StateKind::kFullPhysics;  // of the initial states
-  const double* initial_state = nullptr;     // (nbatch, nstate), nstate by `kind`
+  int spec = kFullPhysics;                // of the initial states, bits of mjtState
+  const double* initial_state = nullptr;  // (nbatch, state_size(model, spec))
   // (nbatch, nstep, ncontrol) or null. Null with full-physics states: zero; with integration
   // states: the controls in the state, held.
   const double* control = nullptr;
@@ -54,7 +54,7 @@ struct SparseRows {
 // What is written after every step, or, `last_state`, after the last one. Where a rollout diverged
 // there is NaN, and there are no rows of `sparse`.
 struct RolloutOutput {
-  StateKind record = StateKind::kFullPhysics;
+  int record = kFullPhysics;
   double* state = nullptr;       // (nbatch, nstep, nstate by `record`), or null
   double* sensordata = nullptr;  // (nbatch, nstep, nsensordata)
   double* last_state = nullptr;  // (nbatch, nstate of integration), or null

@@ -12,11 +12,10 @@ struct mjData_;
 
 namespace dashpot {
 
-// Which of MuJoCo's state vectors (mj_getState, mj_setState).
-enum class StateKind {
-  kFullPhysics,  // time, qpos, qvel, act, history, plugin state
-  kIntegration,  // also controls, applied forces, mocap, warm start and user data: contact memory
-};
+// Which numbers a vector of mj_getState and mj_setState holds: bits of mjtState.
+extern const int kFullPhysics;  // time, qpos, qvel, act, history, plugin state
+// Also controls, applied forces, mocap, warm start and user data: contact memory.
+extern const int kIntegration;
 
 // Sizes that fix the layout of states and controls.
 struct ModelSizes {
@@ -24,8 +23,8 @@ struct ModelSizes {
   int full_physics = 0, integration = 0;  // lengths of the two state vectors
 };
 ModelSizes sizes_of(const mjModel_* model);
-// Length of a vector of what `spec`, bits of mjtState, names.
-int input_size(const mjModel_* model, int spec);
+// Length of a vector of what `spec` names.
+int state_size(const mjModel_* model, int spec);
 
 class Simulation {
  public:
@@ -44,14 +43,12 @@ class Simulation {
   // Everything as in fresh data of the model: no contact memory, no controls.
   void reset();
 
-  // The vectors have the length that ModelSizes gives for the kind.
-  void set_state(const double* state, StateKind kind);
-  void get_state(double* state, StateKind kind) const;
+  // The vectors have the length state_size(model, spec).
+  void set_state(const double* state, int spec);
+  void get_state(double* state, int spec) const;
   void set_position_velocity(const double* qpos, const double* qvel);  // (nq,), (nv,)
   void set_control(const double* control);                             // (nu,)
-  // What is given from outside, as mj_setState takes it: `spec` are bits of mjtState.
-  void set_inputs(const double* values, int spec);
-  const double* sensordata() const;  // (nsensordata,)
+  const double* sensordata() const;                                    // (nsensordata,)
 
   // Steps once. Throws std::runtime_error where the state is no longer finite afterwards.
   void step();

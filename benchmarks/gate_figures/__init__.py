@@ -1,0 +1,1 @@
+"""What the gate measures: accuracy, and instructions of a step."""
