@@ -359,6 +359,49 @@ class Engine(ReadableOptions):
         model, scratch = self.model._address, self._scratch._address
         return Energy(**_core.energy(model, data._address, scratch, self._contact_capacity))
 
+    def to_warp(self, nworld: int = 1, **options: Any) -> tuple[Any, Any]:
+        """Return this engine's model and data of `nworld` worlds for `dashpot.warp`.
+
+        Parameters
+        ----------
+        nworld
+            Number of worlds.
+        **options
+            Of `dashpot.warp.make_data`: `nconmax`, `njmax`.
+
+        Returns
+        -------
+        m, d
+            For ``dashpot.warp.step(m, d)``, with the materials and options of the engine. Rules of
+            combination other than the default ones are refused.
+
+        Examples
+        --------
+        >>> m, d = engine.to_warp(nworld=4096)
+        """
+        from dashpot import warp
+
+        if self.rules != CombinationRules():
+            raise NotImplementedError("dashpot.warp has no combination rules but the default ones")
+        given: dict[str, Any] = {
+            name: getattr(self, name)
+            for name in (
+                "law",
+                "microsteps",
+                "recovery_speed",
+                "comfree_stiffness",
+                "comfree_damping",
+            )
+            if getattr(self, name) is not None
+        }
+        m = warp.put_model(
+            self.model,
+            materials=self.materials,
+            pair_materials=self.pair_materials,
+            **given,
+        )
+        return m, warp.make_data(self.model, nworld, **options)
+
     def report(self) -> Report:
         """Which MJCF options and features of the model are honoured, mapped or refused."""
         return Report(

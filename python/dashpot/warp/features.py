@@ -1,0 +1,75 @@
+"""What dashpot.warp does not have: refused by name, never ignored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import mujoco
+
+from dashpot.materials import Material
+
+__all__ = ["refuse"]
+
+
+def _mocap_is_held(model: Any) -> bool:
+    """Whether an equality of bodies or sites holds what is fixed to a mocap body."""
+    is_mocap = model.body_mocapid >= 0
+    for body in range(1, model.nbody):
+        if model.body_jntnum[body] == 0:
+            is_mocap[body] |= is_mocap[model.body_parentid[body]]
+    for i in range(model.neq):
+        if model.eq_type[i] not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            continue
+        for index in (model.eq_obj1id[i], model.eq_obj2id[i]):
+            is_site = model.eq_objtype[i] == mujoco.mjtObj.mjOBJ_SITE
+            if is_mocap[model.site_bodyid[index] if is_site else index]:
+                return True
+    return False
+
+
+# Description and test of everything that a model may have and this engine has not.
+_MISSING: tuple[tuple[str, Callable[[Any], bool]], ...] = (
+    ("flexes", lambda m: m.nflex > 0),
+    ("signed distance fields", lambda m: bool((m.geom_type == mujoco.mjtGeom.mjGEOM_SDF).any())),
+    ("integrator 'RK4'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4),
+    (
+        "integrator 'implicit' (use 'implicitfast')",
+        lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    ),
+    ("integrator 'discrete'", lambda m: m.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE),
+    ("the flag 'sleep'", lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)),
+    (
+        "the flag 'override'",
+        lambda m: bool(m.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE),
+    ),
+    ("adhesion of geoms", lambda m: bool(m.geom_adhesion.any())),
+    (
+        "adhesion actuators (transmission 'body')",
+        lambda m: bool((m.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any()),
+    ),
+    ("gaps of geoms or pairs", lambda m: bool((m.geom_gap > 0).any() or (m.pair_gap > 0).any())),
+    ("equalities of mocap bodies", lambda m: _mocap_is_held(m)),
+)
+
+
+def refuse(
+    model: mujoco.MjModel,
+    materials: Mapping[int, Material],
+    pair_materials: Mapping[tuple[int, int], Material],
+) -> None:
+    """Raise NotImplementedError that lists what the model has and this engine has not."""
+    names = [name for name, has in _MISSING if has(model)]
+    explicit = {*model.pair_geom1.tolist(), *model.pair_geom2.tolist()}
+    for geom, material in materials.items():
+        of_geom = f"of the material of geom {model.geom(geom).name or geom!r}"
+        if material.loaded_friction < 1.0:
+            names.append(f"loaded_friction {of_geom}")
+        if material.friction is not None and geom in explicit:
+            names.append(f"friction {of_geom}, which is in an explicit pair")
+    for pair, material in pair_materials.items():
+        if material.friction is not None or material.loaded_friction < 1.0:
+            geoms = " and ".join(model.geom(geom).name or repr(geom) for geom in pair)
+            names.append(f"friction of the material of the pair of geoms {geoms}")
+    if names:
+        raise NotImplementedError("dashpot.warp has no " + "; no ".join(names))

@@ -1,0 +1,254 @@
+"""Materials of geoms on the device, their combination, and what a model's own solref means.
+
+Equations as in ``cpp/src/law/material.cpp`` (two springs in series; damping by elastic energy) and
+``cpp/include/dashpot/law/solref.hpp``::
+
+    kappa = d^2 k / (1 - d),    delta = d b / sqrt(1 - d)
+
+at the impedance d that a row has at rest under its load. Arrays of shape (k, ngeom) hold for the
+worlds ``world % k``.
+"""
+
+import warp as wp
+
+from dashpot.warp.state import CONTACT
+
+wp.set_module_options({"enable_backward": False})
+
+FROM_MODEL = 0
+RATIO = 1
+DAMPING = 2
+RESTITUTION = 3
+
+vec5 = wp.types.vector(5, wp.float32)
+vec7 = wp.types.vector(7, wp.float32)
+
+
+@wp.struct
+class Pair:
+    """What stiffness and damping of a group go by."""
+
+    stiffness: wp.array2d(dtype=wp.float32)  # N/m, 0 for rigid
+    damping: wp.array2d(dtype=wp.float32)  # damping ratio or N s/m
+    form: wp.array(dtype=wp.int32)
+    tangential_ratio: wp.array2d(dtype=wp.float32)
+    tangential_damping: wp.array2d(dtype=wp.float32)
+    pair_geoms: wp.array(dtype=wp.vec2i)  # pairs that have a material of their own
+    pair_values: wp.array(dtype=vec7)
+    own_solref: wp.array(dtype=wp.int32)  # geoms that set solref or solimp
+    contact_solref: wp.array(dtype=wp.vec2)
+    contact_solimp: wp.array(dtype=vec5)
+    # By type of constraint: equality, friction of dofs and tendons, limits of joints and tendons.
+    own0: wp.array(dtype=wp.int32)
+    own1: wp.array(dtype=wp.int32)
+    own2: wp.array(dtype=wp.int32)
+    own3: wp.array(dtype=wp.int32)
+    own4: wp.array(dtype=wp.int32)
+    solref0: wp.array2d(dtype=wp.vec2)
+    solref1: wp.array2d(dtype=wp.vec2)
+    solref2: wp.array2d(dtype=wp.vec2)
+    solref3: wp.array2d(dtype=wp.vec2)
+    solref4: wp.array2d(dtype=wp.vec2)
+    solimp0: wp.array2d(dtype=vec5)
+    solimp1: wp.array2d(dtype=vec5)
+    solimp2: wp.array2d(dtype=vec5)
+    solimp3: wp.array2d(dtype=vec5)
+    solimp4: wp.array2d(dtype=vec5)
+
+
+@wp.func
+def blend(x: float, y: float, share_x: float, share_y: float) -> float:
+    """Weighted mean that leaves equal numbers alone and ignores a side of weight 0."""
+    if x == y or share_y == 0.0:
+        return x
+    if share_x == 0.0:
+        return y
+    return share_x * x + share_y * y
+
+
+@wp.func
+def value_of(values: wp.array2d(dtype=wp.float32), world: int, geom: int) -> float:
+    """Return what a geom has in a world."""
+    return values[world % values.shape[0], geom]
+
+
+@wp.func
+def pair_index(pair: Pair, key: wp.vec3i) -> int:
+    """Which material of its own a pair of geoms has, -1 for none."""
+    low = wp.min(key[0], key[1])
+    high = wp.max(key[0], key[1])
+    for i in range(pair.pair_geoms.shape[0]):
+        if pair.pair_geoms[i][0] == low and pair.pair_geoms[i][1] == high:
+            return i
+    return -1
+
+
+@wp.func
+def pair_material(pair: Pair, world: int, key: wp.vec3i) -> vec7:
+    """Stiffness (0: rigid), ratio, damping (-1: none), added damping, restitution, tangents."""
+    own = pair_index(pair, key)
+    if own >= 0:
+        return pair.pair_values[own]
+    a = key[0]
+    b = key[1]
+    ka = value_of(pair.stiffness, world, a)
+    kb = value_of(pair.stiffness, world, b)
+    da = value_of(pair.damping, world, a)
+    db = value_of(pair.damping, world, b)
+    fa = pair.form[a]
+    fb = pair.form[b]
+    ta = value_of(pair.tangential_ratio, world, a)
+    tb = value_of(pair.tangential_ratio, world, b)
+    za = value_of(pair.tangential_damping, world, a)
+    zb = value_of(pair.tangential_damping, world, b)
+    if fa == int(FROM_MODEL) and fb == int(FROM_MODEL):
+        return vec7(0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 1.0)
+    k = float(0.0)
+    share_a = float(0.5)
+    if ka > 0.0 and kb > 0.0:
+        k = wp.min(ka, kb) / (1.0 + wp.min(ka, kb) / wp.max(ka, kb))
+        share_a = 1.0 / (1.0 + ka / kb)
+    elif ka > 0.0:
+        k = ka
+        share_a = 1.0
+    elif kb > 0.0:
+        k = kb
+        share_a = 0.0
+    share_b = 1.0 - share_a
+    # A side that nobody set has no damping of its own to mix in; nor has a rigid one.
+    if fa == int(FROM_MODEL):
+        fa = fb
+        da = db
+    elif fb == int(FROM_MODEL):
+        fb = fa
+        db = da
+    elif (ka > 0.0) != (kb > 0.0) and not (fa == int(DAMPING) and fb == int(DAMPING)):
+        if ka > 0.0:
+            fb = fa
+            db = da
+        else:
+            fa = fb
+            da = db
+    zeta = float(0.0)
+    damping = float(-1.0)
+    added = float(0.0)
+    if fa == int(DAMPING) and fb == int(DAMPING):
+        damping = da
+        if pair.form[a] != int(FROM_MODEL) and pair.form[b] != int(FROM_MODEL):
+            low = wp.min(da, db)
+            damping = wp.where(low > 0.0, low / (1.0 + low / wp.max(da, db)), 0.0)
+    elif fa != int(DAMPING) and fb != int(DAMPING):
+        zeta = blend(da, db, share_a, share_b)
+    elif fa == int(DAMPING):
+        zeta = share_b * db
+        added = share_a * share_a * da
+    else:
+        zeta = share_a * da
+        added = share_b * share_b * db
+    returns = float(0.0)
+    if fa == int(RESTITUTION) and fb == int(RESTITUTION):
+        returns = 1.0
+    ca = share_a / ta
+    cb = share_b / tb
+    ratio = wp.where(ta == tb, ta, 1.0 / (ca + cb))
+    return vec7(
+        k, zeta, damping, added, returns, ratio, blend(za, zb, ca / (ca + cb), cb / (ca + cb))
+    )
+
+
+@wp.func
+def clip_impedance(value: float) -> float:
+    """MuJoCo's bounds."""
+    return wp.clamp(value, 1.0e-4, 0.9999)
+
+
+@wp.func
+def impedance(solimp: vec5, gap: float) -> float:
+    """MuJoCo's impedance at a gap (m or rad)."""
+    start = clip_impedance(solimp[0])
+    end = clip_impedance(solimp[1])
+    midpoint = clip_impedance(solimp[3])
+    power = wp.max(1.0, solimp[4])
+    if solimp[2] <= 1.0e-15:
+        return 0.5 * (start + end)
+    x = wp.abs(gap) / solimp[2]
+    if x >= 1.0:
+        return end
+    if x <= midpoint:
+        return start + midpoint * wp.pow(x / midpoint, power) * (end - start)
+    rest = (1.0 - midpoint) * wp.pow((1.0 - x) / (1.0 - midpoint), power)
+    return start + (1.0 - rest) * (end - start)
+
+
+@wp.func
+def spring_of(solref: wp.vec2, solimp: vec5, load: float) -> wp.vec2:
+    """Kappa (1/s^2) and delta (1/s) at rest under a load (m/s^2), which may be infinite."""
+    width = clip_impedance(solimp[1])
+    k = float(0.0)
+    b = float(0.0)
+    if solref[0] > 0.0:
+        rate = 1.0 / (width * solref[0])
+        k = (rate / solref[1]) * (rate / solref[1])
+        b = 2.0 * rate
+    else:
+        k = -solref[0] / (width * width)
+        b = -solref[1] / width
+    d = width
+    if load < wp.inf and k > 0.0 and solimp[2] > 0.0:
+        # d^2 k x = (1 - d) load, by bisection over the width.
+        low = float(0.0)
+        high = solimp[2]
+        for _ in range(16):
+            x = 0.5 * (low + high)
+            d = impedance(solimp, x)
+            if d * d * k * x < (1.0 - d) * load:
+                low = x
+            else:
+                high = x
+        d = impedance(solimp, 0.5 * (low + high))
+    return wp.vec2(d * d * k / (1.0 - d), d * b / wp.sqrt(1.0 - d))
+
+
+@wp.func
+def rates_of(
+    own: wp.array(dtype=wp.int32),
+    solref: wp.array2d(dtype=wp.vec2),
+    solimp: wp.array2d(dtype=vec5),
+    world: int,
+    index: int,
+    load: float,
+) -> wp.vec2:
+    """Those of a constraint, 0 where the model sets none."""
+    if own[index] == 0:
+        return wp.vec2(0.0, 0.0)
+    return spring_of(
+        solref[world % solref.shape[0], index], solimp[world % solimp.shape[0], index], load
+    )
+
+
+@wp.func
+def solref_rates(
+    pair: Pair, world: int, key: wp.vec3i, source: int, kind: int, load: float
+) -> wp.vec2:
+    """Return kappa and delta by the model's own solref; 0 without one, or beside a material."""
+    if kind == int(CONTACT):
+        a = key[0]
+        b = key[1]
+        if pair.form[a] != int(FROM_MODEL) or pair.form[b] != int(FROM_MODEL):
+            return wp.vec2(0.0, 0.0)
+        if pair_index(pair, key) >= 0:
+            return wp.vec2(0.0, 0.0)
+        if pair.own_solref[a] == 0 and pair.own_solref[b] == 0:
+            return wp.vec2(0.0, 0.0)
+        return spring_of(pair.contact_solref[source], pair.contact_solimp[source], load)
+    which = key[0] + 100
+    index = key[1]
+    if which == 0:
+        return rates_of(pair.own0, pair.solref0, pair.solimp0, world, index, load)
+    if which == 1:
+        return rates_of(pair.own1, pair.solref1, pair.solimp1, world, index, load)
+    if which == 2:
+        return rates_of(pair.own2, pair.solref2, pair.solimp2, world, index, load)
+    if which == 3:
+        return rates_of(pair.own3, pair.solref3, pair.solimp3, world, index, load)
+    return rates_of(pair.own4, pair.solref4, pair.solimp4, world, index, load)

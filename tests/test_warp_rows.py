@@ -1,0 +1,209 @@
+"""Limits, equalities, dry friction, condim and solref of dashpot.warp, and motion in flight."""
+
+import numpy as np
+import pytest
+
+import dashpot
+from warp_worlds import Worlds, energy, model_of
+
+OPTION = '<option gravity="0 0 -9.81"/>'
+PENDULUM = (
+    f'<mujoco>{OPTION}<worldbody><body pos="0 0 1">'
+    '<joint name="j" type="hinge" axis="0 1 0" {joint}/>'
+    '<geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0" mass="1"/></body></worldbody></mujoco>'
+)
+LINK = (
+    '<joint name="{name}" type="hinge" axis="0 1 0"/>'
+    '<geom type="capsule" size="0.02" fromto="0 0 0 0.3 0 0" mass="1" contype="0" conaffinity="0"/>'
+)
+DOUBLE = (
+    f'<mujoco>{OPTION}<worldbody><body pos="0 0 1">'
+    + LINK.format(name="a")
+    + '<body name="tip" pos="0.3 0 0">'
+    + LINK.format(name="b")
+    + "</body></body></worldbody>{rest}</mujoco>"
+)
+
+
+def engine_of(model, start=None):
+    engine = dashpot.Engine(model)
+    data = engine.make_data()
+    if start:
+        start(engine.model, data)
+    return engine, data
+
+
+def test_a_double_pendulum_converges_as_the_square_of_the_step():
+    """Drift, kick, drift, with Coriolis forces at the velocity of the middle."""
+    ends = []
+    for timestep in (0.0005, 0.002, 0.004):
+        worlds = Worlds(model_of(DOUBLE.format(rest=""), timestep), nconmax=4)
+        worlds.step(round(1 / timestep))
+        ends.append(worlds.positions())
+    fine, coarse = (np.abs(end - ends[0]).max() for end in ends[1:])
+    assert coarse < 5e-4
+    assert coarse / fine == pytest.approx(4.0, rel=0.25)
+
+
+def test_a_torque_free_body_keeps_its_energy_and_turns_as_euler_says():
+    xml = (
+        '<mujoco><option gravity="0 0 0"/><worldbody><body><freejoint/>'
+        '<geom type="box" size="0.1 0.05 0.02" pos="0.03 0.02 0.01"/></body></worldbody></mujoco>'
+    )
+
+    def spin(_, data):
+        data.qvel[:] = [0.1, 0.2, 0.3, 1.0, 2.0, 6.0]
+
+    model = model_of(xml, 0.002)
+    worlds = Worlds(model, start=spin, nconmax=4)
+    before = energy(model, worlds.qpos, worlds.qvel)
+    worlds.step(1500)
+    assert energy(model, worlds.qpos, worlds.qvel) == pytest.approx(before, rel=1e-5)
+    finer = Worlds(model_of(xml, 0.0005), start=spin, nconmax=4)
+    finer.step(6000)
+    np.testing.assert_allclose(worlds.positions(), finer.positions(), atol=2e-5)
+
+
+def test_a_limit_stops_a_pendulum():
+    model = model_of(PENDULUM.format(joint='range="-60 60" limited="true"'))
+    worlds = Worlds(model, nconmax=4)
+    worlds.step(1000)
+    assert worlds.qpos[0] == pytest.approx(np.pi / 3, abs=1e-5)
+    assert abs(worlds.qvel[0]) < 1e-6
+
+
+def test_dry_friction_holds_a_pendulum_and_lets_it_slip():
+    held = Worlds(model_of(PENDULUM.format(joint='frictionloss="3"')), nconmax=4)
+    held.step(500)
+    assert abs(held.qpos[0]) < 2e-6  # the spring of the slider, no creep
+    model = model_of(PENDULUM.format(joint='frictionloss="0.5"'))
+    slips = Worlds(model, nconmax=4)
+    engine, data = engine_of(model)
+    slips.step(1000)
+    engine.step(data, 1000)
+    assert slips.qpos[0] == pytest.approx(data.qpos[0], abs=1e-4)
+
+
+def test_tendons_have_limits_and_dry_friction():
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><body pos="0 0 1"><joint name="j" type="slide" axis="0 0 1"/>'
+        '<geom type="sphere" size=".05" mass="1"/></body></worldbody><tendon>'
+        '<fixed limited="true" range="-0.3 1" frictionloss="5"><joint joint="j" coef="1"/></fixed>'
+        "</tendon></mujoco>"
+    )
+    worlds = Worlds(model_of(xml), nconmax=4)
+    worlds.step(100)
+    assert worlds.qvel[0] == pytest.approx(-(9.81 - 5.0) * 0.2, rel=1e-4)
+    worlds.step(400)
+    assert worlds.qpos[0] == pytest.approx(-0.3, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("rest", "error"),
+    [
+        (
+            '<equality><connect body1="tip" body2="world" anchor="0.3 0 0"/></equality>',
+            lambda q: abs(0.3 * np.sin(q[0]) + 0.3 * np.sin(q[0] + q[1])),
+        ),
+        ('<equality><joint joint1="b" joint2="a"/></equality>', lambda q: abs(q[1] - q[0])),
+    ],
+)
+def test_equalities_hold(rest, error):
+    worlds = Worlds(model_of(DOUBLE.format(rest=rest)), nconmax=4)
+    for _ in range(10):
+        worlds.step(50)
+        assert error(worlds.positions()) < 2e-3  # of 0.6 m, while it falls
+
+
+def test_a_weld_carries_a_body():
+    box = '<geom type="box" size=".05 .05 .05"/>'
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="1 1 .1"/>'
+        f'<body name="a" pos="0 0 .3"><freejoint/>{box}</body>'
+        f'<body name="b" pos="0.15 0 .3"><freejoint/>{box}</body></worldbody>'
+        '<equality><weld body1="a" body2="b"/></equality></mujoco>'
+    )
+    worlds = Worlds(model_of(xml), nconmax=20)
+    worlds.step(500)
+    a, b = worlds.positions().reshape(2, 7)
+    np.testing.assert_allclose(b[:3] - a[:3], [0.15, 0, 0], atol=1e-4)
+    assert a[2] == pytest.approx(0.05, abs=1e-5)
+
+
+@pytest.mark.parametrize("condim", [1, 3, 4, 6])
+def test_a_spinning_ball_rolls_as_in_the_engine(condim):
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="1 1 .1" condim="{condim}"/>'
+        '<body pos="0 0 .1"><freejoint/>'
+        f'<geom type="sphere" size=".1" condim="{condim}" friction="1 0.01 0.005"/></body>'
+        "</worldbody></mujoco>"
+    )
+
+    def push(_, data):
+        data.qvel[:] = [1, 0.5, 0, 0, 10, 20]
+
+    model = model_of(xml)
+    worlds = Worlds(model, start=push, nconmax=4)
+    engine, data = engine_of(model, push)
+    worlds.step(1000)
+    engine.step(data, 1000)
+    np.testing.assert_allclose(worlds.qpos[:3], data.qpos[:3], atol=2e-5)
+    np.testing.assert_allclose(worlds.qvel[:3], data.qvel[:3], atol=2e-5)
+    # In the frame of a ball that has turned by 40 rad.
+    np.testing.assert_allclose(worlds.qvel[3:], data.qvel[3:], atol=2e-3)
+
+
+def test_a_models_own_solref_gives_way_as_in_the_engine():
+    geom = 'solref="0.03 0.5"'
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="1 1 .1" {geom}/>'
+        f'<body pos="0 0 .3"><freejoint/><geom type="sphere" size=".1" {geom}/></body>'
+        "</worldbody></mujoco>"
+    )
+    model = model_of(xml)
+    worlds = Worlds(model, nconmax=4)
+    engine, data = engine_of(model)
+    worst = 0.0
+    for _ in range(500):
+        worlds.step()
+        engine.step(data)
+        worst = max(worst, abs(worlds.qpos[2] - data.qpos[2]))
+    assert worst < 2e-6
+
+
+def test_a_belt_that_users_move_carries_what_lies_on_it():
+    """A mocap plate that accelerates at 2 m/s^2, less than friction bears, and then stops."""
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><body name="plate" mocap="true" pos="0 0 -0.05">'
+        '<geom type="box" size="2 0.5 0.05"/></body><body pos="0 0 0.05"><freejoint/>'
+        '<geom type="box" size="0.05 0.05 0.05" mass="1"/></body></worldbody></mujoco>'
+    )
+    timestep = 0.002
+    worlds = Worlds(model_of(xml, timestep), nconmax=12)
+    place = np.array([[[0.0, 0.0, -0.05]]], dtype=np.float32)
+    worlds.step(100)
+    for i in range(1, 251):
+        place[0, 0, 0] = (i * timestep) ** 2
+        worlds.d.mocap_pos.assign(place)
+        worlds.step()
+        np.testing.assert_array_equal(worlds.d.mocap_pos.numpy(), place)
+    # It sticks: the box has the way of the plate, but for the give of friction's springs.
+    assert worlds.qpos[0] == pytest.approx(place[0, 0, 0], abs=2e-4)
+    assert worlds.qvel[0] == pytest.approx(1.0, abs=5e-3)
+
+
+def test_a_wall_that_users_move_pushes_a_ball_without_lag():
+    xml = (
+        f'<mujoco>{OPTION}<worldbody><geom type="plane" size="5 5 .1"/>'
+        '<body name="wall" mocap="true" pos="-0.2 0 0.1"><geom type="box" size="0.05 0.5 0.1"/>'
+        '</body><body pos="0 0 0.1"><freejoint/><geom type="sphere" size="0.1" mass="1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    worlds = Worlds(model_of(xml), nconmax=8)
+    place = np.array([[[-0.2, 0.0, 0.1]]], dtype=np.float32)
+    for i in range(1, 501):
+        place[0, 0, 0] = -0.2 + i * 0.002 * 0.5
+        worlds.d.mocap_pos.assign(place)
+        worlds.step()
+        assert worlds.qpos[0] > place[0, 0, 0] + 0.15 - 1e-3  # never deep in the wall
+    assert worlds.qvel[0] >= 0.5 - 1e-2
