@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import functools
-import re
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -74,16 +72,6 @@ def test_a_report_needs_nothing_from_outside(tmp_path):
     assert "http://" not in text.replace("http://www.w3.org", "")
     assert plan.plot(tmp_path / "depth.png") is not None
     assert Image.open(tmp_path / "depth.png").width > 500
-
-
-def test_the_readme_example_runs(tmp_path, monkeypatch, capsys):
-    readme = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
-    *_, example = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
-    assert "grinding.plan(" in example
-    monkeypatch.chdir(tmp_path)
-    exec(compile(example, "README.md", "exec"), {})
-    assert "Plan(50 um in 2.2" in capsys.readouterr().out
-    assert (tmp_path / "pass.csv").is_file()
 
 
 def test_an_animation_is_drawn_where_no_gl_is(tmp_path):

@@ -11,10 +11,9 @@ namespace {
 
 // Fraction of the sag that a contact may close or open by in a step for its load to be known: more,
 // and what lands sinks in before its load is felt; less, and a change of stiffness alone seems to
-// move a grasp. A load that is known may press a contact in so many times the sag: micro-steps go
-// with the root of it.
+// move a grasp. And how often that load goes into the one that a contact is stiff enough for.
 constexpr double kStillSag = 0.03;
-constexpr double kLoadedSag = 4.0;
+constexpr double kLoadGrowth = 4.0;
 constexpr int kGroupsAtOnce = 128;  // by a thread
 
 }  // namespace
@@ -73,8 +72,8 @@ void SagTimes::find(const mjModel_* model, const StepView& step, const Rows& row
       time.dry_friction = std::sqrt(sag / held);
     if (step.matches[i].load == 0.0 || c.tree[0] < 0 || c.tree[1] < 0) return;
     if (std::abs(first_rate(rows, c, velocity)) * step.length > kStillSag * sag) return;
-    const double acceleration = step.matches[i].load * rows.inverse_mass[c.row];
-    time.load = std::sqrt(kLoadedSag * sag / std::max(acceleration, kLoadedSag * gravity));
+    const double acceleration = kLoadGrowth * step.matches[i].load * rows.inverse_mass[c.row];
+    time.load = std::sqrt(sag / std::max(acceleration, gravity));
   });
 }
 

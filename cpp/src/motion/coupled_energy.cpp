@@ -33,13 +33,15 @@ constexpr double kResolved = 4.0;
 // velocity Verlet gain energy. More of it is better than no second half.
 constexpr double kRest = 0.2, kRestWithoutRoot = 0.5;
 
+// Fraction of the kinetic energy that is rounding where all of it is in a common translation.
+constexpr double kRounding = 1e-12;
+
 }  // namespace
 
 CoupledEnergy CoupledEnergy::anew() const {
   CoupledEnergy same;
   same.turning_work = turning_work;
   same.by_equalities = by_equalities;
-  same.floats = floats;
   same.follows_drives = follows_drives;
   return same;
 }
@@ -51,13 +53,28 @@ bool CoupledEnergy::is_of_springs(double most_rest) const {
 
 double CoupledEnergy::find_scale() const {
   if (is_of_springs(kRest)) return 1.0;
-  const bool too_large = !by_equalities && square > kLargestHalf * kLargestHalf * kinetic;
+  const bool too_large = !by_equalities && half_inside() > kLargestHalf * kLargestHalf * inside();
   const double root = too_large ? 0.0 : find_root();
   return root == 0.0 && is_of_springs(kRestWithoutRoot) ? 1.0 : root;
 }
 
 double CoupledEnergy::energy_with(double s) const {
   return kinetic + s * (linear + damped_linear + s * (square + damped_square));
+}
+
+double CoupledEnergy::common_energy(double s) const {
+  double energy = 0.0;
+  for (const CommonMomentum& translation : common)
+    energy += 0.5 * translation.mass * translation.velocity(s) * translation.velocity(s);
+  return energy;
+}
+
+double CoupledEnergy::half_inside() const {
+  double energy = square;
+  for (const CommonMomentum& translation : common)
+    if (translation.mass > 0.0)
+      energy -= 0.5 * translation.of_half * translation.of_half / translation.mass;
+  return energy;
 }
 
 double CoupledEnergy::find_root() const {
@@ -72,15 +89,17 @@ double CoupledEnergy::find_root() const {
   return residual <= kResidual * kinetic ? s : 0.0;
 }
 
-void CoupledEnergy::correct_speed() {
-  if (kinetic <= 0.0 || energy_with(1.0) <= 0.0) return;
+void CoupledEnergy::correct_speed(bool on_ground) {
+  const auto inside_with = [&](double s) { return energy_with(s) - common_energy(s); };
+  const double rounding = kRounding * kinetic;
+  if (inside_with(0.0) <= rounding || inside_with(1.0) <= rounding) return;
   const auto excess_with = [&](double s) {
-    return 1.0 - std::sqrt(std::max(0.0, wanted) / energy_with(s));
+    return 1.0 - std::sqrt(std::max(0.0, wanted - common_energy(s)) / inside_with(s));
   };
-  const bool is_smooth = by_equalities && square <= kSmoothHalf * kSmoothHalf * kinetic &&
+  const bool is_smooth = by_equalities && half_inside() <= kSmoothHalf * kSmoothHalf * inside() &&
                          std::abs(excess_with(1.0)) <= kSmooth;
   if (is_smooth) scale = 1.0;
-  if (by_equalities && floats) return;
+  if (!on_ground) return;
   const double excess = excess_with(scale);
   const double most = is_smooth ? kSmooth : by_equalities ? 0.0 : kBoost;
   brake = excess < -most ? 0.0 : excess;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dashpot/motion/coupled_trees.hpp"
 #include "dashpot/motion/turning_parts.hpp"
 #include "dashpot/mujoco/effective_inertia.hpp"
 #include "dashpot/mujoco/forces.hpp"
@@ -10,30 +11,6 @@
 #include "dashpot/mujoco/trees.hpp"
 
 namespace dashpot {
-
-namespace {
-
-// Finds for every tree the first one that equalities couple it to, -1 if none do: what they couple
-// exchanges energy through them, and is conserved only of all together.
-void find_coupled_trees(const Rows& rows, int trees, std::vector<int>& first_tree) {
-  first_tree.assign(trees, -1);
-  for (bool changed = true; changed;) {
-    changed = false;
-    for (const RowGroup& c : rows.group) {
-      if (c.kind != RowKind::kBilateral) continue;
-      int first = c.tree[0];
-      for (int tree : c.tree)
-        if (tree >= 0 && first_tree[tree] >= 0) first = std::min(first, first_tree[tree]);
-      for (int tree : c.tree) {
-        if (tree < 0 || first_tree[tree] == first) continue;
-        first_tree[tree] = first;
-        changed = true;
-      }
-    }
-  }
-}
-
-}  // namespace
 
 void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool whole,
                                  TreeMotion& motion, Rows& rows, RowData& data,
@@ -52,6 +29,7 @@ void Trapezoid::finish_last_step(const mjData_* d, const StepView& step, bool wh
   find_potential_forces(d, motion);
   drives_.find(model_, d, memory.held_motion(), trees, left_half_);
   recall_equalities(step, rows, trees);
+  translations_.find(model_, d, rows, trees, first_);
   holding_rows_.find_at_start(step, rows, data, trees);
   if (find_scales(d, length, whole, memory, motion)) {
     if (!whole) correct_speeds();
@@ -67,15 +45,8 @@ void Trapezoid::couple_trees(const Rows& rows, const TreeMotion& motion) {
   const Trees& trees = motion.trees();
   find_coupled_trees(rows, static_cast<int>(trees.tree.size()), first_);
   coupled_.assign(first_.size(), {});
-  for (size_t i = 0; i < first_.size(); ++i) {
-    if (first_[i] < 0) continue;
-    CoupledEnergy& coupled = coupled_[first_[i]];
-    coupled.by_equalities = true;
-    coupled.floats = coupled.floats && host::can_translate(model_, static_cast<int>(i));
-  }
-  for (const RowGroup& c : rows.group)
-    if (c.kind == RowKind::kBilateral && c.tree[1] < 0 && trees.tree[c.tree[0]].free_body)
-      coupled_[first_[c.tree[0]]].floats = false;
+  for (int first : first_)
+    if (first >= 0) coupled_[first].by_equalities = true;
   for (size_t i = 0; i < first_.size(); ++i)
     if (first_[i] < 0 && motion.linked()[i] && !trees.is_soft(i)) first_[i] = i;
 }
@@ -222,13 +193,40 @@ void Trapezoid::find_energies(const mjData_* d, double length, const Memory& mem
     coupled.kinetic += kinetic;
     if (!left_half_[index] || host::is_free_body(model_, index)) coupled.wanted += kinetic;
   }
+  find_common_momenta(d, motion);
   for (CoupledEnergy& coupled : coupled_) coupled.wanted += coupled.turning_work + coupled.driven;
 }
 
+void Trapezoid::find_common_momenta(const mjData_* d, const TreeMotion& motion) {
+  for (int direction = 0; direction < kDirections; ++direction) {
+    if (!translations_.any(direction)) continue;
+    translation_.motion.resize(momentum_.size());
+    translation_.momentum.resize(momentum_.size());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      const Tree& t = motion.trees().tree[index];
+      motion.to_generalized(index, translations_.motion(direction).data() + t.begin,
+                            translation_.motion.data() + t.dof_begin);
+    }
+    host::times_inertia(model_, d, translation_.motion.data(), translation_.momentum.data());
+    for (int index = 0; index < motion.tree_count(); ++index) {
+      if (first_[index] < 0) continue;
+      const Tree& t = motion.trees().tree[index];
+      CommonMomentum& common = coupled_[first_[index]].common[direction];
+      for (int i = t.dof_begin; i < t.dof_begin + t.dof_count; ++i) {
+        common.mass += translation_.motion[i] * translation_.momentum[i];
+        common.of_velocity += translation_.motion[i] * momentum_[i];
+        common.of_half += translation_.motion[i] * momentum_of_half_[i];
+      }
+    }
+  }
+}
+
 void Trapezoid::correct_speeds() {
-  for (CoupledEnergy& coupled : coupled_) {
+  for (size_t first = 0; first < coupled_.size(); ++first) {
+    CoupledEnergy& coupled = coupled_[first];
     if (!coupled.left_half) continue;
-    if (coupled.scale == 0.0) coupled.correct_speed();
+    const bool on_ground = !coupled.by_equalities || translations_.count(first) < kDirections;
+    if (coupled.scale == 0.0) coupled.correct_speed(on_ground);
     coupled.turns = coupled.scale != 0.0 || !coupled.by_equalities;
     if (coupled.by_equalities && coupled.turns && coupled.brake == 0.0)
       coupled.lost = coupled.wanted - coupled.energy_with(coupled.scale);
@@ -244,7 +242,7 @@ void Trapezoid::book_second_half(EnergyLedger& ledger) const {
     if (coupled.turns)
       ledger.dissipated_constraint += coupled.lost - coupled.turning_work;
     else
-      ledger.dissipated_constraint += coupled.kinetic * coupled.brake * (2.0 - coupled.brake);
+      ledger.dissipated_constraint += coupled.inside() * coupled.brake * (2.0 - coupled.brake);
   }
 }
 
@@ -255,8 +253,12 @@ void Trapezoid::add_second_half(const Trees& trees, RowData& data) {
     const CoupledEnergy& coupled = coupled_[first_[index]];
     const Tree& t = trees.tree[index];
     for (int i = t.begin; i < t.begin + t.count; ++i) {
-      const double half = coupled.scale * second_half_[i];
-      added_[i] = half - coupled.brake * (data.velocity[i] + half);
+      double inside = data.velocity[i] + coupled.scale * second_half_[i];
+      for (int direction = 0; direction < kDirections; ++direction)
+        if (translations_.any(direction))
+          inside -= translations_.motion(direction)[i] *
+                    coupled.common[direction].velocity(coupled.scale);
+      added_[i] = coupled.scale * second_half_[i] - coupled.brake * inside;
       data.velocity[i] += added_[i];
     }
   }
@@ -290,14 +292,15 @@ void Trapezoid::add_borne(std::vector<double>& impulse) {
       holding_rows_.add_borne(static_cast<int>(index), coupled_[first_[index]].scale, impulse);
 }
 
-// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them.
-// Of rows that mocap bodies drive that speed says nothing: they have the energy of the drive.
+// Rows turn by about dJ/dt xi H in the speed sqrt(2 w E) that the kinetic energy E could give them,
+// without that of common translations, which move no row. Of rows that mocap bodies drive that
+// speed says nothing: they have the energy of the drive.
 void Trapezoid::stop_fast_turns(double length, Rows& rows) {
   for (const RowGroup& c : rows.group) {
     if (c.kind != RowKind::kBilateral) continue;
     CoupledEnergy& coupled = coupled_[first_[c.tree[0]]];
     const double w = rows.inverse_mass[c.row];
-    const double speed = std::sqrt(2.0 * w * std::max(0.0, coupled.kinetic));
+    const double speed = std::sqrt(2.0 * w * std::max(0.0, coupled.inside()));
     const double turn = speed > 0.0 ? length * std::abs(turning_rate(rows, c)) / speed : 0.0;
     const bool is_driven = c.ground == kSurfaceCoordinate;
     // Of a row across the plane of a linkage rounding is all that moves and turns.

@@ -3,6 +3,7 @@
 #include <mujoco/mujoco.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <set>
 #include <vector>
@@ -13,6 +14,7 @@ namespace dashpot::host {
 
 namespace {
 
+constexpr double kOrthogonal = 1e-9;  // cosine of the axes of slides
 constexpr int kFreeDofs = 6;
 // Degrees of freedom of trees that are joined to one, up to which inv(H) takes less time than what
 // is sparse.
@@ -111,6 +113,23 @@ std::vector<Range> joined_ranges(const mjModel* m) {
   return range;
 }
 
+// The axes of the slides of a body, in the world, as far as they are at right angles to each other,
+// and, unless null, their degrees of freedom; returns how many.
+int slides_of(const mjModel* m, const mjData* d, int body, double* axis, int* dof) {
+  int count = 0;
+  for (int i = m->body_jntadr[body]; i < m->body_jntadr[body] + m->body_jntnum[body]; ++i) {
+    if (m->jnt_type[i] != mjJNT_SLIDE || count == 3) continue;
+    bool orthogonal = true;
+    for (int k = 0; k < count; ++k)
+      orthogonal = orthogonal && std::abs(mju_dot3(axis + 3 * k, d->xaxis + 3 * i)) <= kOrthogonal;
+    if (!orthogonal) continue;
+    mju_copy3(axis + 3 * count, d->xaxis + 3 * i);
+    if (dof) dof[count] = static_cast<int>(m->jnt_dofadr[i]);
+    ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 int tree_count(const mjModel_* m) {
@@ -124,14 +143,43 @@ bool is_free_body(const mjModel_* m, int tree) {
   return m->jnt_type[joint] == mjJNT_FREE && m->tree_dofnum[tree] == kFreeDofs;
 }
 
-bool can_translate(const mjModel_* m, int tree) {
-  const int begin = m->tree_dofadr[tree];
-  for (int dof = begin; dof < begin + m->tree_dofnum[tree]; ++dof) {
-    const int type = m->jnt_type[m->dof_jntid[dof]];
-    const bool of_root = m->body_treeid[m->body_parentid[m->dof_bodyid[dof]]] != tree;
-    if (of_root && (type == mjJNT_FREE || type == mjJNT_SLIDE)) return true;
+int translations(const mjModel_* m, const mjData_* d, int tree, double* direction) {
+  const int joint = m->dof_jntid[m->tree_dofadr[tree]], body = m->jnt_bodyid[joint];
+  if (m->jnt_type[joint] == mjJNT_FREE) {
+    std::fill_n(direction, 9, 0.0);
+    for (int i = 0; i < 3; ++i) direction[4 * i] = 1.0;
+    return 3;
   }
-  return false;
+  return slides_of(m, d, body, direction, nullptr);
+}
+
+bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                     const double* direction, double* motion) {
+  const Tree& t = trees.tree[tree];
+  if (t.free_body) {
+    mju_addTo3(motion + t.begin, direction);
+    return true;
+  }
+  for (int dof = t.dof_begin; dof < t.dof_begin + t.dof_count; ++dof) {
+    if (m->dof_parentid[dof] >= 0) continue;
+    const int joint = m->dof_jntid[dof];
+    double* const root = motion + t.begin - t.dof_begin;
+    if (m->jnt_type[joint] == mjJNT_FREE) {
+      mju_addTo3(root + dof, direction);
+      continue;
+    }
+    double slide[9], rest[3];
+    int slide_dof[3];
+    const int count = slides_of(m, d, m->dof_bodyid[dof], slide, slide_dof);
+    mju_copy3(rest, direction);
+    for (int i = 0; i < count; ++i) {
+      const double along = mju_dot3(slide + 3 * i, direction);
+      root[slide_dof[i]] += along;
+      mju_addToScl3(rest, slide + 3 * i, -along);
+    }
+    if (mju_norm3(rest) > kOrthogonal) return false;
+  }
+  return true;
 }
 
 bool is_joined(const mjModel_* m, int tree) {

@@ -22,8 +22,8 @@
 // All of it is taken then, and the speed of those tied to what does not move is made right after
 // it, by at most kSmooth of it.
 //
-// The speed of what floats, or goes on a rail, is left as it is: its momentum is no matter of
-// energy.
+// All this goes by the motion beside the translations that the trees have in common, whose momentum
+// nothing of it changes (common_translation.hpp): `inside`.
 //
 // Springs, weights and servos alone need no such s: at turning points energies determine none.
 // Where they bring most of the second half, and are restoring,
@@ -34,9 +34,19 @@
 
 #pragma once
 
+#include <array>
 #include <vector>
 
+#include "dashpot/motion/common_translation.hpp"
+
 namespace dashpot {
+
+// Of a translation: the mass that goes along (kg), and the momentum (kg m/s) that is in v and in k;
+// no mass where there is no such translation.
+struct CommonMomentum {
+  double mass = 0.0, of_velocity = 0.0, of_half = 0.0;
+  double velocity(double s) const { return mass > 0.0 ? (of_velocity + s * of_half) / mass : 0.0; }
+};
 
 // Of trees that equalities couple, or one that other rows may hold, J: v'M v / 2, v'M k and k'M k
 // / 2 with k the whole second half, the kinetic energy that there ought to be, and the work that
@@ -49,18 +59,18 @@ struct CoupledEnergy {
   double damped_beside = 0.0;
   double driven = 0.0;  // work of (e1 - e0) / 2
   double scale = 0.0;   // s
-  double brake = 0.0;   // fraction of v + s k to take away where no s conserves energy
+  double brake = 0.0;   // fraction of v + s k inside to take away where no s conserves energy
   // J, what it lacks with s of what it ought to be. Of a light part that an equality couples to a
   // heavy one s = 1 is a part of its own, which the damper of the equality takes.
   double lost = 0.0;
   bool by_equalities = false;
-  bool floats = true;      // all its trees can be moved along, as on a rail
   bool held = false;       // in the last step, at least one tree, by rows that have a position
   bool left_half = false;  // in the last step, at least one tree
   bool turns = true;       // its equalities, in this step
   bool follows_drives = true, drives_change = false;
   // -(df dq) H^2, dq'M dq, and r'M r, r what df has no part in of the second half.
   double restoring = 0.0, way = 0.0, rest = 0.0;
+  std::array<CommonMomentum, kDirections> common;
 
   // Whether the three numbers above say that springs bring the second half. Where `restoring` is
   // not positive they do not, and the others are not needed.
@@ -72,11 +82,15 @@ struct CoupledEnergy {
   // The root nearest to 1 of kinetic + linear s + square s^2 = wanted, the damped ones beside, at
   // turning points of the motion the end of the range that comes as near; 0 if there is none.
   double find_root() const;
-  // v1'M1 v1 / 2 with s.
+  // v1'M1 v1 / 2 with s, and what is in common translations of it.
   double energy_with(double s) const;
+  double common_energy(double s) const;
+  // v'M v / 2 and k'M k / 2 without what is in common translations.
+  double inside() const { return kinetic - common_energy(0.0); }
+  double half_inside() const;
   // Where there is no s: the brake, of what equalities tie to the ground or rows alone hold, and s
   // where the motion is smooth.
-  void correct_speed();
+  void correct_speed(bool on_ground);
 };
 
 // Of those without a scale that drives change, gives these up; whether there are any.

@@ -38,7 +38,7 @@
 //
 // s is 1 of trees that no row with a position held in the step, and where springs, weights and
 // servos bring a' - a; elsewhere 1 to first order in H, and such that energy is conserved
-// (coupled_energy.hpp); trees that equalities couple share it. Where none is
+// (coupled_energy.hpp); trees that equalities couple share it (coupled_trees.hpp). Where none is
 // found, or equalities would turn too far even in a part of a step (turning_parts.hpp), frozen
 // geometry stays: the second half is left out, they do not turn in that step, and the work of those
 // that did is booked as dissipation.
@@ -47,6 +47,7 @@
 
 #include <vector>
 
+#include "dashpot/motion/common_translation.hpp"
 #include "dashpot/motion/coupled_energy.hpp"
 #include "dashpot/motion/drive_changes.hpp"
 #include "dashpot/motion/tree_motion.hpp"
@@ -125,6 +126,8 @@ class Trapezoid {
   double changing_potential(const mjData_* d, bool gravity_ahead, int dof) const;
   void find_energies(const mjData_* d, double length, const Memory& memory,
                      const TreeMotion& motion);
+  // Finds what of it is in translations that coupled trees have in common.
+  void find_common_momenta(const mjData_* d, const TreeMotion& motion);
   // Finds what tells whether springs and drives alone bring the second half.
   void find_springs(const mjData_* d, const Memory& memory, const TreeMotion& motion);
   // Corrects the speed of trees that have no s, where coupled_energy.hpp lets it; their equalities
@@ -151,9 +154,9 @@ class Trapezoid {
                  HeldMotion& now);
 
   const mjModel_* model_;
-  std::vector<int>
-      first_;  // by tree, of those that equalities couple; -1 where it has no second halves
+  std::vector<int> first_;  // by tree, see coupled_trees.hpp; -1 where it has no second halves
   HoldingRows holding_rows_;
+  CommonTranslations translations_;
   DriveChanges drives_;
   std::vector<char> left_half_;                                    // by tree
   std::vector<CoupledEnergy> coupled_;                             // by first tree
@@ -163,6 +166,9 @@ class Trapezoid {
   // By the same, where rows may hold trees: forces that have a potential, and what linear springs
   // of single joints have of them.
   std::vector<double> potential_, joint_spring_;
+  struct {
+    std::vector<double> motion, momentum;  // generalized, of all trees
+  } translation_;
   // What springs and drives have of the second half.
   struct {
     std::vector<double> rest, way;  // by degree of freedom, see CoupledEnergy

@@ -12,8 +12,13 @@ namespace dashpot::host {
 int tree_count(const mjModel_* m);  // without those joined to others
 // Trees that are one free body: no other joint is in it, whatever is welded to it.
 bool is_free_body(const mjModel_* m, int tree);
-// Whether a slide or free joint lets a tree go along as a whole.
-bool can_translate(const mjModel_* m, int tree);
+// Directions of the world at right angles to each other (at most three unit vectors) along which
+// the first joints of a tree let it go as a whole; returns how many.
+int translations(const mjModel_* m, const mjData_* d, int tree, double* direction);
+// Adds the motion of a tree (coordinates of all trees) that goes at 1 m/s along a direction as a
+// whole; false where its joints let it not.
+bool add_translation(const mjModel_* m, const mjData_* d, const Trees& trees, int tree,
+                     const double* direction, double* motion);
 // The layout of trees in motion coordinates.
 Trees make_trees(const mjModel_* m);
 
