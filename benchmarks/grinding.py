@@ -4,9 +4,9 @@
     python benchmarks/grinding.py force          # or some: force, plan, trial
 
 `force`: a ball nose slides over a lying cylinder of 0.4 m at 0.1 to 0.2 m/s with friction 0.3 and
-an imbalance of 47 Hz (1.7 N). Root mean square and mean of the error of the normal force, mean over
-a step, against steps of 0.05 ms of the same engine (MuJoCo's setting against itself, too, and
-against dashpot); and force over compression, over the stiffness, on a table.
+an imbalance of 47 Hz (1.7 N). It prints root mean square and mean of the error of the normal force.
+The reference is the same engine in steps of 0.05 ms; MuJoCo's settings have dashpot's beside it. On
+a table it prints force over compression, over the stiffness.
 
 `plan`: 50 um off the cylinder by a ball nose that spins at 47 Hz, tilted by 20 degrees: evenness,
 time, and processor time of the plan on one core, checked at 0.25 ms; a constant feed and offset

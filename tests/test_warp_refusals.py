@@ -55,6 +55,21 @@ def test_options_that_cannot_be_are_refused(options, error, name):
         dw.put_model(model_of(mjcf(BODY)), **options)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("impact", "cut"),
+        ("max_microsteps", 128),
+        ("mocap_timeconst", 0.0),
+        ("rules", dashpot.CombinationRules(friction="min")),
+    ],
+)
+def test_options_of_an_engine_that_warp_has_not_are_refused(name, value):
+    engine = dashpot.Engine(model_of(mjcf(BODY)), **{name: value})
+    with pytest.raises(NotImplementedError, match=f"has no {name}"):
+        engine.to_warp()
+
+
 def test_too_many_groups_are_refused():
     with pytest.raises(NotImplementedError, match="at most 1024"):
         dw.make_data(model_of(mjcf(BODY)), nconmax=2000)

@@ -372,8 +372,12 @@ class Engine(ReadableOptions):
         Returns
         -------
         m, d
-            For ``dashpot.warp.step(m, d)``, with the materials and options of the engine. Rules of
-            combination other than the default ones are refused.
+            For ``dashpot.warp.step(m, d)``, with the materials and options of the engine.
+
+        Raises
+        ------
+        NotImplementedError
+            Naming an option, or what of the model, ``dashpot.warp`` does not have.
 
         Examples
         --------
@@ -381,8 +385,10 @@ class Engine(ReadableOptions):
         """
         from dashpot import warp
 
-        if self.rules != CombinationRules():
-            raise NotImplementedError("dashpot.warp has no combination rules but the default ones")
+        untaken = ("max_microsteps", "mocap_timeconst", "impact", "rules")
+        for name, value in self._options.changed().items():
+            if name in untaken:
+                raise NotImplementedError(f"dashpot.warp has no {name}; this engine has {value!r}")
         given: dict[str, Any] = {
             name: getattr(self, name)
             for name in (

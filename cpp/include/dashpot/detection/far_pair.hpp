@@ -1,10 +1,9 @@
 // Pairs of geoms that go on far in a step, and whether a contact in the middle is one of the start.
 //
 // What goes on far may be past an edge by then: a ball that slides off a tile meets its edge in the
-// middle, though it is on the next tile. What is round is still what it was on what is round
-// itself, which has no edges; others are where nothing else touches the two, also over an edge,
-// from where on they fall. All others, and blows, which are over or to come by then, keep the
-// geometry of the start.
+// middle, though it is on the next tile. A contact between round surfaces goes on, since these have
+// no edges. So does one where nothing else touches the two: past an edge they fall. All others keep
+// the geometry of the start. So do blows, which are over or to come by then.
 
 #pragma once
 
