@@ -22,21 +22,22 @@ constexpr int kContactsAtOnce = 64;  // by a thread
 // Whether a single joint moves two geoms that are apart against each other and keeps their contact
 // as it is, along a line across its normal or about it, like links that face each other across the
 // axis between them: it cannot be loaded.
-bool keeps_its_gap(const mjModel* m, const mjData* d, const ContactInput& input) {
-  if (input.gap < 0.0 || input.is_of_flex()) return false;
-  const int dof1 = last_dof(m, m->geom_bodyid[input.geom[0]]),
-            dof2 = last_dof(m, m->geom_bodyid[input.geom[1]]);
+bool keeps_its_gap(const mjModel* m, const mjData* d, const mjContact& contact) {
+  if (contact.dist < contact.includemargin || contact.geom[0] < 0 || contact.geom[1] < 0)
+    return false;
+  const int dof1 = last_dof(m, m->geom_bodyid[contact.geom[0]]),
+            dof2 = last_dof(m, m->geom_bodyid[contact.geom[1]]);
   const auto follows = [&](int dof, int parent) {
     return dof >= 0 && m->dof_parentid[dof] == parent;
   };
   if (!follows(dof1, dof2) && !follows(dof2, dof1)) return false;
   const int dof = follows(dof1, dof2) ? dof1 : dof2;
-  const mjtNum *axis = d->cdof + 6 * dof, *normal = input.frame.data(),
+  const mjtNum *axis = d->cdof + 6 * dof, *normal = contact.frame,
                *centre = d->subtree_com + 3 * m->body_rootid[m->dof_bodyid[dof]];
   mjtNum arm[3], velocity[3], off_axis[3];
   mju_cross(off_axis, normal, axis);
   if (mju_norm3(off_axis) > kDirection * mju_norm3(axis)) return false;
-  mju_sub3(arm, input.position.data(), centre);
+  mju_sub3(arm, contact.pos, centre);
   mju_cross(velocity, axis, arm);
   mju_addTo3(velocity, axis + 3);
   return std::abs(mju_dot3(normal, velocity)) < kDirection * mju_norm3(velocity);
@@ -146,7 +147,6 @@ void read_loadable(const mjModel* m, const mjData* d, Detection& detection,
   detection.may_be_loaded.resize(d->ncon);
   team.for_each(d->ncon, kContactsAtOnce, [&](int i) {
     detection.may_be_loaded[i] = read_contact(m, d, i, contacts[i]) &&
-                                 !keeps_its_gap(m, d, contacts[i]) &&
                                  !only_spin_brings_near(m, d, detection.buffers, contacts[i]);
   });
   int kept = 0;
@@ -175,13 +175,21 @@ void detect_rows(mjModel* m, mjData* d, const std::vector<double>& acceleration,
     else
       call_with_callbacks(mj_collision, m, d);
     const bool contacts_fit = add_surplus(d, detection.faces.surplus);
+    int kept = 0;
     for (int i = 0; i < d->ncon; ++i) {
       mjContact& contact = d->contact[i];
       // Here contacts beyond the margin may start in this step.
       if (contact.exclude == kInGap) contact.exclude = kIncluded;
       // Nor do contacts adhere there; force reports take adhesion off the contact's force.
       if (contact.adhesion != 0.0 && !reach.within_own(contact)) contact.adhesion = 0.0;
+      if (keeps_its_gap(m, d, contact)) {
+        if (!reach.within_own(contact)) continue;
+        contact.exclude = kInGap;
+      }
+      if (kept < i) d->contact[kept] = contact;
+      ++kept;
     }
+    d->ncon = kept;
     leave_out_sleeping(m, d, true);
     const bool rows_fit = make_rows(m, d, detection.contact_rows);
     if (!contacts_fit || !rows_fit || d->warning[mjWARN_CONTACTFULL].number > lost)
