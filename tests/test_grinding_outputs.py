@@ -12,6 +12,7 @@ from PIL import Image
 
 from dashpot import grinding
 from dashpot.cli import main
+from dashpot.grinding import video
 from grinding_scenes import PRESTON, ball_on_cylinder
 
 CELL = """
@@ -74,7 +75,13 @@ def test_a_report_needs_nothing_from_outside(tmp_path):
     assert Image.open(tmp_path / "depth.png").width > 500
 
 
-def test_an_animation_is_drawn_where_no_gl_is(tmp_path):
+@pytest.mark.parametrize("backend", [None, "disabled", "glfw"])
+def test_an_animation_is_drawn_where_no_gl_is(backend, tmp_path, monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    if backend is not None:
+        monkeypatch.setenv("MUJOCO_GL", backend)
+    video._gl_is_there.cache_clear()
     image = Image.open(planned().video(tmp_path / "pass.gif", frames=4))
     assert image.n_frames >= 2
     with pytest.raises(ValueError, match=r"does not end in \.gif"):

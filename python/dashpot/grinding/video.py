@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
@@ -36,26 +39,40 @@ def write_video(plan: Plan, file: str | os.PathLike[str], frames: int = 60) -> F
     target = File(file)
     if target.suffix.lower() != ".gif":
         raise ValueError(f"video: {os.fspath(file)!r} does not end in .gif")
-    pictures = []
+    pictures: list[Any] = []
     for index, planned in enumerate(plan.passes):
         share = max(2, count // len(plan.passes))
         chosen = np.linspace(0, len(planned.found.time) - 1, share).astype(int)
-        try:
-            shots: list[Any] = [Image.fromarray(shot) for shot in _rendered(planned, chosen)]
-        except _NO_GL:
-            shots = [
+        if _gl_is_there():
+            pictures += [Image.fromarray(shot) for shot in _rendered(planned, chosen)]
+        else:
+            pictures += [
                 Image.open(io.BytesIO(each)).convert("RGB")
                 for each in _drawn(plan, index, planned, chosen)
             ]
-        pictures += shots
     pictures[0].save(
         target, save_all=True, append_images=pictures[1:], duration=_FRAME, loop=0, optimize=True
     )
     return target
 
 
-# What MuJoCo and its bindings of GL raise where there is none.
-_NO_GL = (RuntimeError, ImportError, AttributeError, OSError, mujoco.FatalError)
+_TRIAL = "import mujoco; mujoco.Renderer(mujoco.MjModel.from_xml_string('<mujoco/>'), 8, 8)"
+_TRIAL_TIMEOUT = 60.0  # s
+
+
+@functools.cache
+def _gl_is_there() -> bool:
+    """Return whether MuJoCo can render here.
+
+    A process of its own tries: where no display is, some bindings of GL end the process.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _TRIAL], capture_output=True, timeout=_TRIAL_TIMEOUT, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
 
 
 def _rendered(planned: PlannedPass, chosen: NDArray[np.intp]) -> list[NDArray[np.uint8]]:
