@@ -87,7 +87,7 @@ def test_readme_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
     names: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), names)
     printed = capsys.readouterr().out
-    assert "Energy(" in printed
+    assert "dissipated_normal" in printed
     assert "[[9.81 0.   0.  ]]" in printed  # the ball has come to rest: its weight
 
 
