@@ -312,6 +312,7 @@ def _pile_section(screen: Console) -> Section:
     screen.print("stepping a pile with dashpot and with MuJoCo")
     comparison = compare.run("pile", settings=PILE_SETTINGS)
     screen.print(comparison.table())
+    screen.print(comparison.explanation())
     header, rows = comparison.rows()
     return Section(
         "Pile: penetration and energy decay",
@@ -324,6 +325,7 @@ def _pile_section(screen: Console) -> Section:
                 f"{comparison.duration:g} s counts as settled."
             ),
             Table(header, rows, strong=[0]),
+            *map(Text, comparison.notes()),
             Picture(
                 "pile",
                 comparison.plot(),

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.checks import number, positive_number, text_or_none
+from dashpot.compare.notes import softness_of_the_model, violations_at_start
 from dashpot.compare.observer import Observer
 from dashpot.compare.result import Comparison, Run
 from dashpot.compare.scenes import SCENES, Scene
@@ -127,6 +128,8 @@ def run(
         split,
         tuple(runs),
         model_hash(engine.model),
+        softness_of_the_model(engine),
+        violations_at_start(engine.model, start(engine.model)),
     )
 
 
@@ -189,13 +192,16 @@ class _Recorder:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
-        self._rows: list[tuple[float, float, float, int, float, float, float]] = []
+        self._rows: list[tuple[float, float, float, int, float, float, float, float]] = []
+        self._work = 0.0
+        observer.begin()
 
     def record(self, data: mujoco.MjData, elastic: float) -> bool:
         """Measure the state; return False, recording nothing, if it has diverged."""
         if not all((np.abs(part) < _DIVERGED).all() for part in (data.qpos, data.qvel)):
             return False
         depths, kinetic, potential = self._observer.measure(data)
+        self._work += self._observer.work(data)
         self._rows.append(
             (
                 data.time,
@@ -205,6 +211,7 @@ class _Recorder:
                 kinetic,
                 potential,
                 elastic,
+                self._work,
             )
         )
         return True
@@ -229,6 +236,7 @@ class _Recorder:
             kinetic=columns[4],
             potential=columns[5],
             elastic=columns[6],
+            work=columns[7],
             position=np.array(data.qpos),
             wall_time=wall_time,
             unstable_at=unstable_at,
@@ -280,7 +288,8 @@ def _run_dashpot(
     wall_time, unstable_at = _loop(
         recorder, data, steps, step, lambda: engine.energy(data).elastic, report
     )
-    return recorder.finish(DASHPOT, "dashpot", data, wall_time, unstable_at, tuple(reasons))
+    described = f"dashpot's contact solver, law {engine.law}"
+    return recorder.finish(DASHPOT, described, data, wall_time, unstable_at, tuple(reasons))
 
 
 def _run_mujoco(
