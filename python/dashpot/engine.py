@@ -304,8 +304,11 @@ class Engine(ReadableOptions):
         What Python callbacks of MuJoCo raise passes through; data keep the state from before that
         step. Ctrl-C ends a call of many steps between two of them.
 
-        A ``UserWarning`` tells that ``mj_step`` moved the data since the last call, or that the
-        model which the engine was made of was edited in place of :attr:`model`.
+        Warns
+        -----
+        UserWarning
+            If ``mj_step`` moved the data since the last call, or the model that the engine was made
+            of was edited in place of :attr:`model`.
 
         Notes
         -----
