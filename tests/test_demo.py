@@ -34,8 +34,8 @@ def an_experiment(*, friction: float, history: list[float]) -> SimpleNamespace:
 def test_an_interval_that_misses_the_truth_is_explained():
     """Of two intervals of 95 % at least one misses in 1 - 0.95² = 10 % of fits."""
     told = demo._missed_truths(an_experiment(friction=0.2025, history=[1.0]))
-    assert "in one fit of twenty. At least one of 2 does in 10% of fits." in told
-    assert told.endswith("Off here: sliding friction by 2.5 standard errors, 1.25%.")
+    assert "in one fit of twenty. At least one of 2 does in 10 % of fits." in told
+    assert told.endswith("Off here: sliding friction by 2.5 standard errors, 1.2 %.")
     assert demo._missed_truths(an_experiment(friction=0.2015, history=[1.0])) == ""
 
 

@@ -153,7 +153,7 @@ def _missed_truths(experiment: twin.Twin) -> str:
     missed = [
         f"{estimate.name.replace('_', ' ')} by "
         f"{abs(estimate.value - experiment.truth[estimate.name]) / estimate.standard_error:.1f} "
-        f"standard errors, {abs(estimate.value / experiment.truth[estimate.name] - 1):.2%}"
+        f"standard errors, {100 * abs(estimate.value / experiment.truth[estimate.name] - 1):.2g} %"
         for estimate in estimates
         if not experiment.covered[estimate.name]
     ]
@@ -161,7 +161,7 @@ def _missed_truths(experiment: twin.Twin) -> str:
         return ""
     return (
         "A 95 % interval misses the truth in one fit of twenty. At least one of "
-        f"{len(estimates)} does in {1 - 0.95 ** len(estimates):.0%} of fits. "
+        f"{len(estimates)} does in {100 * (1 - 0.95 ** len(estimates)):.0f} % of fits. "
         f"Off here: {'; '.join(missed)}."
     )
 

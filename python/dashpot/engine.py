@@ -103,6 +103,7 @@ class Engine(ReadableOptions):
         "_contact_capacity",
         "_geom_material",
         "_lock",
+        "_looks_at",
         "_model",
         "_nthread",
         "_original",
@@ -151,7 +152,7 @@ class Engine(ReadableOptions):
         self._built = _Built()
         self._scratch: mujoco.MjData | None = None
         self._side_names: NDArray[np.str_] | None = None
-        self._calls = 0
+        self._calls, self._looks_at = 0, 1
         self._original: Original | None = None
         if given is model:
             self._original = original_of(model, self._model)
@@ -324,9 +325,10 @@ class Engine(ReadableOptions):
         self._check_data(data)
         steps = positive_count("nstep", nstep)
         self._calls += 1
-        # Ever more seldom: it takes as long as some steps.
-        if self._original is not None and self._calls & (self._calls - 1) == 0:
-            self._original.warn_of_edits()
+        if self._calls == self._looks_at:
+            self._looks_at *= 4  # ever more seldom: it takes as long as some steps
+            if self._original is not None:
+                self._original.warn_of_edits()
         built = self._built
         if built.stepper is None:
             built.stepper = _core.Stepper(
@@ -477,7 +479,7 @@ class Engine(ReadableOptions):
         self._materials_changed()
         self._scratch = None
         self._side_names = None
-        self._calls = 0
+        self._calls, self._looks_at = 0, 1
         self._original = None
 
     def _give(self, materials: Mapping[Any, Material | None]) -> None:
