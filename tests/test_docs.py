@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import re
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -26,6 +30,33 @@ def code_of(page: Path) -> str:
     return "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
 
 
+BALL = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom size=".1"/></body></worldbody>
+</mujoco>"""
+
+
+class ShownFrames:
+    """Stands for ``mujoco.viewer``: a window that is closed after some frames."""
+
+    def __init__(self, frames: int) -> None:
+        self.frames = frames
+        self.heights: list[float] = []
+
+    @contextlib.contextmanager
+    def launch_passive(self, model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[ShownFrames]:
+        self.data = data
+        yield self
+
+    def is_running(self) -> bool:
+        return len(self.heights) < self.frames
+
+    @contextlib.contextmanager
+    def lock(self) -> Iterator[None]:
+        yield
+
+    def sync(self) -> None:
+        self.heights.append(float(self.data.qpos[2]))
+
+
 WITH_CODE = [name_of(p) for p in PAGES if code_of(p) and name_of(p) not in ELSEWHERE]
 
 
@@ -42,7 +73,16 @@ def test_the_code_of_a_page_runs_as_one_script(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
+    if page == "guides/viewer.md":
+        (tmp_path / "scene.xml").write_text(BALL, encoding="utf-8")
+        shown = ShownFrames(frames=25)
+        monkeypatch.setitem(sys.modules, "mujoco.viewer", shown)
+        monkeypatch.setattr(mujoco, "viewer", shown, raising=False)
     exec(compile(code_of(ROOT / "docs" / page), page, "exec"), names)
+    if page == "guides/viewer.md":
+        # A step a frame: a ball that falls freely from 1 m.
+        times = 0.002 * np.arange(1, 26)
+        np.testing.assert_allclose(shown.heights, 1.0 - 9.81 * times**2 / 2, rtol=1e-12)
     if page == "guides/materials.md":
         # The sag that it prints beside its closed form, to what a second leaves of the landing.
         np.testing.assert_allclose(names["sag"], 0.5 * 9.81 / (4 * 2e4), rtol=1e-6)

@@ -1,5 +1,6 @@
 // Engine: options, parameters, statistics, stepper, contact memory, model features.
 
+#include <mujoco/mjdata.h>
 #include <pybind11/native_enum.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
@@ -42,9 +43,13 @@ class SharedStepper {
                 int nthread)
       : lock_(std::move(lock)), stepper_(model_at(model), parameters, nthread) {}
 
-  StepStats step(std::uintptr_t data, int nstep) {
+  StepStats step(std::uintptr_t address, int nstep) {
+    mjData_* const data = data_at(address);
+    warn_of_mj_step(data);
     try {
-      return step_without_gil(data_at(data), nstep);
+      const StepStats stats = step_without_gil(data, nstep);
+      left_ = {data, data->timer[mjTIMER_STEP].number, data->time};
+      return stats;
     } catch (const host::CallbackError&) {
       if (PyErr_Occurred()) throw py::error_already_set();
       throw;
@@ -64,8 +69,25 @@ class SharedStepper {
     });
   }
 
+  // mj_step1 counts as mj_step does, but leaves the time.
+  void warn_of_mj_step(const mjData_* data) const {
+    if (data != left_.data || data->timer[mjTIMER_STEP].number <= left_.mj_steps ||
+        data->time <= left_.time)
+      return;
+    const char* const message =
+        "mj_step moved these data since the last Engine.step: what it moved loses the friction and "
+        "the compression that its contacts held; step data with one of the two";
+    if (PyErr_WarnEx(PyExc_UserWarning, message, 2) < 0) throw py::error_already_set();
+  }
+
   std::shared_ptr<ModelLock> lock_;
   Stepper stepper_;
+  // Data as the last step left them.
+  struct {
+    const mjData_* data = nullptr;
+    int mj_steps = 0;
+    double time = 0.0;
+  } left_;
 };
 
 template <typename T>

@@ -11,13 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashpot.object_ids import Element, object_id
+from dashpot.step_tables import contacts_table, energy_table
+from dashpot.tables import table_html, table_text
 
 __all__ = ["Contacts", "Energy"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contacts:
     """Contacts of the last step: the ``n`` that touched in it or overlapped at its start.
+
+    They print, and show in notebooks, as a table with names and units.
 
     What detection saw ahead and did not touch is counted in ``StepStats.contacts`` alone.
 
@@ -32,6 +36,8 @@ class Contacts:
         Geom ids; -1 where that side is a flex.
     flex : (n, 2) int array
         Flex ids; -1 where that side is a geom.
+    names : (n, 2) array of strings
+        Names of the geoms or flexes; of those without one, kind and id, as "geom 3".
     position : (n, 3) array
         Contact points, world, m.
     frame : (n, 3, 3) array
@@ -54,6 +60,7 @@ class Contacts:
 
     geom: NDArray[np.int32]
     flex: NDArray[np.int32]
+    names: NDArray[np.str_]
     position: NDArray[np.float64]
     frame: NDArray[np.float64]
     gap: NDArray[np.float64]
@@ -88,13 +95,29 @@ class Contacts:
         """Yield single contacts."""
         return (self[i] for i in range(len(self)))
 
+    def __repr__(self) -> str:
+        """Return the table as text, of up to twenty contacts."""
+        return table_text(contacts_table(self)).rstrip()
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(contacts_table(self))
+
+
+def names_of_sides(model: mujoco.MjModel) -> NDArray[np.str_]:
+    """Return the names of all geoms, then of all flexes, that contacts may have as a side."""
+    geoms = [model.geom(i).name or f"geom {i}" for i in range(model.ngeom)]
+    flex = mujoco.mjtObj.mjOBJ_FLEX
+    flexes = [mujoco.mj_id2name(model, flex, i) or f"flex {i}" for i in range(model.nflex)]
+    return np.array([*geoms, *flexes], dtype=np.str_)
+
 
 def of_objects(
     found: Contacts,
     model: mujoco.MjModel,
     geom: Element | None,
     body: Element | None,
-    pair: tuple[Element, Element] | None,
+    pair: Sequence[Element] | None,
 ) -> Contacts:
     """Return the contacts of a geom, of a body's own geoms and between a pair, where given."""
     chosen = np.ones(len(found), dtype=np.bool_)
@@ -114,9 +137,11 @@ def of_objects(
     return found if chosen.all() else found[chosen]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Energy:
     """Energies in J; dissipated ones are totals since the data were made or reset.
+
+    It prints, and shows in notebooks, as a table.
 
     ``potential`` is that of gravity, of springs of joints and tendons, and of flexes, but for those
     that are interpolated between nodes (``dof="trilinear"`` and its like), whose totals change with
@@ -165,3 +190,11 @@ class Energy:
     def total(self) -> float:
         """Mechanical and dissipated energy less the work done: constant but for integration."""
         return self.mechanical + self.dissipated - self.work
+
+    def __repr__(self) -> str:
+        """Return the table as text."""
+        return table_text(energy_table(self)).rstrip()
+
+    def _repr_html_(self) -> str:
+        """Return the table for notebooks."""
+        return table_html(energy_table(self))

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from dashpot import _core
 from dashpot.checks import is_data_of, positive_count, whole_number
 from dashpot.contact_material import ContactMaterial
-from dashpot.contacts import Contacts, Energy, of_objects
+from dashpot.contacts import Contacts, Energy, names_of_sides, of_objects
 from dashpot.engine_options import EngineOptions, ReadableOptions
 from dashpot.features import Feature, Report
 from dashpot.idle_friction import warn_of_idle_friction
 from dashpot.materials import CombinationRules, Material
 from dashpot.mjcf_materials import read_materials
 from dashpot.model_locks import new_lock
+from dashpot.model_sources import ModelLike, compiled
 from dashpot.object_ids import Element, object_id
+from dashpot.original_edits import Original, original_of
 
 __all__ = ["DivergenceError", "Engine", "StepStats"]
 
 DivergenceError = _core.DivergenceError
 StepStats = _core.StepStats
 _Key = TypeVar("_Key", int, tuple[int, int])
-_Geom = TypeVar("_Geom", bound=Element)
 
 
 @dataclass
@@ -49,8 +52,8 @@ class Engine(ReadableOptions):
     Parameters
     ----------
     model
-        Compiled model. Geoms start as rigid materials with their MJCF friction, or with the
-        ``solref`` and ``solimp`` that the model sets.
+        Compiled model, an ``MjSpec``, the path of an MJCF, URDF or MJB file, or MJCF text. Geoms
+        start rigid with their MJCF friction, or with the ``solref`` and ``solimp`` that it sets.
     law
         ``"kelvin_voigt"``, or ``"comfree"``: the published complementarity-free update.
     microsteps
@@ -74,9 +77,11 @@ class Engine(ReadableOptions):
     ------
     TypeError
         If an argument has the wrong type.
+    FileNotFoundError
+        If there is no such file.
     ValueError
-        If an option is out of range or of the other law, or the model uses a feature that the
-        engine refuses; the message names it.
+        If an option is out of range or of the other law, the model cannot be compiled, or it uses
+        a feature that the engine refuses; the message names it.
 
     Examples
     --------
@@ -94,18 +99,22 @@ class Engine(ReadableOptions):
     __slots__ = (
         "__weakref__",
         "_built",
+        "_calls",
         "_contact_capacity",
         "_geom_material",
         "_lock",
+        "_looks_at",
         "_model",
         "_nthread",
+        "_original",
         "_pair_material",
         "_scratch",
+        "_side_names",
     )
 
     def __init__(
         self,
-        model: mujoco.MjModel,
+        model: ModelLike,
         *,
         law: str = EngineOptions.law,
         microsteps: int | Literal["auto"] = EngineOptions.microsteps,
@@ -118,8 +127,7 @@ class Engine(ReadableOptions):
         comfree_damping: float | None = None,
         nthread: int = 1,
     ) -> None:
-        if not isinstance(model, mujoco.MjModel):
-            raise TypeError(f"model is {type(model).__name__}; it must be a mujoco.MjModel")
+        given, model = model, compiled(model)
         self._options = EngineOptions(
             law=law,
             microsteps=microsteps,
@@ -143,6 +151,11 @@ class Engine(ReadableOptions):
         self._lock = new_lock()
         self._built = _Built()
         self._scratch: mujoco.MjData | None = None
+        self._side_names: NDArray[np.str_] | None = None
+        self._calls, self._looks_at = 0, 1
+        self._original: Original | None = None
+        if given is model:
+            self._original = original_of(model, self._model)
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -193,7 +206,7 @@ class Engine(ReadableOptions):
         self._give({geom: material})
         self._warn_of_idle_friction([geom])
 
-    def set_materials(self, materials: Mapping[_Geom, Material | None]) -> None:
+    def set_materials(self, materials: Mapping[Any, Material | None]) -> None:
         """Give several geoms a material each, as :meth:`set_material` does, all at once or none.
 
         ``engine.set_materials({"box": wood, "floor": steel})``
@@ -292,6 +305,12 @@ class Engine(ReadableOptions):
         What Python callbacks of MuJoCo raise passes through; data keep the state from before that
         step. Ctrl-C ends a call of many steps between two of them.
 
+        Warns
+        -----
+        UserWarning
+            If ``mj_step`` moved the data since the last call, or the model that the engine was made
+            of was edited in place of :attr:`model`.
+
         Notes
         -----
         MuJoCo's own rows of contacts (``efc_*``, ``contact.efc_address``), from which
@@ -305,6 +324,11 @@ class Engine(ReadableOptions):
         """
         self._check_data(data)
         steps = positive_count("nstep", nstep)
+        self._calls += 1
+        if self._calls == self._looks_at:
+            self._looks_at *= 4  # ever more seldom: it takes as long as some steps
+            if self._original is not None:
+                self._original.warn_of_edits()
         built = self._built
         if built.stepper is None:
             built.stepper = _core.Stepper(
@@ -318,7 +342,7 @@ class Engine(ReadableOptions):
         *,
         geom: Element | None = None,
         body: Element | None = None,
-        pair: tuple[Element, Element] | None = None,
+        pair: Sequence[Element] | None = None,
     ) -> Contacts:
         """Contacts of the last step of ``data``, all or those that every given filter passes.
 
@@ -346,9 +370,11 @@ class Engine(ReadableOptions):
             because the memory of the model (``<size memory="..."/>``) was too small for them.
         """
         self._check_data(data)
-        found = Contacts(
-            **_core.contacts(self.model._address, data._address, self._contact_capacity)
-        )
+        arrays = _core.contacts(self.model._address, data._address, self._contact_capacity)
+        if self._side_names is None:
+            self._side_names = names_of_sides(self.model)
+        side = np.where(arrays["geom"] >= 0, arrays["geom"], self.model.ngeom + arrays["flex"])
+        found = Contacts(names=self._side_names[side], **arrays)
         return of_objects(found, self.model, geom, body, pair)
 
     def energy(self, data: mujoco.MjData) -> Energy:
@@ -452,8 +478,11 @@ class Engine(ReadableOptions):
         self._lock = new_lock()
         self._materials_changed()
         self._scratch = None
+        self._side_names = None
+        self._calls, self._looks_at = 0, 1
+        self._original = None
 
-    def _give(self, materials: Mapping[_Geom, Material | None]) -> None:
+    def _give(self, materials: Mapping[Any, Material | None]) -> None:
         """Give geoms their materials and say nothing."""
         self._put_in(self._geom_material, {self.geom_id(g): m for g, m in materials.items()})
 

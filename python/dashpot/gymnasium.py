@@ -6,12 +6,17 @@ import copyreg
 import sys
 from collections.abc import Callable, Hashable
 from functools import cache
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import mujoco
 
 from dashpot.engine import Engine
 from dashpot.handover import engine_for, refer_to
+
+if TYPE_CHECKING:
+    from dashpot.gymnasium_ids import register
+
+__all__ = ["register", "with_dashpot"]
 
 Environment = TypeVar("Environment")
 
@@ -26,7 +31,7 @@ _WELDS = "reset_mocap_welds"
 def with_dashpot(
     env_class: type[Environment], *, make_engine: Callable[[mujoco.MjModel], Engine] = Engine
 ) -> type[Environment]:
-    """Derive an environment class whose steps are dashpot's.
+    """Derive an environment class whose steps are dashpot's; `register` does it for ids.
 
     Observations, rewards, rendering and resets stay the environment's; its ``model`` and ``data``
     are those of an engine, ``dashpot_engine``. What MuJoCo computes of a state (poses of bodies,
@@ -234,3 +239,10 @@ def _make_empty(env_class: type[Any], make_engine: Callable[[mujoco.MjModel], En
     """Make an environment whose state is yet to be set, as pickles do."""
     derived = with_dashpot(env_class, make_engine=make_engine)
     return object.__new__(derived)
+
+
+def __getattr__(name: str) -> Any:
+    """Return `register`, and classes by the paths of those that they are derived from."""
+    from dashpot import gymnasium_ids
+
+    return gymnasium_ids.register if name == "register" else gymnasium_ids.class_of_path(name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,6 +69,19 @@ class ImagePlane:
     tilt: float = 0.0
     name: str = "image"
 
+    if TYPE_CHECKING:
+        # What is taken, which is more than the types that fields have in the end.
+        def __init__(
+            self,
+            *,
+            scale: float,
+            origin: ArrayLike = (0.0, 0.0),
+            right: ArrayLike = (1.0, 0.0, 0.0),
+            down: ArrayLike = (0.0, 0.0, -1.0),
+            tilt: float = 0.0,
+            name: str = "image",
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name or ":" in self.name:
             raise ValueError(f"name of an image must be a word without ':', got {self.name!r}")
@@ -97,8 +111,8 @@ class ImagePlane:
         pixels: Sequence[ArrayLike],
         positions: Sequence[ArrayLike],
         *,
-        right: tuple[float, float, float] = (1.0, 0.0, 0.0),
-        down: tuple[float, float, float] = (0.0, 0.0, -1.0),
+        right: ArrayLike = (1.0, 0.0, 0.0),
+        down: ArrayLike = (0.0, 0.0, -1.0),
         name: str = "image",
     ) -> ImagePlane:
         """Return the picture in which two points are seen where they were, as the ends of a ruler.

@@ -130,7 +130,7 @@ class MaterialParameters:
     @classmethod
     def pair(
         cls,
-        pairs: Sequence[tuple[Element, Element]],
+        pairs: Sequence[Sequence[Element]],
         quantity: MaterialField,
         /,
         *,

@@ -111,7 +111,7 @@ class ModelParameters:
         cls,
         body: Element,
         *,
-        mass: tuple[float, float] | None = None,
+        mass: Sequence[float] | None = None,
         centre: float | bool = True,
         shape: float | bool = True,
         name: str | None = None,

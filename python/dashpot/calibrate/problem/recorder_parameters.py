@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, cast, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashpot.calibrate.problem.channels import POSES
 from dashpot.calibrate.problem.default_ranges import middle
@@ -26,7 +27,7 @@ class RecorderParameters:
         cls,
         channel: str | Sequence[str],
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float = 0.0,
         name: str | None = None,
         per: Groups | None = None,
@@ -92,7 +93,7 @@ class RecorderParameters:
     def scale(
         cls,
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float = 1.0,
         centre: Sequence[float] = (0.0, 0.0, 0.0),
         name: str | None = None,
@@ -120,7 +121,7 @@ class RecorderParameters:
         quantity: ImageQuantity,
         camera: str = "image",
         *,
-        bounds: tuple[float, float],
+        bounds: Sequence[float] | NDArray[np.float64],
         start: float | None = None,
         name: str | None = None,
         per: Groups | None = None,
