@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,18 @@ def code_of(page: Path) -> str:
     return "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
 
 
+def sentences_of(page: Path) -> Iterator[str]:
+    """Yield the sentences of a page, of table cells too, without code, math and addresses."""
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"^( *)```.*?^\1```$", "\n", text, flags=re.DOTALL | re.MULTILINE)
+    text = re.sub(r"^(    |#).*$", "", text, flags=re.MULTILINE)  # code that is set in, headings
+    text = re.sub(r"\$[^$\n]+\$|`[^`]*`", "X", text)
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    text = re.sub(r"^\s*([-*|:]|\d+\.) *", "\n\n", text, flags=re.MULTILINE)  # items, rows
+    for block in re.split(r"\n\s*\n|\|", text):
+        yield from re.split(r"(?<=[.!?])[)*\"]*\s+", block.strip())
+
+
 WITH_CODE = [name_of(p) for p in PAGES if code_of(p) and name_of(p) not in ELSEWHERE]
 
 
@@ -34,6 +47,14 @@ def test_pages_link_to_files_that_exist(page: str) -> None:
     path = ROOT / "docs" / page
     for link in re.findall(r"\]\((?!http)([^)#]+)", path.read_text(encoding="utf-8")):
         assert (path.parent / link).exists(), link
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "CHANGELOG.md", *(f"docs/{name_of(p)}" for p in PAGES)]
+)
+def test_no_sentence_has_more_than_thirty_words(page: str) -> None:
+    long = [s for s in sentences_of(ROOT / page) if len(re.findall(r"\S*\w\S*", s)) > 30]
+    assert not long
 
 
 @pytest.mark.parametrize("page", WITH_CODE)
