@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import doctest
 import importlib
+import inspect
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import warp
+
+import dashpot.data
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [page for page in PAGES if "tutorials" not in page.parts]
+SCENES_PAGE = ROOT / "docs/reference/examples.md"
 # Run with assertions of their own in test_packaging.py.
-ELSEWHERE = {"recordings.md", "reports.md"}
+ELSEWHERE = {"recordings.md", "reports.md", "reference/examples.md"}
 
 
 def name_of(page: Path) -> str:
@@ -75,11 +82,80 @@ def test_the_code_of_a_page_runs_as_one_script(
             assert estimate.lower <= truth <= estimate.upper
 
 
-@pytest.mark.parametrize("module", ["dashpot", "dashpot.calibrate", "dashpot.compare"])
+# Modules, pages of their names, what they need, and the scenes that their examples go on from.
+MODULES = {
+    "dashpot": ("engine", "", "scene"),
+    "dashpot.calibrate": ("calibrate", "", "scene calibration"),
+    "dashpot.calibrate.tosses": ("calibrate", "", "scene calibration tosses"),
+    "dashpot.compare": ("compare", "", "scene"),
+    "dashpot.data": ("calibrate", "", "scene tosses"),
+    "dashpot.dm_control": ("environments", "dm_control", "scene"),
+    "dashpot.grinding": ("grinding", "mink", "scene grinding"),
+    "dashpot.gymnasium": ("environments", "gymnasium", "scene"),
+    "dashpot.materials": ("materials", "", "scene"),
+    "dashpot.law": ("law", "", "scene"),
+    "dashpot.myosuite": ("environments", "myosuite", "scene"),
+    "dashpot.robosuite": ("environments", "robosuite", "scene"),
+    "dashpot.warp": ("warp", "mujoco_warp", "scene warp"),
+}
+SCENES = re.findall(r"```python\n(.*?)```", SCENES_PAGE.read_text(encoding="utf-8"), re.DOTALL)
+SCENES = dict(zip(("scene", "calibration", "grinding", "warp", "tosses"), SCENES, strict=True))
+
+
+def public_objects(module: str) -> dict[str, Any]:
+    """Return the public classes and functions of a module by name."""
+    named = importlib.import_module(module)
+    found = {}
+    for name in getattr(named, "__all__", ["with_dashpot"]):
+        value = getattr(named, name)
+        if inspect.isclass(value) or inspect.isfunction(value):
+            found[name] = value
+    return found
+
+
+@cache
+def scene(names: str) -> dict[str, Any]:
+    """Return the names that the examples of a module begin with."""
+    made: dict[str, Any] = {}
+    for name in names.split():
+        exec(SCENES[name], made)
+    return made
+
+
+@pytest.mark.parametrize("module", MODULES)
 def test_the_reference_has_every_public_name(module: str) -> None:
-    reference = "".join(p.read_text(encoding="utf-8") for p in PAGES if "reference" in p.parts)
-    submodules = {"calibrate", "compare", "data", "gymnasium", "law", "myosuite", "robosuite"}
-    for name in importlib.import_module(module).__all__:
-        if name.startswith("__") or name in submodules:
-            continue
-        assert re.search(rf"\b{name}\b", reference), name
+    page, package, _ = MODULES[module]
+    pytest.importorskip(package or "dashpot")
+    text = (ROOT / f"docs/reference/{page}.md").read_text(encoding="utf-8")
+    if module == "dashpot":  # on several pages
+        text = "".join(p.read_text(encoding="utf-8") for p in PAGES if "reference" in p.parts)
+    for name, value in public_objects(module).items():
+        whole = value.__module__ if module == "dashpot.materials" else module
+        assert f"automodule:: {whole}\n" in text or re.search(rf":: {name}\n", text), name
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_class_and_function_has_an_example_that_runs(
+    module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _, package, scenes = MODULES[module]
+    pytest.importorskip(package or "dashpot")
+    monkeypatch.chdir(tmp_path)
+    if "tosses" in scenes:
+        try:
+            dashpot.data.find_cube_tosses()
+        except FileNotFoundError:
+            pytest.skip("no cube tosses: set DASHPOT_DATA")
+    monkeypatch.setattr(warp.config, "log_level", warp.LOG_WARNING)  # no word on kernels
+    runner = doctest.DocTestRunner(verbose=False, optionflags=doctest.ELLIPSIS)
+    for name, value in public_objects(module).items():
+        docs = {name: inspect.getdoc(value) or ""}
+        assert ">>>" in docs[name], name
+        for member in dir(value) if inspect.isclass(value) else ():
+            if not member.startswith("_") and inspect.isroutine(getattr(value, member)):
+                docs[f"{name}.{member}"] = inspect.getdoc(getattr(value, member)) or ""
+        for what, text in docs.items():
+            names = dict(scene(scenes))
+            test = doctest.DocTestParser().get_doctest(text, names, what, module, None)
+            report: list[str] = []
+            assert not runner.run(test, out=report.append).failed, "".join(report)

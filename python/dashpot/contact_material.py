@@ -43,6 +43,14 @@ class ContactMaterial:
         As in `Material`.
     solref, solimp
         What MuJoCo reads for the pair; without effect unless `source` is ``"solref"``.
+
+    Examples
+    --------
+    >>> contact = engine.contact_material("ball", "floor")
+    >>> contact.source, contact.stiffness, contact.restitution, contact.friction[0]
+    ('pair', 10000.0, 0.6, 0.3)
+    >>> engine.contact_material("box", "floor").source
+    'rigid'
     """
 
     source: Literal["pair", "geoms", "solref", "rigid"]

@@ -45,12 +45,6 @@ def with_dashpot(
     ``physics.data.contact_force`` gives the mean forces over it. A state that diverges, and what
     else a step refuses, is dm_control's ``PhysicsError``, and leaves the state from before.
 
-    For example::
-
-        from dm_control import suite
-
-        env = dashpot.dm_control.with_dashpot(suite.load("walker", "run"))
-
     Parameters
     ----------
     env
@@ -68,6 +62,15 @@ def with_dashpot(
     ValueError
         If dashpot steps ``env`` already, or refuses its model; the message names the feature.
 
+
+    Examples
+    --------
+    >>> from dm_control import suite
+    >>> import dashpot.dm_control
+    >>> env = dashpot.dm_control.with_dashpot(suite.load("walker", "run"))
+    >>> first = env.reset()
+    >>> env.step(np.zeros(6)).reward is None
+    False
     """
     found = list(environments_in(env))
     if len(found) != 1:

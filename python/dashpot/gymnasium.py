@@ -46,12 +46,6 @@ def with_dashpot(
     What makes environments by itself takes the class from a table, as ``gym.make`` does of
     MetaWorld's from ``metaworld.env_dict.ALL_V3_ENVIRONMENTS``: put the derived class there.
 
-    For example::
-
-        from gymnasium.envs.mujoco.ant_v5 import AntEnv
-
-        env = dashpot.gymnasium.with_dashpot(AntEnv)(render_mode="rgb_array")
-
     Parameters
     ----------
     env_class
@@ -67,6 +61,16 @@ def with_dashpot(
         If ``env_class`` is no class of environments; when an environment is made, if it neither is
         nor holds one of those, or holds several, or if ``make_engine`` returned no `Engine`.
 
+
+    Examples
+    --------
+    >>> from gymnasium.envs.mujoco.ant_v5 import AntEnv
+    >>> import dashpot.gymnasium
+    >>> env = dashpot.gymnasium.with_dashpot(AntEnv)()
+    >>> observation, _ = env.reset(seed=1)
+    >>> observation, reward, *_ = env.step(env.action_space.sample())
+    >>> env.dashpot_engine.model is env.unwrapped.model
+    True
     """
     if not isinstance(env_class, type) or not (
         _steps_its_own(env_class) or all(hasattr(env_class, name) for name in ("reset", "step"))

@@ -35,6 +35,12 @@ class Linearization:
     B : (nx, nu)
     C : (nsensordata, nx)
     D : (nsensordata, nu)
+
+    Examples
+    --------
+    >>> step = dashpot.linearize(engine, data)
+    >>> step.A.shape, step.B.shape, step.C.shape, step.D.shape
+    ((24, 24), (24, 0), (0, 24), (0, 0))
     """
 
     A: Array
@@ -92,6 +98,14 @@ def linearize(
         If `eps` is out of range, `data` was made from another model, or a step fails.
     DivergenceError
         If the motion of a step diverges.
+
+    Examples
+    --------
+    >>> flying = engine.make_data()
+    >>> flying.qpos[2] = 2.0
+    >>> A = dashpot.linearize(engine, flying).A
+    >>> A[2, [2, engine.model.nv + 2]].round(6)  # height after a step, by height and by speed
+    array([1.   , 0.005])
     """
     if not isinstance(engine, Engine):
         raise TypeError(f"engine is {type(engine).__name__}; it must be a dashpot.Engine")

@@ -102,6 +102,14 @@ class Material:
     ValueError
         A field is outside its range, more than one form of damping is given, or a damping in
         N s/m without a stiffness.
+
+    Examples
+    --------
+    >>> rubber = dashpot.Material(stiffness=1e5, restitution=0.8)
+    >>> engine = dashpot.Engine(model)
+    >>> engine.set_material("ball", rubber)
+    >>> engine.material("ball").stiffness
+    100000.0
     """
 
     stiffness: float | None = None
@@ -152,7 +160,7 @@ class Material:
             normalise(field, _number("Material", field, value, upper=upper))
         if self.damping and self.stiffness is None:
             raise ValueError(
-                f"Material: damping = {self.damping:g} N s/m needs a stiffness; without one the "
+                f"Material: damping = {self.damping:g} N s/m needs a stiffness. Without one the "
                 "contact is as stiff as the time step resolves, and what it returns of a bounce "
                 "would go by the step. Give a stiffness too, or a damping_ratio or restitution "
                 "in place of the damping"
@@ -237,15 +245,16 @@ class Material:
 
         Examples
         --------
-        A steel ball of 10 mm on a steel plate, dropped from 5 cm::
+        A steel ball of 10 mm on a steel plate, dropped from 5 cm:
 
-            steel = dashpot.materials.known("steel")
-            modulus, ratio = steel.youngs_modulus.middle, steel.poisson_ratio.middle
-            contact = dashpot.Material.from_elasticity(
-                (modulus, modulus), (ratio, ratio), (0.01, math.inf),
-                speed=1.0, mass=0.033, restitution=0.9,
-            )
-            engine.set_pair_material("ball", "plate", contact)
+        >>> steel = dashpot.materials.known("steel")
+        >>> modulus, ratio = steel.youngs_modulus.middle, steel.poisson_ratio.middle
+        >>> contact = dashpot.Material.from_elasticity(
+        ...     (modulus, modulus), (ratio, ratio), (0.01, math.inf),
+        ...     speed=1.0, mass=0.033, restitution=0.9,
+        ... )
+        >>> f"{contact.stiffness:.2e} N/m"
+        '5.70e+07 N/m'
         """
         modulus = hertz.contact_modulus(youngs_moduli, poisson_ratios)
         radius = hertz.effective_radius(radii)
@@ -332,6 +341,14 @@ class CombinationRules:
     ------
     ValueError
         Unknown rule; the message lists the known ones.
+
+    Examples
+    --------
+    >>> engine = dashpot.Engine(model, rules=dashpot.CombinationRules(friction="min"))
+    >>> engine.set_material("ball", dashpot.Material(1e4, friction=0.2))
+    >>> contact = engine.contact_material("ball", "floor")
+    >>> contact.stiffness, contact.friction[0]
+    (10000.0, 0.2)
     """
 
     stiffness: str = "series"

@@ -23,7 +23,22 @@ _MOST_NAMED = 100
 
 
 class DivergenceWarning(UserWarning):
-    """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks."""
+    """Rollouts diverged, and were filled with NaN as `rollout(on_divergence="nan")` asks.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> pulled = dashpot.Engine(mujoco.MjModel.from_xml_string('''<mujoco><worldbody><body>
+    ...   <joint type="slide" axis="0 0 1" stiffness="-1e7"/><geom size=".1" mass="1"/>
+    ... </body></worldbody></mujoco>'''))
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     states, _ = dashpot.rollout(
+    ...         pulled, [[0, 0, 0], [0, 1, 0]], nstep=50, on_divergence="nan"
+    ...     )
+    >>> caught[0].category.__name__, np.isnan(states[:, -1]).all(axis=-1)
+    ('DivergenceWarning', array([ True,  True]))
+    """
 
 
 @overload
@@ -176,9 +191,9 @@ def rollout(
     --------
     >>> model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
     ...   <body><joint type="slide" axis="0 0 1"/><geom size=".1"/></body></worldbody></mujoco>''')
-    >>> engine = Engine(model)
+    >>> engine = dashpot.Engine(model)
     >>> starts = [[0.0, height, 0.0] for height in (1.0, 2.0)]  # time, qpos, qvel
-    >>> states, _ = rollout(engine, starts, nstep=100)
+    >>> states, _ = dashpot.rollout(engine, starts, nstep=100)
     >>> states[:, -1, 1].round(3)
     array([0.802, 1.802])
     """

@@ -182,6 +182,13 @@ def fit(
     UserWarning
         Of data that were hardly meant so, of friction that has no effect between its bounds, and
         where a body sinks through a geom in the simulation with the estimate.
+
+    Examples
+    --------
+    >>> result = fit(problem, starts=0)
+    >>> estimate = result["restitution"]
+    >>> estimate.identified, f"{estimate.value:.2f}"
+    (True, '0.60')
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")

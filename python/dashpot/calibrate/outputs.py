@@ -82,6 +82,12 @@ class Outputs:
             Where Jinja2 is not installed, naming the extra.
         TypeError, ValueError
             As `predict`; and where `beside` holds something else than fits.
+
+        Examples
+        --------
+        >>> path = result.report("ball.html", title="A thrown ball")
+        >>> path.name
+        'ball.html'
         """
         from dashpot.calibrate.report.page import write_report
 
@@ -104,6 +110,13 @@ class Outputs:
         Returns
         -------
         The file.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import Fit
+        >>> path = result.save("ball.json")
+        >>> Fit.load(path).values == result.values
+        True
         """
         from dashpot.calibrate.saved import save
 
@@ -128,6 +141,14 @@ class Outputs:
             `problem` has other parameters.
         FileNotFoundError
             If there is no such file.
+
+        Examples
+        --------
+        >>> from dashpot.calibrate import Fit
+        >>> path = result.save("ball.json")
+        >>> again = Fit.load(path, problem=problem)
+        >>> len(again.predict())
+        1
         """
         from dashpot.calibrate.saved import load
 
@@ -171,6 +192,12 @@ class Outputs:
             Naming the parameter that a function of the user's own sets; where the scene is not the
             fitted model, or cannot say a value; with ``"solref"`` the contact that MuJoCo has no
             counterpart for.
+
+        Examples
+        --------
+        >>> written = result.write_mjcf("ball.xml", scene=scene)
+        >>> written.path.name
+        'ball.xml'
         """
         from dashpot.calibrate.mjcf import write_mjcf
 

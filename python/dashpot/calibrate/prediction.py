@@ -64,6 +64,12 @@ class Prediction:
         By kind, simulated times of events (s, on the clock of the trajectory) and scalars.
     residuals
         By function of the problem's own, (n,) what it returns.
+
+    Examples
+    --------
+    >>> (prediction,) = result.predict()
+    >>> float(np.abs(prediction.position_error).max()) < 5e-4  # m
+    True
     """
 
     trajectory: Trajectory
@@ -149,6 +155,13 @@ def predict(
     ValueError
         Naming the parameter, trajectory or option; where a trajectory carries no ``initial_qvel``
         and there is no `head`; and where a simulation fails.
+
+    Examples
+    --------
+    >>> from dashpot.calibrate import predict
+    >>> (prediction,) = predict(problem, {"stiffness": 1e4, "restitution": 0.6})
+    >>> float(np.abs(prediction.position_error).max()) < 5e-4  # m
+    True
     """
     if not isinstance(problem, Problem):
         raise TypeError(f"problem is {type(problem).__name__}; it must be a calibrate.Problem")

@@ -90,6 +90,13 @@ class Fit(Outputs, Readback):
         has a rate that is not known exactly (``rate_sigma``).
     made
         Versions, seed, date and the hash of the model.
+
+    Examples
+    --------
+    >>> {name: float(f"{value:.2g}") for name, value in result.values.items()}
+    {'stiffness': 10000.0, 'restitution': 0.6}
+    >>> result.converged, round(result.residual_variance, 1)
+    (True, 0.9)
     """
 
     estimates: tuple[Estimate, ...]
@@ -219,6 +226,13 @@ class Fit(Outputs, Readback):
         ------
         TypeError, ValueError
             If a number is no integer or out of range.
+
+        Examples
+        --------
+        >>> drawn = result.sample(3, seed=0)
+        >>> engines = [problem.build(values) for values in drawn]
+        >>> len(engines), sorted(drawn[0])
+        (3, ['restitution', 'stiffness'])
         """
         values = draw(
             self.problem.unknowns,
@@ -313,6 +327,12 @@ class Fit(Outputs, Readback):
         ------
         TypeError, ValueError
             As `dashpot.calibrate.predict`; and for a `head` without `trajectories`.
+
+        Examples
+        --------
+        >>> (prediction,) = result.predict()
+        >>> prediction.position.shape
+        (41, 1, 3)
         """
         if not isinstance(self.problem, Problem):
             raise ValueError(
@@ -348,6 +368,11 @@ class Fit(Outputs, Readback):
         ``rotation_rms`` (rad, of the angle), neither where nothing of it was measured,
         ``sensors.NAME_rms`` of each sensor (in its unit, of the length of its vector),
         ``events.NAME_rms``, ``scalars.NAME_rms``, and ``residual_variance``.
+
+        Examples
+        --------
+        >>> result.metrics()["position_rms"] < 3e-4  # m
+        True
         """
         if self._record is not None:
             return dict(self._record.metrics)
@@ -361,6 +386,11 @@ class Fit(Outputs, Readback):
         ------
         ValueError
             Where `truth` lacks a parameter, naming it.
+
+        Examples
+        --------
+        >>> print(result.table().columns[0].header)
+        parameter
         """
         from dashpot.calibrate.report.fit_report import fit_table
 
@@ -376,6 +406,10 @@ class Fit(Outputs, Readback):
         ----------
         path
             Where to write the figure too, in the format of its suffix.
+
+        Examples
+        --------
+        >>> figure = result.plot()
         """
         from dashpot.calibrate.report.plots import plot_fit
 
@@ -385,7 +419,13 @@ class Fit(Outputs, Readback):
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but problem and residuals as plain types, for JSON; inf is None."""
+        """Return everything but problem and residuals as plain types, for JSON; inf is None.
+
+        Examples
+        --------
+        >>> sorted(result.to_dict())[:3]
+        ['channels', 'combinations', 'confidence']
+        """
         from dashpot.calibrate.report.fit_report import fit_dict
 
         return fit_dict(self)

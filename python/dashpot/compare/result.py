@@ -28,6 +28,13 @@ class Statistics:
     ``energy_lost`` and ``energy_gained`` (J) compare kinetic plus potential energy with the
     start: what is gone at the end, and how far above the start it ever rose (0 in a passive
     scene, as springs only store energy).
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(engine, duration=0.5, settings=["dashpot"])
+    >>> statistics = comparison.statistics()["dashpot"]
+    >>> bool(statistics.energy_gained < 1e-6)
+    True
     """
 
     penetration_falling_mean: float
@@ -67,6 +74,12 @@ class Run:
         s, the time at which the run diverged, or None. Recording ends there.
     warnings
         What MuJoCo warned of, kind by kind; of dashpot, what diverged.
+
+    Examples
+    --------
+    >>> dashpot_run = dashpot.compare.run(engine, duration=0.5, settings=["dashpot"]).runs[0]
+    >>> dashpot_run.time.shape == dashpot_run.penetration_max.shape
+    True
     """
 
     name: str
@@ -151,6 +164,12 @@ class Comparison:
         In the order of the settings.
     model
         SHA-256 of the compiled model, in hexadecimal digits; empty where it is not known.
+
+    Examples
+    --------
+    >>> comparison = dashpot.compare.run(model, duration=0.5)
+    >>> comparison.timestep, comparison.runs[0].name
+    (0.005, 'dashpot')
     """
 
     scene: str

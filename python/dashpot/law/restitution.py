@@ -22,6 +22,11 @@ def damping_ratio_to_restitution(damping_ratio: ArrayLike) -> Any:
     ------
     TypeError, ValueError
         `damping_ratio` is not real, NaN or negative.
+
+    Examples
+    --------
+    >>> dashpot.law.damping_ratio_to_restitution([0.0, 0.1, 1.0]).round(4)
+    array([1.    , 0.7441, 0.1353])
     """
     ratios = real_array("damping_ratio", damping_ratio, lower=0.0, infinite=True)
     return _core.damping_ratio_to_restitution(ratios)
@@ -36,6 +41,11 @@ def restitution_to_damping_ratio(restitution: ArrayLike) -> Any:
     ------
     TypeError, ValueError
         `restitution` is not real or not in [0, 1].
+
+    Examples
+    --------
+    >>> dashpot.law.restitution_to_damping_ratio([1.0, 0.5, 0.0]).round(4)
+    array([0.    , 0.2553,    inf])
     """
     values = real_array("restitution", restitution)
     good = (values >= 0.0) & (values <= 1.0)

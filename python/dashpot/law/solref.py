@@ -45,6 +45,12 @@ def solref_to_spring(solref: ArrayLike, *, impedance_width: float = 1.0) -> tupl
     ------
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
+
+    Examples
+    --------
+    >>> k, d = dashpot.law.solref_to_spring([0.02, 1.0], impedance_width=0.95)  # MuJoCo's defaults
+    >>> round(k, 2), round(d, 2)
+    (2770.08, 105.26)
     """
     pair = _solref_pair(solref)
     width = _one_number("impedance_width", impedance_width)
@@ -88,6 +94,13 @@ def solref_to_spring_at_rest(
     ------
     TypeError, ValueError
         An argument is not real, of a wrong shape or out of range.
+
+    Examples
+    --------
+    >>> solimp = [0.9, 0.95, 0.001, 0.5, 2]
+    >>> k, d = dashpot.law.solref_to_spring_at_rest([0.02, 1.0], solimp=solimp, load=9.81)
+    >>> round(1e3 * 9.81 / k, 3)  # mm, by which it sags under its weight
+    0.367
     """
     pair = _solref_pair(solref)
     impedance = real_array("solimp", solimp, lower=0.0)

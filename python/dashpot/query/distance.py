@@ -35,6 +35,14 @@ class Distance:
         these overlap about a common centre, as many directions are nearly as short there.
     normal
         Shape (3,), unit, world, from the first geom to the second.
+
+    Examples
+    --------
+    >>> found = dashpot.distance(engine, data, "ball", "box")
+    >>> bool(np.allclose(found.point2 - found.point1, found.distance * found.normal))
+    True
+    >>> round(float(found.normal[0]), 6)  # from the ball to the box
+    1.0
     """
 
     distance: float
@@ -67,6 +75,14 @@ class Distances:
         Shape (..., 3), m, world.
     normal
         Shape (..., 3), unit, world, from the first geom to the second.
+
+    Examples
+    --------
+    >>> path = np.tile(data.qpos, (3, 1))
+    >>> path[:, 2] = [0.2, 0.3, 0.4]  # heights of the ball
+    >>> found = dashpot.distances(engine, "ball", "floor", path)
+    >>> found.distance.shape, found.normal.shape
+    ((3,), (3, 3))
     """
 
     distance: NDArray[np.float64]
@@ -113,6 +129,13 @@ def distance(
     ValueError
         Unknown geom, the same geom twice, two planes, two height fields, a signed distance field,
         data of another model, a pose or a height that is not finite.
+
+    Examples
+    --------
+    >>> round(dashpot.distance(engine, data, "ball", "box").distance, 6)
+    0.8
+    >>> round(dashpot.distance(engine, data, "ball", "floor").distance, 6)  # it sags by m g / k
+    -0.000981
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.geom_pair(model, data, geom1, geom2)
@@ -151,6 +174,13 @@ def distances(
     ValueError
         As `distance`; also a `qpos` of another shape or that is not finite, naming the index, and
         an `nthread` below 1.
+
+    Examples
+    --------
+    >>> path = np.tile(data.qpos, (3, 1))
+    >>> path[:, 2] = [0.2, 0.3, 0.4]  # heights of the ball
+    >>> dashpot.distances(engine, "ball", "floor", path).distance.round(6)
+    array([0.1, 0.2, 0.3])
     """
     model = arguments.model_of(engine)
     id1, id2 = arguments.distinct_geoms(model, geom1, geom2)

@@ -120,6 +120,14 @@ class Trajectory(TrajectoryMaking):
     ------
     ValueError
         Naming the trajectory, the field and the first offending index.
+
+    Examples
+    --------
+    >>> throw.time.shape, throw.position.shape, throw.bodies
+    ((41,), (41, 1, 3), ('ball',))
+    >>> press = Trajectory.of_sensors("press", [0.0, 0.01, 0.02], {"load": [0.0, 4.1, 4.2]})
+    >>> press.sensors["load"].shape
+    (3, 1)
     """
 
     name: str
@@ -228,7 +236,14 @@ class Trajectory(TrajectoryMaking):
         return np.concatenate([~np.isnan(self.position), np.repeat(turned, 3, axis=-1)], axis=-1)
 
     def sensor_time(self, name: str) -> Array:
-        """Return the times (n,) of a sensor's readings, s, on the clock of ``time``."""
+        """Return the times (n,) of a sensor's readings, s, on the clock of ``time``.
+
+        Examples
+        --------
+        >>> press = Trajectory.of_sensors("press", [0.0, 0.01, 0.02], {"load": [0.0, 4.1, 4.2]})
+        >>> press.sensor_time("load")
+        array([0.  , 0.01, 0.02])
+        """
         return self.sensor_times.get(name, self.time)
 
     def head(self, duration: float) -> Trajectory:
@@ -236,6 +251,11 @@ class Trajectory(TrajectoryMaking):
 
         They keep their places on the grid of the whole, which few of them may not tell. Readings
         and events up to then stay; scalars, which are of the whole, do not.
+
+        Examples
+        --------
+        >>> len(throw.head(0.1).time)
+        11
         """
         return trajectory_cuts.head(self, duration)
 
@@ -244,15 +264,18 @@ class Trajectory(TrajectoryMaking):
 
         What is simulated begins at the first of them. Unless that is the first of all, it has none
         of the initial state given, which was of another time: estimate it
-        (``initial_state="pose_and_velocity"``), or give it with ``dataclasses.replace``. Half a
-        second either side of a peak at 2.3 s::
-
-            peak = trajectory.between(1.8, 2.8)
+        (``initial_state="pose_and_velocity"``), or give it with ``dataclasses.replace``.
 
         Raises
         ------
         ValueError
             Where less than two frames are left, or nothing that was measured.
+
+        Examples
+        --------
+        >>> window = throw.between(0.1, 0.3)  # round an impact
+        >>> len(window.time)
+        21
         """
         return trajectory_cuts.between(self, start, end)
 

@@ -92,6 +92,11 @@ class MaterialParameters:
             As in `Parameter`. By default the name is ``quantity`` and the transform ``log``
             (``logit`` for restitution); starts and bounds are those of what there is, as stiffness
             from 10 to 1e8 N/m.
+
+        Examples
+        --------
+        >>> Parameter.material("ball", "restitution", start=0.5, bounds=(0.05, 0.99)).transform
+        'logit'
         """
         make = cast("type[Parameter]", cls)
         _check_quantity(quantity)
@@ -166,6 +171,12 @@ class MaterialParameters:
         A pair without a material of its own starts from ``Material()`` and the friction that it
         has; a problem refuses what would so lose stiffness or damping of its geoms' materials, or
         the model's ``solref``. Arguments as in `material`; the geoms by name or id.
+
+        Examples
+        --------
+        >>> both = Parameter.pair([("ball", "floor"), ("box", "floor")], "sliding_friction")
+        >>> both.start, both.bounds
+        (0.3, (0.01, 3.0))
         """
         make = cast("type[Parameter]", cls)
         several: Any = geom1

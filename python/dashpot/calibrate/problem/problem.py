@@ -114,6 +114,14 @@ class Problem(ProblemSystems, ProblemStarts):
     ------
     ValueError, TypeError
         Naming the parameter or trajectory and the field.
+
+    Examples
+    --------
+    >>> [parameter.name for parameter in problem.parameters]
+    ['stiffness', 'restitution']
+    >>> held = problem.freeze("restitution")
+    >>> [parameter.frozen for parameter in held.parameters]
+    [False, True]
     """
 
     system: System | Builder
