@@ -46,19 +46,29 @@ def sentences_of(page: Path) -> Iterator[str]:
         yield from re.split(r"(?<=[.!?])[)*\"]*\s+", block.strip())
 
 
+WITH_SENTENCES = ["README.md", "CHANGELOG.md", *(f"docs/{name_of(page)}" for page in PAGES)]
 WITH_CODE = [name_of(p) for p in PAGES if code_of(p) and name_of(p) not in ELSEWHERE]
 
 
-@pytest.mark.parametrize("page", [name_of(page) for page in PAGES])
-def test_pages_link_to_files_that_exist(page: str) -> None:
-    path = ROOT / "docs" / page
-    for link in re.findall(r"\]\((?!http)([^)#]+)", path.read_text(encoding="utf-8")):
-        assert (path.parent / link).exists(), link
+def anchors_of(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize(
-    "page", ["README.md", "CHANGELOG.md", *(f"docs/{name_of(p)}" for p in PAGES)]
-)
+@pytest.mark.parametrize("page", WITH_SENTENCES)
+def test_pages_link_to_files_and_headings_that_exist(page: str) -> None:
+    path = ROOT / page
+    for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")):
+        if link.startswith("http"):
+            assert re.fullmatch(r"https?://[\w-]+(\.[\w-]+)+(/\S*)?", link), link
+            continue
+        file, _, anchor = link.partition("#")
+        target = path.parent / file if file else path
+        assert target.exists(), link
+        assert not anchor or anchor in anchors_of(target), link
+
+
+@pytest.mark.parametrize("page", WITH_SENTENCES)
 def test_no_sentence_has_more_than_thirty_words(page: str) -> None:
     long = [s for s in sentences_of(ROOT / page) if len(re.findall(r"\S*\w\S*", s)) > 30]
     assert not long
