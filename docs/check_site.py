@@ -83,4 +83,4 @@ def misled_searches(site: Path) -> list[str]:
 if __name__ == "__main__":
     site = Path(sys.argv[1])
     wrong = broken_links(site) + misled_searches(site)
-    sys.exit("\n".join(wrong))
+    sys.exit("\n".join(wrong) or 0)

@@ -9,6 +9,7 @@ import argparse
 import importlib.util
 import os
 import re
+import runpy
 import shutil
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from dashpot.cli import parser
 _ROOT = Path(__file__).parents[1]
 # Pages of a site lie in one folder.
 shutil.copytree(_ROOT / "notebooks", _ROOT / "docs/tutorials", dirs_exist_ok=True)
+runpy.run_path(str(_ROOT / "docs/method_figures.py"))["main"]()
 _PROJECT = tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 project = "dashpot"

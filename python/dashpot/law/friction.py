@@ -104,9 +104,10 @@ def return_to_limit(
 
     Examples
     --------
-    >>> impulse, sticks = dashpot.law.return_to_limit([3.0, 4.0], [1.0, 1.0], [0.5, 0.5], 2.0)
+    >>> mu, response = [0.5, 0.5], [1.0, 1.0]
+    >>> impulse, sticks = dashpot.law.return_to_limit([3.0, 4.0], mu, response, 2.0)
     >>> impulse.round(6), bool(sticks)
-    (array([1.2, 1.6]), False)
+    (array([0.6, 0.8]), False)
     """
     trial, coefficients, normal = _friction_arguments(impulse, mu, normal_impulse)
     trial, coefficients, answers = broadcast(
