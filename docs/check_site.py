@@ -1,6 +1,6 @@
 """Check a built site: links within it, the form of links out of it, and what its search puts first.
 
-python docs/check_site.py build/site
+python docs/check_site.py build/site        (of a fresh build: sphinx-build -E)
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib
 import inspect
+import json
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -34,9 +35,8 @@ def code_of(page: Path) -> str:
     return "\n".join(re.findall(r"```python\n(.*?)```", text, re.DOTALL))
 
 
-def sentences_of(page: Path) -> Iterator[str]:
-    """Yield the sentences of a page, of table cells too, without code, math and addresses."""
-    text = page.read_text(encoding="utf-8")
+def sentences_of(text: str) -> Iterator[str]:
+    """Yield the sentences of a text, of table cells too, without code, math and addresses."""
     text = re.sub(r"^( *)```.*?^\1```$", "\n", text, flags=re.DOTALL | re.MULTILINE)
     text = re.sub(r"^(    |#).*$", "", text, flags=re.MULTILINE)  # code that is set in, headings
     text = re.sub(r"\$[^$\n]+\$|`[^`]*`", "X", text)
@@ -46,6 +46,7 @@ def sentences_of(page: Path) -> Iterator[str]:
         yield from re.split(r"(?<=[.!?])[)*\"]*\s+", block.strip())
 
 
+NOTEBOOKS = [f"notebooks/{page.name}" for page in sorted((ROOT / "notebooks").glob("*.ipynb"))]
 WITH_SENTENCES = ["README.md", "CHANGELOG.md", *(f"docs/{name_of(page)}" for page in PAGES)]
 WITH_CODE = [name_of(p) for p in PAGES if code_of(p) and name_of(p) not in ELSEWHERE]
 
@@ -68,9 +69,13 @@ def test_pages_link_to_files_and_headings_that_exist(page: str) -> None:
         assert not anchor or anchor in anchors_of(target), link
 
 
-@pytest.mark.parametrize("page", WITH_SENTENCES)
+@pytest.mark.parametrize("page", [*WITH_SENTENCES, *NOTEBOOKS])
 def test_no_sentence_has_more_than_thirty_words(page: str) -> None:
-    long = [s for s in sentences_of(ROOT / page) if len(re.findall(r"\S*\w\S*", s)) > 30]
+    text = (ROOT / page).read_text(encoding="utf-8")
+    if page.endswith(".ipynb"):
+        cells = [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "markdown"]
+        text = "\n\n".join("".join(cell["source"]) for cell in cells)
+    long = [s for s in sentences_of(text) if len(re.findall(r"\S*\w\S*", s)) > 30]
     assert not long
 
 
